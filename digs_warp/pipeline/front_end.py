@@ -21,6 +21,7 @@ from digs_warp.pipeline.found_poses import chosen_way, depth_doubt
 from digs_warp.pipeline.frame_masks import MASKS, MENDED, masked, without_masks
 from digs_warp.pipeline.front_end_config import FrontEndConfig, check_front_end
 from digs_warp.pipeline.known_distance import in_true_size, metric_scale_of
+from digs_warp.pipeline.left_frames import only_registered, with_held_out
 from digs_warp.pipeline.matched_images import MetricModel, in_metres, match_images, registered
 from digs_warp.pipeline.perturbed import perturbed
 from digs_warp.pipeline.prepared import Prepared
@@ -88,6 +89,8 @@ def _prepared(
     """Return the frames of a recording whose poses are known, or are estimated from its images."""
     frames = PosedFrames.split(capture, config.test_every)
     recorded, sparse = _sparse_points(capture, frames, config, folder, log)
+    if sparse is not None:
+        frames = only_registered(frames, sparse.model.names, capture, config.test_every)
     if config.segment.source != "capture":
         with log.stage("masks"):
             frames = masked(frames, config.segment, folder / MASKS)
@@ -114,6 +117,7 @@ def _prepared(
         logger.warning("%s: the scale is %s", capture, metric_scale)
     with log.stage("refine poses"):
         frames, refinement = refined(frames, capture, config.sfm)
+        frames = with_held_out(frames, capture, config.test_every)
     with log.stage("check"):
         doubts = (*check.result(), *doubts)  # before the initialization, which counts its CPU time
     start = _start(capture, frames, subject, model, recorded, config, log)

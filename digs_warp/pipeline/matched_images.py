@@ -1,6 +1,5 @@
 """What matching the images of a recording contributes: cameras and sparse points, in metres."""
 
-import logging
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -17,12 +16,9 @@ from digs_warp.init.config import InitConfig
 from digs_warp.init.local_scales import local_scales
 from digs_warp.init.scale import ScaleEstimate, estimate_scale
 from digs_warp.sfm.config import SfmConfig
-from digs_warp.words import counted
 
 if TYPE_CHECKING:
     from digs_warp.sfm.estimate import SfmResult
-
-logger = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,16 +77,14 @@ def _world(sfm: SfmModel, capture: Capture) -> np.ndarray:
 
 
 def registered(frames: PosedFrames, model: MetricModel) -> PosedFrames:
-    """Return the frames that the model has a camera for, with that camera; warn about the others."""
+    """Return the frames that the model has a camera for, with that camera.
+
+    Raises:
+        DigsError: no frame to train on is among them.
+    """
     training, held_out = (
         tuple(with_cameras(group, model.sfm)) for group in (frames.training, frames.held_out)
     )
-    every = (*frames.training, *frames.held_out)
-    lost = [frame.name for frame in every if frame.name not in model.sfm.names]
-    if lost:
-        logger.warning(
-            "not registered and left out: %s (%s)", counted(len(lost), "frame"), lost[:5]
-        )
     if not training:
         raise DigsError(
             f"structure from motion: none of the {len(frames.training)} training frames was registered"

@@ -12,7 +12,7 @@ from digs_warp.poses.agreement import got_worse
 from digs_warp.poses.align import align
 from digs_warp.poses.bundle import COMPARED, adjusted_where_better
 from digs_warp.poses.likely_scale import in_likely_scale
-from digs_warp.poses.misplaced import mended
+from digs_warp.poses.misplaced import Mended, mended
 from digs_warp.poses.refinement import PoseRefinement
 from digs_warp.poses.tracking import some_of
 from digs_warp.poses.views import load_pictures
@@ -55,8 +55,8 @@ def refine(
     pictures = load_pictures(frames, readout_time)
     mend = mended(pictures, given)
     kept = [number for number in range(len(frames)) if number not in mend.lost]
+    told = _told(frames, mend)
     frames, pictures = [frames[each] for each in kept], [pictures[each] for each in kept]
-    told = _told(frames, [kept.index(each) for each in mend.moved])
     given = mend.poses[kept]
     if mend.moved:
         frames = _with_poses(frames, given)
@@ -92,10 +92,14 @@ def _with_poses(frames: Sequence[Frame], poses: np.ndarray) -> list[Frame]:
     ]
 
 
-def _told(frames: Sequence[Frame], moved: Sequence[int]) -> str:
-    """Return what is said of frames that were registered again."""
-    names = [frames[each].name for each in moved]
-    return f"; registered again: {some_of(names)}" if names else ""
+def _told(frames: Sequence[Frame], mend: Mended) -> str:
+    """Return what is said of misplaced frames."""
+    parts = (("registered again", mend.moved), ("left out", mend.lost))
+    return "".join(
+        f"; {what}: {some_of([frames[each].name for each in which])}"
+        for what, which in parts
+        if which
+    )
 
 
 def _left(

@@ -1,0 +1,132 @@
+"""Frames that cannot be placed may be all that were held out: others then measure the result."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import digs_warp as dw
+from digs_warp.data.capture import Capture, read_capture
+from digs_warp.data.frame import Frame
+from digs_warp.data.images import write_image
+from digs_warp.data.layers import Layer
+from digs_warp.data.posed_frames import PosedFrames
+from digs_warp.init.config import InitConfig
+from digs_warp.pipeline.front_end import front_end
+from digs_warp.pipeline.front_end_config import FrontEndConfig
+from digs_warp.pipeline.left_frames import with_held_out
+from digs_warp.pipeline.reconstruct import ReconstructConfig, reconstruct
+from digs_warp.record.run_log import RunLog
+from digs_warp.segment.config import SegmentConfig
+from digs_warp.sfm.config import SfmConfig
+from digs_warp.train.config import Stop, TrainConfig
+from reference.sfm_views import arc, record
+from reference.trained_ball import assert_same_bits, interrupt
+
+FRAMES = 12
+# So the first frame is the only one that is held out.
+EVERY = FRAMES
+
+
+@pytest.fixture(scope="module")
+def mirrored(tmp_path_factory: pytest.TempPathFactory) -> Capture:
+    """Half a turn around the built-in object; no camera sees what the first frame shows."""
+    settings = {"width": 320, "tier": "law", "path": "arc", "seed": 3}
+    folder = tmp_path_factory.mktemp("mirrored") / "capture"
+    first = dw.simulate(frames=FRAMES, elevations=(20.0,), out=folder, **settings).frames[0]
+    for layer, values in ((Layer.IMAGE, first.load_image()), (Layer.DEPTH, first.load_depth())):
+        write_image(first.path(layer), np.ascontiguousarray(values[:, ::-1]))
+    return read_capture(folder)
+
+
+def names_of(frames: Sequence[Frame]) -> list[str]:
+    return [frame.name for frame in frames]
+
+
+def test_another_frame_measures_the_result_also_after_a_resumed_run(
+    mirrored: Capture, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    config = ReconstructConfig(
+        sfm=SfmConfig(poses="capture", refine_poses="on"),
+        segment=SegmentConfig(masks="degraded", mask_error=0.5),
+        test_every=EVERY,
+        init=InitConfig(voxel_size=0.02),
+        train=TrainConfig(stop=Stop(iterations=6), sh_degree=0),
+    )
+    whole = reconstruct(mirrored, config, tmp_path / "whole")
+    names = names_of(mirrored.frames)
+    assert whole.frames is not None and whole.refinement is not None
+    assert f"left out: {names[0]}" in whole.refinement.because
+    assert names_of(whole.frames.held_out) == names[1:2]
+    assert names_of(whole.frames.training) == names[2:]
+    assert [view.name for view in whole.scores.views] == names[1:2]
+    # The evaluation uses the mask of the recording, the training ours.
+    masks = [frame.path(Layer.MASK) for frame in (*whole.frames.held_out, mirrored.frames[1])]
+    assert masks[0] == masks[1]
+    assert whole.frames.training[0].path(Layer.MASK).is_relative_to(tmp_path)
+
+    interrupt(lambda: reconstruct(mirrored, config, tmp_path / "resumed"), 3, monkeypatch)
+    resumed = reconstruct(mirrored, config, tmp_path / "resumed", resume=True)
+    assert resumed.frames is not None
+    assert names_of(resumed.frames.held_out) == names[1:2]
+    assert resumed.scores == whole.scores
+    assert_same_bits(resumed.gaussians, whole.gaussians)
+
+
+def test_structure_from_motion_may_lose_the_only_held_out_frame(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    capture = record(arc(8, 60.0), tmp_path / "capture")
+    noise = np.random.default_rng(0).integers(0, 256, capture.frames[0].load_image().shape)
+    write_image(capture.frames[0].path(Layer.IMAGE), noise.astype(np.uint8))
+    sfm = SfmConfig(
+        double_size=True,
+        features=1500,
+        pairing="sequential",
+        overlap=4,
+        loop_images=0,
+        min_registered=0.8,
+    )
+    config = FrontEndConfig(sfm=sfm, test_every=8, init=InitConfig(voxel_size=0.01))
+    prepared = front_end(capture, config, tmp_path / "result", RunLog("test", config))
+    names = names_of(capture.frames)
+    assert f"not registered and left out: 1 frame (['{names[0]}'])" in caplog.text
+    assert names_of(prepared.frames.held_out) == names[1:2]
+    assert names_of(prepared.frames.training) == names[2:]
+
+
+def left_of(capture: Capture, test_every: int, lost: Sequence[int]) -> PosedFrames:
+    names = {capture.frames[number].name for number in lost}
+    whole = PosedFrames.split(capture, test_every)
+    training, held_out = (
+        tuple(frame for frame in group if frame.name not in names)
+        for group in (whole.training, whole.held_out)
+    )
+    return replace(whole, training=training, held_out=held_out)
+
+
+def test_frames_that_are_still_held_out_stay(mirrored: Capture) -> None:
+    left = left_of(mirrored, 8, [0, 3])  # the ninth frame is another one
+    assert with_held_out(left, mirrored, 8) is left
+
+
+def test_what_holds_out_nothing_stays_without(mirrored: Capture) -> None:
+    nothing = replace(mirrored, held_out=frozenset())
+    left = left_of(nothing, 8, [0])
+    assert with_held_out(left, nothing, 8) is left
+
+
+def test_the_last_frame_is_for_the_training(mirrored: Capture) -> None:
+    left = left_of(mirrored, EVERY, range(FRAMES - 1))
+    assert with_held_out(left, mirrored, EVERY) is left
+
+
+def test_where_all_others_are_left_out_some_train(mirrored: Capture) -> None:
+    left = left_of(mirrored, 2, [1, 3, 5, 7, 9, 11])
+    assert not left.training
+    found = with_held_out(left, mirrored, 2)
+    names = names_of(mirrored.frames)
+    assert names_of(found.held_out) == names[0:12:4]
+    assert names_of(found.training) == names[2:12:4]
