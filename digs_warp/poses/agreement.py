@@ -7,8 +7,11 @@ import numpy as np
 
 from digs_warp.device.threads import over_items
 from digs_warp.geometry import invert_rigid
+from digs_warp.poses.of_pairs import measured_pairs
 from digs_warp.poses.views import Picture
 
+# The widest images in which frames are compared [px].
+COMPARED = 320
 # Points of a frame that are looked up in another.
 SAMPLES = 700
 # Differences that count as a whole one: of depth (a share of it; more beyond the usual distance, where stereo
@@ -53,6 +56,11 @@ class Samples:
         return Samples(np.stack([x, y, z], 1), *found, weights, float(1 / inverse.mean()))
 
 
+def reduced(pictures: Sequence[Picture]) -> list[Picture]:
+    """Return the pictures at the size at which they are compared."""
+    return [picture.at_most(COMPARED) for picture in pictures]
+
+
 def disagreement(first: Picture, second: Picture, second_from_first: np.ndarray) -> float:
     """Return how much two frames contradict each other under a motion, 0 to 2; 1.2: nothing is shared.
 
@@ -72,12 +80,7 @@ def disagreements(
 
 def mean_disagreement(pictures: Sequence[Picture], poses: np.ndarray, pairs: np.ndarray) -> float:
     """Return the mean `disagreement` of pairs of frames (k, 2) with poses ``world_from_cam``, (n, 4, 4)."""
-
-    def compared(pair: np.ndarray) -> float:
-        i, j = pair
-        return disagreement(pictures[i], pictures[j], invert_rigid(poses[j]) @ poses[i])
-
-    return float(np.mean(over_items(list(pairs), compared)))
+    return float(np.mean(measured_pairs(disagreement, pictures, poses, pairs)))
 
 
 def got_worse(

@@ -55,14 +55,14 @@ def align(pictures: Sequence[Picture], given: np.ndarray, threads: int = 0) -> A
         given: ``world_from_cam``, (n, 4, 4); errors of about one degree and a centimetre are mended.
         threads: that share the work; 0: as many as usual; 1 is faster for two frames.
     """
-    levels = list(zip(*(_sizes(each, LEAST_WIDTH) for each in pictures), strict=True))
+    levels = list(zip(*(each.sizes(len(HIDDEN), LEAST_WIDTH) for each in pictures), strict=True))
     views = (over_items(level, view_of) for level in levels)
     return _coarse_to_fine(levels, views, given, threads)
 
 
 def pyramid_of(picture: Picture) -> tuple[View, ...]:
     """Return a picture at the sizes at which it is aligned, the smallest first, for `align_pair`."""
-    return tuple(view_of(each) for each in _sizes(picture, LEAST_WIDTH_OF_TWO))
+    return tuple(view_of(each) for each in picture.sizes(len(HIDDEN), LEAST_WIDTH_OF_TWO))
 
 
 def align_pair(
@@ -114,7 +114,7 @@ def align_first(pictures: Sequence[Picture], poses: np.ndarray) -> np.ndarray:
     """
     others = range(1, len(pictures))
     pairs = np.array([pair for j in others for pair in ((0, j), (j, 0))], dtype=np.int32)
-    levels = list(zip(*(_sizes(each, LEAST_WIDTH) for each in pictures), strict=True))
+    levels = list(zip(*(each.sizes(len(HIDDEN), LEAST_WIDTH) for each in pictures), strict=True))
     for level, hidden in zip(levels, HIDDEN[-len(levels) :], strict=True):
         comparison = PairComparison(over_items(level, view_of), pairs)
         poses = _descended(comparison, poses, hidden, moving=slice(1))
@@ -137,13 +137,6 @@ def _descended(
         if np.abs(steps).max() < SMALL:
             break
     return poses
-
-
-def _sizes(picture: Picture, least: int) -> list[Picture]:
-    sizes = [picture]
-    while len(sizes) < len(HIDDEN) and sizes[-1].intrinsics.width >= 2 * least:
-        sizes.append(sizes[-1].halved())
-    return sizes[::-1]
 
 
 def in_place(poses: np.ndarray, given: np.ndarray, distance: float) -> np.ndarray:

@@ -19,6 +19,7 @@ from digs_warp.poses.align import stepped
 from digs_warp.poses.bundle_kernel import Block, Bundle, Motion, nearness_kernel, sum_kernel
 from digs_warp.poses.equations import DAMPING, LEAST_COLOR, adjoints_of, solution
 from digs_warp.poses.likely_scale import in_likely_scale
+from digs_warp.poses.of_pairs import motions_of
 from digs_warp.poses.view_arrays import arrays_of
 from digs_warp.poses.views import Picture, View, view_of
 
@@ -37,9 +38,7 @@ FIRST_COLOR = 0.3
 HIDDEN = 0.05
 # By how much a step changes the distance of a point at most, as a share; and what is expected of it at first.
 LARGEST_CHANGE, EXPECTED = 0.02, 1.0
-# The widest images in which frames are compared before and after [px].
-COMPARED = 320
-# How much more they may differ afterwards. On five simulated objects it was .99 to 1.004 times as much, with
+# How much more frames may differ then. On five simulated objects it was .99 to 1.004 times as much, with
 # far better poses; in a room measured by time of flight 1.016 times, on a cabinet without texture 1.08
 # times, both with worse ones.
 MOST_LOST = 1.01
@@ -48,15 +47,19 @@ LEAST_ERROR = 1e-4
 
 
 def adjusted_where_better(
-    pictures: Sequence[Picture], pairs: np.ndarray, poses: np.ndarray, given: np.ndarray
+    pictures: Sequence[Picture],
+    small: Sequence[Picture],
+    pairs: np.ndarray,
+    poses: np.ndarray,
+    given: np.ndarray,
 ) -> np.ndarray:
     """Return the poses after `adjusted`, or as they are if color and depth then agree clearly less.
 
     Where little has texture, images leave too much open, and depth tells more. An alignment also fits the
-    errors of the depth, so that a little less agreement says nothing.
+    errors of the depth, so that a little less agreement says nothing. ``small``: the same pictures after
+    `digs_warp.poses.agreement.reduced`; the other arguments as of `adjusted`.
     """
     found = adjusted(pictures, pairs, poses, given)
-    small = [picture.at_most(COMPARED) for picture in pictures]
     after, before = (mean_disagreement(small, each, pairs) for each in (found, poses))
     return found if after < MOST_LOST * before else poses
 
@@ -78,8 +81,7 @@ def adjusted(
     before = motions_between(given, poses)
     errors = np.maximum(np.sqrt((before.reshape(-1, 2, 3) ** 2).mean(axis=(0, 2))), LEAST_ERROR)
     trust = np.repeat(errors**-2, 3)
-    for smaller in reversed(range(SIZES)):
-        sized = [_halved(picture, smaller) for picture in pictures]
+    for sized in zip(*(picture.sizes(SIZES) for picture in pictures), strict=True):
         adjustment = Adjustment([view_of(each, POINTS) for each in sized], pairs)
         poses = adjustment.of(poses, given, trust)
         # The distances as they are now say what scale the measured depth has.
@@ -130,7 +132,7 @@ class Adjustment:
 
     def system(self, poses: np.ndarray, color: float) -> Any:
         """Return what the kernels read; ``color``: the residual that counts half."""
-        relative = np.stack([invert_rigid(poses[j]) @ poses[i] for i, j in self._pairs])
+        relative = motions_of(poses, self._pairs)
         self._adjoints = adjoints_of(relative)
         return packed(
             Bundle,
@@ -213,10 +215,6 @@ def motions_between(before: np.ndarray, after: np.ndarray) -> np.ndarray:
     turns = Rotation.from_matrix(moved[:, :3, :3]).as_rotvec()
     shifts = np.einsum("nji,nj->ni", moved[:, :3, :3], moved[:, :3, 3])
     return np.concatenate([turns, shifts], axis=1)
-
-
-def _halved(picture: Picture, times: int) -> Picture:
-    return picture if times == 0 else _halved(picture.halved(), times - 1)
 
 
 def _scaled(poses: np.ndarray, scale: float) -> np.ndarray:

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from digs_warp.device.threads import over_items
-from digs_warp.poses.agreement import disagreement
+from digs_warp.poses.agreement import COMPARED, disagreement
 from digs_warp.poses.align import align_pair, pyramid_of
 from digs_warp.poses.correlation import correlation
 from digs_warp.poses.features import Features, Matches, features_of, matched
@@ -15,8 +15,8 @@ from digs_warp.poses.odometry import odometry
 from digs_warp.poses.starts import likely_starts
 from digs_warp.poses.views import Picture, View
 
-# The widest images of the alignment and of the search for starts [px].
-WIDEST, WIDEST_OF_STARTS = 320, 100
+# The widest images of the search for starts [px]; frames are aligned at the size at which they are compared.
+WIDEST_OF_STARTS = 100
 # Starts that are tried at a fourth of the size, and the best of them that are followed.
 TRIED, FOLLOWED = 6, 2
 # Matched features that agree with a motion make up for disagreement: MATCHES of them, or more, for WORTH.
@@ -29,7 +29,7 @@ class Sight:
     """A frame as its motion is measured.
 
     Attributes:
-        pyramid: views from small ones to at most `WIDEST` columns.
+        pyramid: views from small ones to at most `COMPARED` columns.
         coarse: the same to at most `WIDEST_OF_STARTS`.
         features: of ``large``.
         large: the frame as it was given.
@@ -42,13 +42,13 @@ class Sight:
 
     @property
     def picture(self) -> Picture:
-        """At most `WIDEST` columns."""
+        """At most `COMPARED` columns."""
         return self.pyramid[-1].picture
 
     @staticmethod
     def of(picture: Picture) -> "Sight":
         """Return a frame at its sizes, with its features."""
-        small = picture.at_most(WIDEST)
+        small = picture.at_most(COMPARED)
         coarse = pyramid_of(small.at_most(WIDEST_OF_STARTS))
         return Sight(pyramid_of(small), coarse, features_of(picture), picture)
 

@@ -7,7 +7,7 @@ import numpy as np
 import warp as wp
 
 from digs_warp.device.parallel import launch_parallel, packed
-from digs_warp.geometry import invert_rigid
+from digs_warp.poses.of_pairs import motions_of
 from digs_warp.poses.pair_kernel import (
     COLOR_COUNT,
     COLOR_SUM,
@@ -88,7 +88,7 @@ class PairComparison:
             hidden: relative difference of depth from which on the target sees another surface.
             threads: that share the work; 0: as many as usual.
         """
-        relative = np.stack([invert_rigid(poses[j]) @ poses[i] for i, j in self.pairs])
+        relative = motions_of(poses, self.pairs)
         found = wp.zeros((len(self.pairs), COLUMNS), dtype=wp.float64, device="cpu")
         limits = packed(Limits, color=scales.color, depth=scales.depth, hidden=hidden)
         sources, targets = (wp.array(each, dtype=int, device="cpu") for each in self.pairs.T)

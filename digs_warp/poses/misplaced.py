@@ -11,17 +11,16 @@ import numpy as np
 
 from digs_warp.device.threads import over_items
 from digs_warp.geometry import invert_rigid
-from digs_warp.poses.agreement import disagreement, disagreements
+from digs_warp.poses.agreement import disagreement, disagreements, reduced
 from digs_warp.poses.align import align_first
 from digs_warp.poses.chain import BROKEN
 from digs_warp.poses.correlation import correlation
 from digs_warp.poses.features import features_of
+from digs_warp.poses.of_pairs import measured_pairs, medians_of_frames
 from digs_warp.poses.pairs import overlapping_pairs
 from digs_warp.poses.resection import Sightings
 from digs_warp.poses.views import Picture, view_of
 
-# The widest images in which frames are compared [px].
-COMPARED = 320
 # Fewer frames do not tell which of them is wrong, and neither do more wrong ones than this share.
 FEWEST, MOST_WRONG = 5, 0.25
 # A frame is misplaced that disagrees with others by this much more than the frames usually do, and by this
@@ -59,7 +58,7 @@ def mended(pictures: Sequence[Picture], poses: np.ndarray) -> Mended:
         pictures: of n frames, in order of time; what has no depth stays where it is.
         poses: ``world_from_cam``, (n, 4, 4).
     """
-    small = [picture.at_most(COMPARED) for picture in pictures]
+    small = reduced(pictures)
     apart = _apart(small, poses, overlapping_pairs(small, poses))
     known = np.isfinite(apart)
     if np.count_nonzero(known) < FEWEST:
@@ -91,20 +90,8 @@ def _limit(apart: np.ndarray) -> float:
 
 def _apart(pictures: Sequence[Picture], poses: np.ndarray, pairs: np.ndarray) -> np.ndarray:
     """Return the median disagreement of each frame with the others, (n,); NaN for what has no pair."""
-
-    def compared(pair: np.ndarray) -> float:
-        i, j = pair
-        return disagreement(pictures[i], pictures[j], invert_rigid(poses[j]) @ poses[i])
-
-    return _medians(pairs, len(poses), over_items(list(pairs), compared))
-
-
-def _medians(pairs: np.ndarray, count: int, values: Sequence[float]) -> np.ndarray:
-    """Return the median of the values of each frame's pairs (k, 2), (count,); NaN for what has no pair."""
-    found, array = np.full(count, np.nan), np.array(values)
-    for number in np.unique(pairs):
-        found[number] = np.median(array[(pairs == number).any(axis=1)])
-    return found
+    found = measured_pairs(disagreement, pictures, poses, pairs)
+    return medians_of_frames(pairs, len(poses), found)
 
 
 def _placed(
@@ -145,11 +132,7 @@ def _lost(
         return ()
     views = over_items(pictures, view_of)
     pairs = overlapping_pairs(pictures, poses)
-
-    def matching(pair: np.ndarray) -> float:
-        i, j = pair
-        return correlation(views[i], views[j], invert_rigid(poses[j]) @ poses[i])
-
-    found = _medians(pairs, len(poses), over_items(list(pairs), matching))
+    matching = measured_pairs(correlation, views, poses, pairs)
+    found = medians_of_frames(pairs, len(poses), matching)
     usual = np.nanmedian(found[right])
     return tuple(int(each) for each in doubted if not found[each] >= MATCHING * usual)

@@ -8,9 +8,9 @@ import numpy as np
 from digs_warp.checks import DigsError
 from digs_warp.data.frame import Frame
 from digs_warp.data.layers import Layer
-from digs_warp.poses.agreement import got_worse
+from digs_warp.poses.agreement import got_worse, reduced
 from digs_warp.poses.align import align
-from digs_warp.poses.bundle import COMPARED, adjusted_where_better
+from digs_warp.poses.bundle import adjusted_where_better
 from digs_warp.poses.likely_scale import in_likely_scale
 from digs_warp.poses.misplaced import Mended, mended
 from digs_warp.poses.refinement import PoseRefinement
@@ -68,9 +68,9 @@ def refine(
     because = f"with refined poses the frames would differ {_less(gain)}{told}"
     if little and not estimated:
         return _left(frames, because, needed)
-    small = [picture.at_most(COMPARED) for picture in pictures]
+    small = reduced(pictures)
     near = in_likely_scale(found.poses, given)
-    moved = adjusted_where_better(pictures, found.pairs, near, given)
+    moved = adjusted_where_better(pictures, small, found.pairs, near, given)
     if little and moved is near:  # then depth alone says so, and it does not say enough
         return _left(frames, because, needed)
     worse = got_worse(small, given, moved, found.pairs, CLEARLY if little else 1.0)

@@ -101,9 +101,10 @@ def _closed(
     found = align(pictures, placed)
     if found is None:
         return placed, loops
-    poses = adjusted_where_better(pictures, found.pairs, found.poses, placed)
+    small = [sight.picture for sight in sights]
+    poses = adjusted_where_better(pictures, small, found.pairs, found.poses, placed)
     pairs = np.array([(edge.source, edge.target) for edge in (*chain, *loops)])
-    worse = got_worse([sight.picture for sight in sights], placed, poses, pairs)
+    worse = got_worse(small, placed, poses, pairs)
     return np.where(worse[:, None, None], placed, poses), loops
 
 

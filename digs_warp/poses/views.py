@@ -62,6 +62,13 @@ class Picture:
         tint = np.stack([red, green], axis=2)
         return replace(self, intrinsics=smaller, brightness=brightness, depth=depth, tint=tint)
 
+    def sizes(self, most: int, least: int = 1) -> list["Picture"]:
+        """Return up to ``most`` sizes of the picture, each half of the next, none narrower than ``least``."""
+        sizes: list[Picture] = [self]
+        while len(sizes) < most and sizes[-1].intrinsics.width >= 2 * least:
+            sizes.append(sizes[-1].halved())
+        return sizes[::-1]
+
 
 @dataclass(frozen=True, eq=False)
 class View:
