@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 import warp as wp
@@ -21,8 +22,13 @@ from digs_warp.poses.pair_kernel import (
 from digs_warp.poses.view_arrays import arrays_of
 from digs_warp.poses.views import View
 
+if TYPE_CHECKING:
+    from scipy.sparse import csc_array
+
 # Share of its diagonal that is added to an equation: nothing else holds a frame that sees little.
 DAMPING = 1e-4
+# Added as well: what a frame without a neighbor is held by.
+LEAST_HOLD = 1e-9
 # The scales of errors are at least this, so that perfect ones divide by something: [1], [1/m].
 LEAST_COLOR, LEAST_DEPTH = 1e-3, 1e-5
 
@@ -104,32 +110,59 @@ def solve(sums: PairSums, pairs: np.ndarray, count: int, moving: slice = slice(N
     A motion a of the source and b of the target move the source's points, in the target's axes, by
     Ad(target_from_source) a - b. Only the cameras ``moving`` move.
     """
-    matrix, side = np.zeros((count, 6, count, 6)), np.zeros((count, 6))
+    steps, side = np.zeros((2, count, 6))
     moves = adjoints_of(sums.target_from_source)
-    for each, own, moved, (i, j) in zip(sums.matrices, sums.sides, moves, pairs, strict=True):
-        matrix[i, :, i] += moved.T @ each @ moved
-        matrix[j, :, j] += each
-        matrix[i, :, j] -= moved.T @ each
-        matrix[j, :, i] -= each @ moved
-        side[i] += moved.T @ own
-        side[j] -= own
-    steps = np.zeros((count, 6))
-    size = steps[moving].size
-    square = matrix[moving, :, moving].reshape(size, size)
-    square[np.diag_indices(size)] += DAMPING * np.diag(square) + 1e-9
-    steps[moving] = solution(square, side[moving].reshape(-1)).reshape(-1, 6)
+    back = np.swapaxes(moves, 1, 2)
+    sources, targets = pairs.T
+    np.add.at(side, sources, np.einsum("kab,kb->ka", back, sums.sides))
+    np.subtract.at(side, targets, sums.sides)
+    across = back @ sums.matrices
+    blocks = np.stack([across @ moves, sums.matrices, -across, -np.swapaxes(across, 1, 2)])
+    rows, columns = (
+        np.stack(each) for each in ((sources, targets) * 2, (sources, targets, targets, sources))
+    )
+    among = np.arange(count)[moving]
+    places = np.full(count, -1)
+    places[among] = np.arange(len(among))
+    kept = (places[rows] >= 0) & (places[columns] >= 0)
+    matrix = _damped(blocks[kept], places[rows[kept]], places[columns[kept]], len(among))
+    steps[moving] = solution(matrix, side[moving].reshape(-1)).reshape(-1, 6)
     return steps
 
 
-def solution(matrix: np.ndarray, side: np.ndarray) -> np.ndarray:
+def _damped(
+    blocks: np.ndarray, rows: np.ndarray, columns: np.ndarray, count: int
+) -> "np.ndarray | csc_array":
+    """Return the damped matrix (6 n, 6 n) of n = ``count`` motions, without its zeros where they are many.
+
+    It is the sum of blocks (k, 6, 6), each at the numbers of two motions, its row and its column.
+    """
+    if 6 * count < SPARSE_FROM:
+        whole = np.zeros((count, count, 6, 6))
+        np.add.at(whole, (rows, columns), blocks)
+        square = whole.swapaxes(1, 2).reshape(6 * count, 6 * count)
+        square[np.diag_indices(6 * count)] += DAMPING * np.diag(square) + LEAST_HOLD
+        return square
+    from scipy.sparse import coo_array, diags_array
+
+    row, column = np.indices((6, 6))
+    places = [
+        (6 * numbers[:, None, None] + inside).reshape(-1)
+        for numbers, inside in ((rows, row), (columns, column))
+    ]
+    sparse = coo_array((blocks.reshape(-1), tuple(places)), shape=(6 * count, 6 * count)).tocsc()
+    return (sparse + diags_array(DAMPING * sparse.diagonal() + LEAST_HOLD)).tocsc()
+
+
+def solution(matrix: "np.ndarray | csc_array", side: np.ndarray) -> np.ndarray:
     """Return what solves the equations of n motions, (6 n,).
 
     Args:
         matrix: symmetric and positive definite, (6 n, 6 n). With many frames, most of it is 0: a frame is
-            compared with few others.
+            compared with few others. From `SPARSE_FROM` unknowns on it may come without its zeros.
         side: right sides, (6 n,).
     """
-    if len(side) < SPARSE_FROM:
+    if isinstance(matrix, np.ndarray) and len(side) < SPARSE_FROM:
         return np.linalg.solve(matrix, side)
     from scipy.sparse import csc_array
     from scipy.sparse.linalg import splu
