@@ -32,7 +32,7 @@ GRAY = np.full(3, 0.5)
 SUMS = "gather and project back"
 
 
-def bench_train(sizes: tuple[tuple[int, int, float], ...] = SIZES) -> list[Result]:
+def bench_train() -> list[Result]:
     """Return the median time of a whole step and of each of its stages.
 
     "outside raster" is the share of the stages that is spent outside the two passes of the rasterizer;
@@ -40,8 +40,8 @@ def bench_train(sizes: tuple[tuple[int, int, float], ...] = SIZES) -> list[Resul
     with them, as rasterizer.
     """
     results = []
-    with progress(len(sizes), "Measuring", "size") as bar, tempfile.TemporaryDirectory() as folder:
-        for width, height, voxel_size in sizes:
+    with progress(len(SIZES), "Measuring", "size") as bar, tempfile.TemporaryDirectory() as folder:
+        for width, height, voxel_size in SIZES:
             capture = _record(width, height, Path(folder) / f"{width}x{height}")
             trainer = _prepare(capture, voxel_size)
             step = _median_step(trainer)
