@@ -36,11 +36,15 @@ class Inputs:
     seed: int
 
     def healthy(self, kind: Kind) -> list[Job]:
-        """Write every healthy input of a kind, for one process."""
+        """Write every healthy input of a kind, for one process.
+
+        Inputs that differ only in which file is damaged are one and the same while they are healthy.
+        """
         place = Path(tempfile.mkdtemp(prefix="healthy-", dir=self.folder))
+        different = {(each.folder, each.only, each.lines): each for each in kind.inputs}
         return [
             Job(kind.name, self._place(each, place / f"{slug(kind)}-{number}"), each.lines)
-            for number, each in enumerate(kind.inputs)
+            for number, each in enumerate(different.values())
         ]
 
     def write(self, kind: Kind, number: int) -> Job:
