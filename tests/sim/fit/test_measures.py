@@ -12,7 +12,7 @@ from digs_warp.sim.fit.depth_noise import noise
 from digs_warp.sim.fit.estimate import BLOCKS, Estimate, block_numbers, block_sums, jackknife, ratio
 from digs_warp.sim.fit.holes import holes, median_size, small_share
 from digs_warp.sim.fit.image_noise import image_noise
-from digs_warp.sim.fit.plane import fit_plane
+from digs_warp.sim.fit.plane import _median_distances, fit_plane
 from digs_warp.sim.fit.range_and_step import depth_range, disparity_step, limits
 from digs_warp.sim.fit.wall import Wall, make_pose
 from digs_warp.sim.profiles import load_profile
@@ -62,6 +62,14 @@ def test_a_plane_is_found_among_other_surfaces_and_holes() -> None:
         np.isfinite(disparity[:, 60:]).sum() / np.isfinite(disparity).sum()
     )
     assert fit_plane(np.full(SHAPE, np.nan, np.float32)) is None
+
+
+def test_planes_are_judged_by_the_very_median() -> None:
+    rng = np.random.default_rng(3)
+    planes, points = rng.normal(size=(47, 3)), rng.normal(size=(3, 600))
+    values = rng.normal(size=600)
+    expected = np.median(np.abs(values - planes @ points), axis=1)
+    np.testing.assert_allclose(_median_distances(planes, points, values), expected, rtol=1e-12)
 
 
 @pytest.mark.parametrize("length", [3.0, 6.0])
