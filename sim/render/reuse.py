@@ -1,6 +1,7 @@
 """Recordings of the same things in the same surround share one renderer, with the light it has measured.
 
-Several walks around an object, or the same walk at rising noise, then prepare it once.
+Several walks around an object, or the same walk at rising noise, then prepare it once, also where a few
+scenes take turns.
 """
 
 import hashlib
@@ -14,25 +15,37 @@ from digs_warp.sim.environment import Environment
 from digs_warp.sim.render.raycast import RaycastRenderer
 from digs_warp.sim.scene import Scene
 
-# Scenes with larger arrays [bytes] are not kept: the training that follows may want the memory.
+# What the arrays of all scenes that are kept may have together [bytes]: the training that follows may want
+# the memory. One that is larger alone is not kept.
 LARGEST = 128 << 20
 
 _lock = Lock()
-_kept: dict[bytes, RaycastRenderer] = {}  # the last one alone
+_kept: dict[
+    bytes, tuple[RaycastRenderer, int]
+] = {}  # with their sizes; the one used last stands last
 
 
 def renderer_of(scene: Scene, environment: Environment) -> RaycastRenderer:
-    """Return a renderer; the last one of this process, if that was of an equal scene and surround."""
-    if _size((scene, environment)) > LARGEST:
+    """Return a renderer; one that this process used lately, if that was of an equal scene and surround."""
+    size = _size((scene, environment))
+    if size > LARGEST:
         return RaycastRenderer(scene, environment)
     digest = hashlib.blake2b()
     _read((scene, environment), digest.update)
     key = digest.digest()
     with _lock:
-        if key not in _kept:
-            _kept.clear()
-            _kept[key] = RaycastRenderer(scene, environment)
-        return _kept[key]
+        if key in _kept:
+            _kept[key] = _kept.pop(key)
+        else:
+            _make_room(size)
+            _kept[key] = (RaycastRenderer(scene, environment), size)
+        return _kept[key][0]
+
+
+def _make_room(size: int) -> None:
+    """Let go of those that were not used for the longest time."""
+    while _kept and size + sum(kept for _, kept in _kept.values()) > LARGEST:
+        del _kept[next(iter(_kept))]
 
 
 def _size(value: Any) -> int:

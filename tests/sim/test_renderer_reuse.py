@@ -57,16 +57,20 @@ def test_whatever_is_seen_tells_scenes_apart(plain: Scene) -> None:
     assert len({id(renderer) for renderer in renderers}) == len(pairs)
 
 
-def test_only_the_last_one_is_kept_and_only_if_it_is_small(
+def test_those_used_last_are_kept_as_far_as_they_are_small(
     plain: Scene, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    first = renderer_of(plain, SKY)
-    renderer_of(plain, replace(SKY, level=2.0))
-    assert len(reuse._kept) == 1
-    assert renderer_of(plain, SKY) is not first
+    skies = [replace(SKY, level=level) for level in (1.0, 2.0, 3.0)]
+    size = reuse._size((plain, SKY))
+    monkeypatch.setattr(reuse, "LARGEST", 2 * size)
+    first, second = (renderer_of(plain, sky) for sky in skies[:2])
+    assert renderer_of(plain, skies[0]) is first
+    third = renderer_of(plain, skies[2])
+    assert [renderer for renderer, _ in reuse._kept.values()] == [first, third]
+    assert renderer_of(plain, skies[1]) is not second
     reuse._kept.clear()
-    monkeypatch.setattr(reuse, "LARGEST", plain.vertices.nbytes)
-    renderer_of(plain, SKY)
+    monkeypatch.setattr(reuse, "LARGEST", size - 1)
+    assert renderer_of(plain, SKY) is not renderer_of(plain, SKY)
     assert not reuse._kept
 
 
