@@ -105,11 +105,6 @@ def _prepared(
         doubts += _contradicted_by_depth(capture, frames, config.sfm, log)
     elif config.sfm.poses == "perturbed":
         frames = perturbed(frames, capture, config.sfm)
-    if subject == "object" and config.segment.mends_masks:
-        with log.stage("mask agreement"):
-            training, doubt = agreed_masks(frames.training, folder / MASKS / MENDED)
-        frames = replace(frames, training=tuple(training))
-        doubts += (doubt,) if doubt else ()
     if config.scale_from is not None:
         frames, model, recorded = in_true_size(frames, model, recorded, config.scale_from)
     metric_scale = metric_scale_of(capture, config.sfm.poses == "sfm", config.scale_from)
@@ -118,6 +113,12 @@ def _prepared(
     with log.stage("refine poses"):
         frames, refinement = refined(frames, capture, config.sfm)
         frames = with_held_out(frames, capture, config.test_every)
+    # A frame in a wrong place would contradict the masks of others, and they its own.
+    if subject == "object" and config.segment.mends_masks:
+        with log.stage("mask agreement"):
+            training, doubt = agreed_masks(frames.training, folder / MASKS / MENDED)
+        frames = replace(frames, training=tuple(training))
+        doubts += (doubt,) if doubt else ()
     with log.stage("check"):
         doubts = (*check.result(), *doubts)  # before the initialization, which counts its CPU time
     start = _start(capture, frames, subject, model, recorded, config, log)

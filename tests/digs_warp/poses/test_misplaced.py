@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -11,9 +12,14 @@ from digs_warp.data.capture import Capture
 from digs_warp.data.frame import Frame
 from digs_warp.data.layers import Layer
 from digs_warp.geometry import matrix_from_rotation_vector, rigid
+from digs_warp.pipeline.front_end import front_end
+from digs_warp.pipeline.front_end_config import FrontEndConfig
 from digs_warp.poses.misplaced import mended
 from digs_warp.poses.refine import refine
 from digs_warp.poses.views import load_pictures
+from digs_warp.record.run_log import RunLog
+from digs_warp.segment.agreed import agreed_masks
+from digs_warp.sfm.config import SfmConfig
 
 WRONG = 5
 
@@ -124,3 +130,20 @@ def test_without_depth_nothing_is_told(capture: Capture, without: str) -> None:
     found = mended(load_pictures(frames, 0.0), poses_of(frames))
     np.testing.assert_array_equal(found.poses, poses_of(frames))
     assert not found.lost
+
+
+def test_a_frame_in_a_wrong_place_keeps_its_good_mask(capture: Capture, tmp_path: Path) -> None:
+    """The masks of others contradict it until it is registered again."""
+    frames, camera = list(capture.frames), capture.frames[WRONG].camera
+    aside = rigid(matrix_from_rotation_vector(np.array([0.0, -0.15, 0.0])), np.zeros(3))
+    aside = replace(camera, world_from_cam=camera.world_from_cam @ aside)
+    frames[WRONG] = replace(frames[WRONG], camera=aside)
+    assert frames[WRONG].name in (agreed_masks(frames, tmp_path / "before")[1] or "")
+    config = FrontEndConfig(sfm=SfmConfig(poses="capture", refine_poses="on"))
+    moved = replace(capture, frames=tuple(frames))
+    prepared = front_end(moved, config, tmp_path / "result", RunLog("test", config))
+    assert prepared.refinement is not None
+    assert f"registered again: {frames[WRONG].name}" in prepared.refinement.because
+    assert not [doubt for doubt in prepared.doubts if "contradicted most other views" in doubt]
+    kept = {frame.name: frame for frame in prepared.frames.training}[frames[WRONG].name]
+    np.testing.assert_array_equal(kept.load_mask(), frames[WRONG].load_mask())
