@@ -9,7 +9,7 @@ from digs_warp.device.threads import over_items
 from digs_warp.geometry import invert_rigid, laid_over, matrix_from_rotation_vector, rigid
 from digs_warp.poses.equations import ANY_ERROR, PairComparison, solve
 from digs_warp.poses.pairs import overlapping_pairs
-from digs_warp.poses.views import Picture, View, view_of
+from digs_warp.poses.views import Picture, View, by_size, view_of
 
 # Sizes, each half of the next; steps at each; and the relative difference of depth that hides a point there:
 # at first, poses are off by the slope of a surface over several pixels.
@@ -55,7 +55,7 @@ def align(pictures: Sequence[Picture], given: np.ndarray, threads: int = 0) -> A
         given: ``world_from_cam``, (n, 4, 4); errors of about one degree and a centimetre are mended.
         threads: that share the work; 0: as many as usual; 1 is faster for two frames.
     """
-    levels = list(zip(*(each.sizes(len(HIDDEN), LEAST_WIDTH) for each in pictures), strict=True))
+    levels = by_size([each.sizes(len(HIDDEN), LEAST_WIDTH) for each in pictures])
     views = (over_items(level, view_of) for level in levels)
     return _coarse_to_fine(levels, views, given, threads)
 
@@ -75,7 +75,7 @@ def align_pair(
         second: that of the other.
         second_from_first: (4, 4).
     """
-    levels = list(zip(first, second, strict=True))
+    levels = by_size([first, second])
     given = np.stack([np.eye(4), invert_rigid(second_from_first)])
     pictures = [[view.picture for view in level] for level in levels]
     found = _coarse_to_fine(pictures, levels, given, threads=1)
@@ -114,7 +114,7 @@ def align_first(pictures: Sequence[Picture], poses: np.ndarray) -> np.ndarray:
     """
     others = range(1, len(pictures))
     pairs = np.array([pair for j in others for pair in ((0, j), (j, 0))], dtype=np.int32)
-    levels = list(zip(*(each.sizes(len(HIDDEN), LEAST_WIDTH) for each in pictures), strict=True))
+    levels = by_size([each.sizes(len(HIDDEN), LEAST_WIDTH) for each in pictures])
     for level, hidden in zip(levels, HIDDEN[-len(levels) :], strict=True):
         comparison = PairComparison(over_items(level, view_of), pairs)
         poses = _descended(comparison, poses, hidden, moving=slice(1))

@@ -21,7 +21,7 @@ from digs_warp.poses.equations import DAMPING, LEAST_COLOR, adjoints_of, solutio
 from digs_warp.poses.likely_scale import in_likely_scale
 from digs_warp.poses.of_pairs import motions_of
 from digs_warp.poses.view_arrays import arrays_of
-from digs_warp.poses.views import Picture, View, view_of
+from digs_warp.poses.views import Picture, View, by_size, view_of
 
 # Points of a frame: distances that are right make up for fewer of them.
 POINTS = 1500
@@ -81,7 +81,7 @@ def adjusted(
     before = motions_between(given, poses)
     errors = np.maximum(np.sqrt((before.reshape(-1, 2, 3) ** 2).mean(axis=(0, 2))), LEAST_ERROR)
     trust = np.repeat(errors**-2, 3)
-    for sized in zip(*(picture.sizes(SIZES) for picture in pictures), strict=True):
+    for sized in by_size([picture.sizes(SIZES) for picture in pictures]):
         adjustment = Adjustment([view_of(each, POINTS) for each in sized], pairs)
         poses = adjustment.of(poses, given, trust)
         # The distances as they are now say what scale the measured depth has.

@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
+from typing import TypeVar
 
 import numpy as np
 
@@ -25,6 +26,9 @@ DARK = 16
 WIDEST = 640
 # Brightness of sRGB red, green and blue (BT.601).
 LUMA = np.array([0.299, 0.587, 0.114], np.float32)
+
+# A frame at one size: a `Picture` or a `View`.
+Sized = TypeVar("Sized")
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,6 +72,17 @@ class Picture:
         while len(sizes) < most and sizes[-1].intrinsics.width >= 2 * least:
             sizes.append(sizes[-1].halved())
         return sizes[::-1]
+
+
+def by_size(frames: Sequence[Sequence[Sized]]) -> list[tuple[Sized, ...]]:
+    """Return what there is of all frames at each size, smallest first.
+
+    Args:
+        frames: of n frames, the sizes of each, smallest first. One that has fewer, for its images are smaller
+            than others, keeps its smallest.
+    """
+    most = max(map(len, frames), default=0)
+    return [tuple(sizes[-min(len(sizes), most - each)] for sizes in frames) for each in range(most)]
 
 
 @dataclass(frozen=True, eq=False)

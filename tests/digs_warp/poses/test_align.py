@@ -14,6 +14,7 @@ from digs_warp.geometry import invert_rigid, matrix_from_rotation_vector, rigid
 from digs_warp.pipeline.reconstruct import pose_training
 from digs_warp.poses.agreement import got_worse
 from digs_warp.poses.align import Alignment, align, in_place
+from digs_warp.poses.bundle import adjusted
 from digs_warp.poses.equations import PairComparison, Scales
 from digs_warp.poses.likely_scale import in_likely_scale
 from digs_warp.poses.pairs import overlapping_pairs
@@ -80,6 +81,18 @@ def test_perturbed_poses_come_back() -> None:
     assert error_mm(perturbed()) > 5.0
     assert error_mm(found.poses) < 0.5
     assert found.error_after < 0.5 * found.error_before
+
+
+def test_images_of_different_sizes_are_aligned() -> None:
+    """Two cameras, or photographs of which some were reduced: they cannot be halved equally often."""
+    mixed = [
+        each.at_most(each.intrinsics.width // (1 + 3 * (i % 2))) for i, each in enumerate(PICTURES)
+    ]
+    found = align(mixed, perturbed())
+    assert found is not None
+    assert error_mm(found.poses) < 0.2 * error_mm(perturbed())
+    adjusted_poses = adjusted(mixed, found.pairs, found.poses, perturbed())
+    assert error_mm(adjusted_poses) < 0.2 * error_mm(perturbed())
 
 
 def test_the_frames_together_are_not_moved() -> None:
