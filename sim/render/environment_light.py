@@ -9,7 +9,9 @@ Maps" (2001), eq. 7 and 8; see `digs_warp.sim.render.lighting`.
 # pyright: reportGeneralTypeIssues=false, reportInvalidTypeForm=false, reportOperatorIssue=false
 # pyright: reportIndexIssue=false
 
+import hashlib
 from dataclasses import dataclass
+from threading import Lock
 
 import numpy as np
 import warp as wp
@@ -42,6 +44,12 @@ SPECULAR_SAMPLES = 128
 
 # A curved mirror shrinks its reflection; this width [px] keeps sharp reflections free of aliasing.
 MIRROR_WIDTH = 512
+
+# Surrounds whose copies are kept, with and without spots; half a megabyte each.
+KEPT_COPIES = 16
+
+_lock = Lock()
+_copies: dict[bytes, wp.array] = {}
 
 # Cosine lobe in spherical harmonics, bands 0, 1, 2 (Ramamoorthi and Hanrahan 2001, eq. 8).
 COSINE_LOBE = np.array([np.pi] + [2 * np.pi / 3] * 3 + [np.pi / 4] * 5)
@@ -139,10 +147,23 @@ def _pyramid(levels: list[np.ndarray]) -> Panorama:
     return panorama
 
 
-def _blurred(panorama: Panorama, threads: int) -> wp.array:
-    """Return the copies that `Light` describes."""
+def _blurred(finest: np.ndarray, panorama: Panorama, threads: int) -> wp.array:
+    """Return the copies that `Light` describes, of a panorama and its finest level, (height, width, 3).
+
+    Objects that are recorded in the same surround, one after another, share them.
+    """
+    content = np.ascontiguousarray(finest)
+    key = hashlib.blake2b(content.data, person=f"{content.shape[1]}".encode()).digest()
+    with _lock:
+        known = _copies.get(key)
+    if known is not None:
+        return known
     specular = wp.zeros((SPECULAR_COPIES, SPECULAR_HEIGHT, SPECULAR_WIDTH), wp.vec3, device="cpu")
     launch_parallel(_blur_kernel, specular.size, [panorama, specular], threads=threads)
+    with _lock:
+        if len(_copies) == KEPT_COPIES:
+            del _copies[next(iter(_copies))]
+        _copies[key] = specular
     return specular
 
 
@@ -165,11 +186,11 @@ def prepare_light(
 
     light = Light()
     light.panorama = _pyramid(levels)
-    light.specular = _blurred(light.panorama, threads)
+    light.specular = _blurred(levels[0], light.panorama, threads)
     smooth, light.keys = take_out_spots(small)
     light.rest = light.specular
     if light.keys.count:
-        light.rest = _blurred(_pyramid(mip_chain(smooth)), threads)
+        light.rest = _blurred(smooth, _pyramid(mip_chain(smooth)), threads)
     if below is not None:
         smooth[smooth.shape[0] // 2 :] = below * _light_from_above(smooth, light.keys)
     light.irradiance = wp.array(

@@ -13,7 +13,8 @@ from digs_warp.sim.config import SimulateConfig
 from digs_warp.sim.environment import Environment
 from digs_warp.sim.procedural import procedural_scene, procedural_shape
 from digs_warp.sim.record import simulate
-from digs_warp.sim.render import reuse
+from digs_warp.sim.render import environment_light, reuse
+from digs_warp.sim.render.environment_light import prepare_light
 from digs_warp.sim.render.reuse import renderer_of
 from digs_warp.sim.scene import Scene
 from reference.file_hashes import file_hashes
@@ -72,6 +73,19 @@ def test_those_used_last_are_kept_as_far_as_they_are_small(
     monkeypatch.setattr(reuse, "LARGEST", size - 1)
     assert renderer_of(plain, SKY) is not renderer_of(plain, SKY)
     assert not reuse._kept
+
+
+def test_objects_in_the_same_surround_share_its_blurred_copies() -> None:
+    radiance = np.random.default_rng(2).random((8, 16, 3), dtype=np.float32)
+    sky, other = Environment(radiance), Environment(radiance[::-1])
+    table = np.full(3, 0.2)
+    first, second = prepare_light(sky).struct, prepare_light(sky, below=table).struct
+    assert first.specular.ptr == second.specular.ptr
+    assert not np.array_equal(first.irradiance.numpy(), second.irradiance.numpy())
+    upside_down = prepare_light(other).struct.specular.numpy()
+    assert not np.array_equal(upside_down, first.specular.numpy())
+    environment_light._copies.clear()
+    np.testing.assert_array_equal(prepare_light(other).struct.specular.numpy(), upside_down)
 
 
 @pytest.fixture
