@@ -41,6 +41,7 @@ class Kind:
 
 
 SIMULATE = "simulate --mesh {mesh} --environment {room} --frames 1 --width 32 --out OUT"
+PLAN = "plan --profile camera.yaml --mesh ball.ply --environment room.png --frames 1 --width 32"
 TRAIN = " ".join(("--out OUT", *RECONSTRUCT))
 RESUME = " ".join(("reconstruct capture --out reconstruction --resume", *RECONSTRUCT))
 
@@ -195,7 +196,7 @@ KINDS = (
     )),
     Kind("settings, profiles, studies", (
         *_settings("simulate", "--out", "x"), *_settings("reconstruct", "x", "--out", "x"),
-        Input("settings", "camera.yaml", ("plan --profile camera.yaml --frames 1 --width 32",)),
+        Input("settings", "camera.yaml", (PLAN,)),
         Input("study", "results.jsonl", ("recommend --study . --time-budget 100s",)),
         *(
             Input("study", name, ("preference evaluate answers.csv --key key.json",))

@@ -123,10 +123,7 @@ class Originals:
         """A reconstruction that has its sparse model of structure from motion, and nothing behind it."""
         from fuzzing.sparse_model import write_sparse_model
 
-        shutil.copytree(self.make("capture"), folder / "capture")
-        _digs_warp(
-            "reconstruct", folder / "capture", "--out", folder / "reconstruction", *RECONSTRUCT
-        )
+        shutil.copytree(self.make("reconstruction"), folder)
         write_sparse_model(read_capture(folder / "capture"), folder / "reconstruction" / "sfm")
 
     def _splats(self, folder: Path) -> None:
@@ -246,10 +243,12 @@ class Originals:
         return capture, {"fx": k.fx, "fy": k.fy, "cx": k.cx, "cy": k.cy}
 
     def _settings(self, folder: Path) -> None:
-        """Settings of commands, as JSON and YAML, and a profile of a camera."""
+        """Settings of commands, as JSON and YAML, a profile of a camera, and a scene to plan for."""
         import yaml
 
         folder.mkdir()
+        for name in ("ball.ply", "room.png"):
+            shutil.copyfile(self.make("scenes") / name, folder / name)
         records = {
             "simulate": self.make("capture") / "run.json",
             "reconstruct": self.make("reconstruction") / "reconstruction" / "run.json",
