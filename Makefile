@@ -73,6 +73,8 @@ pages: setup ## Run all other benchmarks for the documentation; an hour on a qui
 		paper-length usd render mesh splat-files
 	$(BIN)/python scripts/recordings_page.py
 
+# Threads of NumPy's matrix products, which wait by turning, would take the cores from the other process.
+test: export OPENBLAS_NUM_THREADS ?= 1
 test: setup ## The test suite (first installs missing system libraries with apt, when run as root)
 	@scripts/install_system_libraries.sh
 	$(BIN)/python -m pytest --numprocesses $(WORKERS) --dist loadfile $(ARGS)
