@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache
 
 import numpy as np
 
@@ -154,15 +155,21 @@ def photograph(place: Place, rig: StereoRig, seed: int = 0, drift: Drift = NO_DR
 
 def _texture(pixel: float, seed: int) -> np.ndarray:
     """Return a periodic texture (amplitude 1/f), blurred to the size of a pixel on the wall [m], float32."""
+    spectrum, frequency = _spectrum(seed)
+    sigma = 0.5 * pixel * TEXELS / TILE  # [texels]
+    blurred = np.fft.irfft2(spectrum * np.exp(-2 * (np.pi * sigma * frequency) ** 2))
+    return np.clip(MIDDLE + CONTRAST * blurred, DARKEST, BRIGHTEST).astype(np.float32)
+
+
+@lru_cache(maxsize=1)  # all places have the same wall
+def _spectrum(seed: int) -> tuple[np.ndarray, np.ndarray]:
+    """Return the spectrum of the texture before any blur, of mean 0 and variance 1, and its frequencies."""
     rng = np.random.default_rng(seed)
     spectrum = np.fft.rfft2(rng.standard_normal((TEXELS, TEXELS)))
     frequency = np.hypot(np.fft.fftfreq(TEXELS)[:, None], np.fft.rfftfreq(TEXELS))
     spectrum /= np.maximum(frequency, 4 / TEXELS)
-    plain = np.fft.irfft2(spectrum)
-    sigma = 0.5 * pixel * TEXELS / TILE  # [texels]
-    blurred = np.fft.irfft2(spectrum * np.exp(-2 * (np.pi * sigma * frequency) ** 2))
-    gray = MIDDLE + CONTRAST * (blurred - plain.mean()) / plain.std()
-    return np.clip(gray, DARKEST, BRIGHTEST).astype(np.float32)
+    spectrum[0, 0] = 0.0
+    return spectrum / np.fft.irfft2(spectrum).std(), frequency
 
 
 def _eye(

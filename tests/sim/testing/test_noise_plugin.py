@@ -33,18 +33,18 @@ def test_the_worked_example_passes_in_another_project(tmp_path: Path) -> None:
     assert list(tmp_path.glob(".pytest_cache/d/sensor_noise/*/*/transforms.json"))
 
 
-EACH = """
+EACH = f"""
 import pytest
 from digs_warp.sim.testing import each
 
-@pytest.mark.sensor_noise(
-    effects=each("shot-noise", "static-field"), strengths=(0, 1, 4), frames=1, width=48, height=36
-)
+SMALL = dict(mesh={str(Path(__file__).with_name("box.obj"))!r}, ground="none", frames=1, width=48, height=36)
+
+@pytest.mark.sensor_noise(effects=each("shot-noise", "static-field"), strengths=(0, 1, 4), **SMALL)
 def test_effects(sensor_noise, request):
     curve = sensor_noise.measure(noise)
     assert "static" not in request.node.name, "<planned>"
 
-@pytest.mark.sensor_noise(strengths=(0, 1, 4), frames=1, width=48, height=36)
+@pytest.mark.sensor_noise(strengths=(0, 1, 4), **SMALL)
 def test_broken(sensor_noise):
     sensor_noise.measure(lambda capture: 1 / 0)
 
