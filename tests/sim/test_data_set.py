@@ -69,9 +69,9 @@ def test_a_scene_that_fails_does_not_stop_the_rest(inputs: Path, tmp_path: Path)
     assert [SceneResult(**scene) for scene in summary["scenes"]] == list(results)
 
 
-def test_perfect_depth_is_judged_perfect(tmp_path: Path) -> None:
-    config = SimulateConfig(frames=1, width=48, samples_per_pixel=1, tier="truth")
-    (job,) = plan_jobs(config, [], [])
+def test_perfect_depth_is_judged_perfect(inputs: Path, tmp_path: Path) -> None:
+    config = replace(TINY, frames=1, tier="truth")
+    (job,) = plan_jobs(config, [inputs / "pyramid.obj"], [inputs / "day.png"])
     (result,) = simulate_many([job], tmp_path)
     assert (result.fill, result.error_mm) == (1.0, 0.0)
     assert judge_depth(read_capture(tmp_path / job.name)) == (1.0, 0.0)

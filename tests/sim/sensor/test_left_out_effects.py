@@ -8,11 +8,12 @@ import numpy as np
 from digs_warp.sim.config import SimulateConfig
 from digs_warp.sim.frame_maker import FrameMaker, RenderedFrame
 from digs_warp.sim.inputs import load_inputs
+from digs_warp.sim.metering import meter_walk
 from digs_warp.sim.sensor.color.recorded import recorded_images
 from digs_warp.sim.sensor.effects import EFFECTS
 from digs_warp.sim.sensor.planner import override
 from digs_warp.sim.sensor.tiers import sense
-from digs_warp.sim.sensor_plan import SensorPlan, make_plan, with_adaptation
+from digs_warp.sim.sensor_plan import SensorPlan, make_plan
 from digs_warp.sim.session import Session, prepare_session
 from digs_warp.study.realism_scenes import places
 from digs_warp.study.scenes import OBJECT_SIZE
@@ -64,7 +65,7 @@ def test_effects_that_are_off_would_change_next_to_nothing(sample_data: Path) ->
         session = prepare_session(config, load_inputs(config))
         plan = make_plan(session)
         frame = FrameMaker(session, plan).render(NUMBER)
-        metered = with_adaptation(with_effect(plan, "auto-exposure"), session).adaptation
+        metered = plan.adaptation or meter_walk(session)
         usual = disparity(session, plan, frame, 0)
         by_chance = changed(usual, disparity(session, plan, frame, 1))
         for choice in (*plan.color, *plan.depth):
