@@ -160,9 +160,7 @@ def _beyond_centers(
 ) -> dict[str, float]:
     """Return what found poses do to the images, their scale, and their loss to true ones in that scale."""
     assert result.frames is not None
-    found = {frame.name: frame.camera for frame, _ in result.frames.by_time}
-    placed = [frame for frame in capture.frames if frame.name in found]
-    apart = pose_pixels(placed, [found[frame.name] for frame in placed])
+    apart = pose_pixels(capture.frames, [frame for frame, _ in result.frames.by_time])
     values = {"pose error [px]": apart.error, "scale error [%]": 100 * (apart.scale - 1)}
     if apart.error > LOST:  # poses that are plainly wrong have no scale to speak of
         return values

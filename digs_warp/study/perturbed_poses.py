@@ -85,8 +85,7 @@ def _measured(
     assert result.frames is not None
     errors, scale = {}, 1.0
     if sfm.poses != "capture":
-        cameras = {frame.name: frame.camera for frame, _ in result.frames.by_time}
-        apart = pose_pixels(capture.frames, [cameras[frame.name] for frame in capture.frames])
+        apart = pose_pixels(capture.frames, [frame for frame, _ in result.frames.by_time])
         scale = apart.scale
         errors = {"pose error [px]": apart.error, "scale error [%]": 100 * (scale - 1)}
     posed = result.frames.training

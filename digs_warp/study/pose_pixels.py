@@ -28,7 +28,7 @@ class PosePixels:
     scale: float
 
 
-def pose_pixels(true: Sequence[Frame], found: Sequence[Camera]) -> PosePixels:
+def pose_pixels(recorded: Sequence[Frame], found: Sequence[Frame]) -> PosePixels:
     """Return by how much found poses move the object in the images.
 
     Centers and turns of cameras, compared each for itself, overstate errors that make up for each other, and
@@ -36,17 +36,19 @@ def pose_pixels(true: Sequence[Frame], found: Sequence[Camera]) -> PosePixels:
     neither: it shows by how many pixels the surface is elsewhere.
 
     Args:
-        true: frames with true poses, true depth and masks.
-        found: the camera of each.
+        recorded: frames with true poses, true depth and masks.
+        found: those of them that were not left out, with found poses.
     """
     from scipy.optimize import least_squares
 
+    by_name = {frame.name: frame for frame in recorded}
+    true = [by_name[frame.name] for frame in found]
     seen = [_object_points(frame) for frame in true]
     world = np.concatenate([points for _, points in seen])
     given = np.stack([frame.camera.world_from_cam for frame in true])
     middle = world.mean(axis=0)
     distance = float(np.median(np.linalg.norm(given[:, :3, 3] - middle, axis=1)))
-    laid = in_place(np.stack([camera.world_from_cam for camera in found]), given, distance)
+    laid = in_place(np.stack([frame.camera.world_from_cam for frame in found]), given, distance)
     cameras = [
         Camera(frame.camera.intrinsics, pose) for frame, pose in zip(true, laid, strict=True)
     ]

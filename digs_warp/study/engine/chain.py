@@ -209,7 +209,7 @@ def _against_truth(
     score["psnr_object_in_place"] = psnr_in_place(result.gaussians, yardstick, to_truth)
     if config.sfm.poses != "capture":
         posed = result.frames.training
-        scale = _found_scale(posed, capture.frames)
+        scale = pose_pixels(capture.frames, posed).scale
         score["psnr_object_in_scale"] = psnr_in_scale(
             result.gaussians, yardstick, posed, capture.frames, scale
         )
@@ -226,12 +226,6 @@ def _yardstick(case: Case, folder: Path) -> Sequence[Frame]:
     scene = {name: case.recording[name] for name in SCENE_SETTINGS if name in case.recording}
     config = with_settings(SimulateConfig(**YARDSTICK), scene)
     return _recorded(config, f"yardstick-{digest(scene)}", folder).frames
-
-
-def _found_scale(posed: Sequence[Frame], recorded: Sequence[Frame]) -> float:
-    """Return the scale of found poses over the true one."""
-    true = {frame.name: frame for frame in recorded}
-    return pose_pixels([true[f.name] for f in posed], [f.camera for f in posed]).scale
 
 
 def _scale_error(capture: Capture, config: "ReconstructConfig", posed: PosedFrames) -> float:

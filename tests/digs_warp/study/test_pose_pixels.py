@@ -26,11 +26,15 @@ def frame(number: int, pose: np.ndarray) -> Frame:
 FRAMES = [frame(number, pose) for number, pose in enumerate(ring_of_poses(8))]
 
 
-def moved(motions: Sequence[np.ndarray], scale: float = 1.0) -> list[Camera]:
-    cameras = [each.camera for each in FRAMES]
+def moved(motions: Sequence[np.ndarray], scale: float = 1.0) -> list[Frame]:
     return [
-        replace(camera, world_from_cam=motion @ scaled_pose(camera, 1 / scale))
-        for camera, motion in zip(cameras, motions, strict=True)
+        replace(
+            each,
+            camera=replace(
+                each.camera, world_from_cam=motion @ scaled_pose(each.camera, 1 / scale)
+            ),
+        )
+        for each, motion in zip(FRAMES, motions, strict=True)
     ]
 
 
@@ -55,3 +59,9 @@ def test_a_turned_camera_counts_by_the_pixels_that_it_moves() -> None:
     # Of one camera of eight, and a little more away from the middle of the image.
     expected = px / np.sqrt(8)
     assert pose_pixels(FRAMES, moved(motions)).error == pytest.approx(expected, rel=0.2)
+
+
+def test_frames_that_were_left_out_do_not_count() -> None:
+    found = pose_pixels(FRAMES, moved([np.eye(4)] * 8, 1.02)[1:])
+    assert found.error < 1e-3
+    assert found.scale == pytest.approx(1.02, abs=1e-5)
