@@ -20,9 +20,8 @@ from digs_warp.sim.scene import Scene
 LARGEST = 128 << 20
 
 _lock = Lock()
-_kept: dict[
-    bytes, tuple[RaycastRenderer, int]
-] = {}  # with their sizes; the one used last stands last
+# With their sizes; the one used last stands last.
+_kept: dict[bytes, tuple[RaycastRenderer, int]] = {}
 
 
 def renderer_of(scene: Scene, environment: Environment) -> RaycastRenderer:
