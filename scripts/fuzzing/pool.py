@@ -76,6 +76,7 @@ class Worker:
         self._process = process
         self._known.clear()
         child.close()
+        self._connection.recv()  # until it has started
 
     def _check_healthy(self, kind: str) -> None:
         for job in self._healthy(kind):

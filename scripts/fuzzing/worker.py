@@ -47,9 +47,13 @@ Command = Callable[[Sequence[str]], int]
 
 
 def work(connection: Connection, command: Command) -> None:
-    """Answer each (folder, lines, is_healthy) with an `Outcome`; healthy inputs may take what they need."""
+    """Answer each (folder, lines, is_healthy) with an `Outcome`; healthy inputs may take what they need.
+
+    Says "ready" first: what the process takes to start is put down to no input.
+    """
     logging.disable(logging.WARNING)
     os.dup2(os.open(os.devnull, os.O_WRONLY), 2)  # C libraries complain there
+    connection.send("ready")
     while (job := connection.recv()) is not None:
         folder, lines, is_healthy = job
         limit = resource.RLIM_INFINITY if is_healthy else _status("VmSize") + ADDRESS_SPACE

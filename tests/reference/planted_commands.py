@@ -21,7 +21,7 @@ def planted(words: Sequence[str]) -> int:
         case "crash":
             os.kill(os.getpid(), signal.SIGSEGV)
         case "memory":
-            assert b"x" * (300 << 20)
+            assert b"x" * (100 << 20)
         case "time":
             while True:
                 pass

@@ -12,11 +12,12 @@ from fuzzing.pool import Job, Worker
 from fuzzing.tally import table
 
 from reference.planted_commands import planted
+from reference.slow_to_import import slow_to_import
 
 
 @pytest.fixture(scope="module")
 def worker() -> Iterator[Worker]:
-    worker = Worker(lambda _: [], planted, seconds=1.0, megabytes=200.0)
+    worker = Worker(lambda _: [], planted, seconds=2.0, megabytes=50.0)
     yield worker
     worker.stop()
 
@@ -38,6 +39,14 @@ def test_planted_defects_are_noticed(worker: Worker, tmp_path: Path, line: str, 
     outcome = worker.run(Job("planted", tmp_path, (line,)))
     assert outcome.end == end, outcome.detail
     assert outcome.is_defect == (end not in ("read", "refused"))
+
+
+def test_the_start_of_a_process_does_not_count(tmp_path: Path) -> None:
+    """Imports take 1 s of the processor here, and longer where it has other work, too."""
+    worker = Worker(lambda _: [], slow_to_import, seconds=0.2)
+    outcome = worker.run(Job("planted", tmp_path, ("read",)))
+    worker.stop()
+    assert outcome.end == "read", outcome.detail
 
 
 @pytest.mark.slow
