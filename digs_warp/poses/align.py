@@ -43,7 +43,9 @@ class Alignment:
     pairs: np.ndarray
 
 
-def align(pictures: Sequence[Picture], given: np.ndarray, threads: int = 0) -> Alignment | None:
+def align(
+    pictures: Sequence[Picture], given: np.ndarray, start: np.ndarray | None = None
+) -> Alignment | None:
     """Return poses with which the frames agree best; None if no two frames have enough in common.
 
     Gauss-Newton steps over the poses of all frames. Every pair compares the brightness and the inverse depth
@@ -53,11 +55,11 @@ def align(pictures: Sequence[Picture], given: np.ndarray, threads: int = 0) -> A
     Args:
         pictures: of n frames, with depth.
         given: ``world_from_cam``, (n, 4, 4); errors of about one degree and a centimetre are mended.
-        threads: that share the work; 0: as many as usual; 1 is faster for two frames.
+        start: better ones to begin with, (n, 4, 4); None: the given ones.
     """
     levels = by_size([each.sizes(len(HIDDEN), LEAST_WIDTH) for each in pictures])
     views = (over_items(level, view_of) for level in levels)
-    return _coarse_to_fine(levels, views, given, threads)
+    return _coarse_to_fine(levels, views, given, given if start is None else start)
 
 
 def pyramid_of(picture: Picture) -> tuple[View, ...]:
@@ -78,7 +80,7 @@ def align_pair(
     levels = by_size([first, second])
     given = np.stack([np.eye(4), invert_rigid(second_from_first)])
     pictures = [[view.picture for view in level] for level in levels]
-    found = _coarse_to_fine(pictures, levels, given, threads=1)
+    found = _coarse_to_fine(pictures, levels, given, given, threads=1)
     return second_from_first if found is None else invert_rigid(found.poses[1]) @ found.poses[0]
 
 
@@ -86,13 +88,17 @@ def _coarse_to_fine(
     pictures: Sequence[Sequence[Picture]],
     levels: Iterable[Sequence[View]],
     given: np.ndarray,
-    threads: int,
+    start: np.ndarray,
+    threads: int = 0,
 ) -> Alignment | None:
-    """Align all frames from small to large; each level of views may be made when it is asked for."""
-    pairs = overlapping_pairs(pictures[0], given)
+    """Align all frames from small to large; each level of views may be made when it is asked for.
+
+    One thread is faster for two frames.
+    """
+    pairs = overlapping_pairs(pictures[0], start)
     if not len(pairs):
         return None
-    poses, judge = given, None
+    poses, judge = start, None
     for views, hidden in zip(levels, HIDDEN[-len(pictures) :], strict=True):
         comparison = PairComparison(views, pairs)
         if judge is None or views[0].picture.intrinsics.width <= JUDGED:

@@ -12,7 +12,7 @@ import numpy as np
 from digs_warp.device.threads import over_items
 from digs_warp.geometry import invert_rigid
 from digs_warp.poses.agreement import disagreement, disagreements, reduced
-from digs_warp.poses.align import align_first
+from digs_warp.poses.align import align, align_first
 from digs_warp.poses.chain import BROKEN
 from digs_warp.poses.correlation import correlation
 from digs_warp.poses.features import features_of
@@ -41,12 +41,14 @@ class Mended:
     """What became of misplaced frames.
 
     Attributes:
-        poses: ``world_from_cam`` of all frames, (n, 4, 4); new ones for some.
+        poses: ``world_from_cam`` of all frames, (n, 4, 4); new ones for those that were moved.
+        start: the same, to align all frames from: aligned ones, if a frame could be placed only among them.
         moved: numbers of the frames that were registered again, and now agree as others do.
-        lost: numbers of the frames that agree with no other and could not be placed.
+        lost: numbers of the frames that agree with no other, wherever they are placed.
     """
 
     poses: np.ndarray
+    start: np.ndarray
     moved: tuple[int, ...] = ()
     lost: tuple[int, ...] = ()
 
@@ -62,29 +64,41 @@ def mended(pictures: Sequence[Picture], poses: np.ndarray) -> Mended:
     apart = _apart(small, poses, overlapping_pairs(small, poses))
     known = np.isfinite(apart)
     if np.count_nonzero(known) < FEWEST:
-        return Mended(poses)
-    limit = _limit(apart[known])
+        return Mended(poses, poses)
+    limit = _limit(apart)
     wrong = np.flatnonzero(known & (apart > limit))
     right = np.flatnonzero(known & (apart <= limit))
     if not len(wrong) or len(wrong) > MOST_WRONG * np.count_nonzero(known):
-        return Mended(poses)
-    placed = poses.copy()
-    for number in wrong:
-        placed[number] = _placed(pictures, small, poses, int(number), right)
+        return Mended(poses, poses)
+    placed = _with_placed(pictures, small, poses, wrong, right)
     after = _apart(small, placed, overlapping_pairs(small, placed))
     holds = after < np.minimum(limit, apart - LEAST_APART)
     left = wrong[~holds[wrong]]
     placed[left] = poses[left]
-    return Mended(
-        placed,
-        moved=tuple(map(int, wrong[holds[wrong]])),
-        lost=_lost(small, placed, left[apart[left] > BROKEN], right),
-    )
+    moved = _numbers(wrong[holds[wrong]])
+    doubted = left[apart[left] > BROKEN]
+    if not len(doubted):
+        return Mended(placed, placed, moved)
+    return _mended_among_aligned(pictures, small, Mended(placed, placed, moved), doubted, right)
+
+
+def _with_placed(
+    pictures: Sequence[Picture],
+    small: Sequence[Picture],
+    poses: np.ndarray,
+    wrong: np.ndarray,
+    right: np.ndarray,
+) -> np.ndarray:
+    """Return the poses, those of wrong frames by right ones."""
+    placed = poses.copy()
+    for number in wrong:
+        placed[number] = _placed(pictures, small, poses, int(number), right)
+    return placed
 
 
 def _limit(apart: np.ndarray) -> float:
-    usual = np.median(apart)
-    spread = SIGMAS * np.median(np.abs(apart - usual))
+    usual = np.nanmedian(apart)
+    spread = SIGMAS * np.nanmedian(np.abs(apart - usual))
     return float(usual + max(LEAST_APART, DEVIATIONS * spread))
 
 
@@ -121,18 +135,52 @@ def _placed(
     group = [pictures[each] for each in (number, *near)]
     aligned = [align_first(group, np.stack([pose, *poses[near]])) for pose in best]
     tried = [*best, *aligned]
-    return tried[int(np.argmin(doubts(tried, 3 * COARSE_SAMPLES)))]
+    # Where nothing is shared, little is contradicted: there, details that match tell right poses.
+    matching = _matching([small[each] for each in (number, *near)], tried, poses[near])
+    return tried[int(np.argmin(doubts(tried, 3 * COARSE_SAMPLES) - matching))]
 
 
-def _lost(
-    pictures: Sequence[Picture], poses: np.ndarray, doubted: np.ndarray, right: np.ndarray
-) -> tuple[int, ...]:
-    """Return which of the doubted frames' details match those of no other frame."""
-    if not len(doubted):
-        return ()
-    views = over_items(pictures, view_of)
-    pairs = overlapping_pairs(pictures, poses)
-    matching = measured_pairs(correlation, views, poses, pairs)
-    found = medians_of_frames(pairs, len(poses), matching)
-    usual = np.nanmedian(found[right])
-    return tuple(int(each) for each in doubted if not found[each] >= MATCHING * usual)
+def _matching(
+    pictures: Sequence[Picture], tried: Sequence[np.ndarray], others: np.ndarray
+) -> np.ndarray:
+    """Return how well the first picture's details match those of the others with each of m poses, (m,)."""
+    first, *rest = over_items(pictures, view_of)
+
+    def mean(pose: np.ndarray) -> float:
+        pairs = zip(rest, others, strict=True)
+        return float(np.mean([correlation(first, v, invert_rigid(at) @ pose) for v, at in pairs]))
+
+    return np.array(over_items(tried, mean))
+
+
+def _mended_among_aligned(
+    pictures: Sequence[Picture],
+    small: Sequence[Picture],
+    mend: Mended,
+    doubted: np.ndarray,
+    right: np.ndarray,
+) -> Mended:
+    """Place what is in doubt once the others are aligned: before, all poses may be a little off.
+
+    What then neither agrees with the others nor matches their details is lost.
+    """
+    others = np.setdiff1d(np.arange(len(pictures)), doubted)
+    start = mend.poses.copy()
+    alignment = align([pictures[each] for each in others], start[others])
+    if alignment is not None:
+        start[others] = alignment.poses
+    start = _with_placed(pictures, small, start, doubted, right)
+    pairs = overlapping_pairs(small, start)
+    matching = measured_pairs(correlation, over_items(small, view_of), start, pairs)
+    matches = medians_of_frames(pairs, len(start), matching)
+    apart = _apart(small, start, pairs)
+    agrees = apart <= min(BROKEN, _limit(apart[right]))
+    agrees |= matches >= MATCHING * np.nanmedian(matches[right])
+    poses = mend.poses.copy()
+    found, lost = doubted[agrees[doubted]], doubted[~agrees[doubted]]
+    poses[found] = start[found]
+    return Mended(poses, start, tuple(sorted(mend.moved + _numbers(found))), _numbers(lost))
+
+
+def _numbers(some: np.ndarray) -> tuple[int, ...]:
+    return tuple(map(int, some))

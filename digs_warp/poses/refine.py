@@ -60,7 +60,7 @@ def refine(
     given = mend.poses[kept]
     if mend.moved:
         frames = _with_poses(frames, given)
-    found = align(pictures, given)
+    found = align(pictures, given, mend.start[kept])
     if found is None:
         return _left(frames, "no two frames with depth show the same surface", needed)
     gain = 1 - found.error_after / max(found.error_before, 1e-12)

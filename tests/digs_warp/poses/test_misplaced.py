@@ -14,12 +14,14 @@ from digs_warp.data.layers import Layer
 from digs_warp.geometry import matrix_from_rotation_vector, rigid
 from digs_warp.pipeline.front_end import front_end
 from digs_warp.pipeline.front_end_config import FrontEndConfig
+from digs_warp.poses.align import align
 from digs_warp.poses.misplaced import mended
 from digs_warp.poses.refine import refine
 from digs_warp.poses.views import load_pictures
 from digs_warp.record.run_log import RunLog
 from digs_warp.segment.agreed import agreed_masks
 from digs_warp.sfm.config import SfmConfig
+from digs_warp.sfm.perturb import perturbed_poses
 
 WRONG = 5
 
@@ -31,6 +33,13 @@ def capture(tmp_path_factory: pytest.TempPathFactory) -> Capture:
     return dw.simulate(
         frames=12, elevations=(20.0,), out=tmp_path_factory.mktemp("arc") / "capture", **settings
     )
+
+
+@pytest.fixture(scope="module")
+def orbits(tmp_path_factory: pytest.TempPathFactory) -> Capture:
+    """All around the built-in object in wide steps."""
+    settings = {"width": 320, "tier": "law", "path": "orbits", "seed": 3}
+    return dw.simulate(frames=16, out=tmp_path_factory.mktemp("orbits") / "capture", **settings)
 
 
 def poses_of(frames: Sequence[Frame]) -> np.ndarray:
@@ -88,6 +97,22 @@ def test_a_frame_that_cannot_be_placed_is_left_out(capture: Capture) -> None:
     frames[WRONG] = mirrored
     left, _ = refine(frames, 0.0, needed=False)
     assert [f.name for f in left] == [f.name for f in frames if f is not mirrored]
+
+
+@pytest.mark.parametrize(("seed", "number"), [(2, 1), (5, 3), (8, 0)])
+def test_right_frames_stay_where_all_poses_are_off(orbits: Capture, seed: int, number: int) -> None:
+    """A frame that agrees with no other before all are aligned does so afterwards."""
+    true = poses_of(orbits.frames)
+    given = np.stack(perturbed_poses(list(true), 1.0, 0.01, seed))
+    pictures = load_pictures(orbits.frames, 0.0)
+    found = mended(pictures, given)
+    assert (found.moved, found.lost) == ((number,), ())
+    others = np.arange(len(true)) != number
+    np.testing.assert_array_equal(found.poses[others], given[others])
+    alignment = align(pictures, found.poses, found.start)
+    assert alignment is not None
+    before, after = (apart(poses[number], true[number])[1] for poses in (given, alignment.poses))
+    assert after < 0.5 * before
 
 
 def test_good_poses_stay_bit_by_bit(capture: Capture) -> None:
