@@ -1,7 +1,8 @@
 """Single frames whose poses contradict the color and depth of all frames around them, and where they belong.
 
 Structure from motion may place a frame by what is far, which tells where a camera looks and hardly where it
-is. Its frames then agree with each other but for one, which agrees with none.
+is. Its frames then agree with each other but for one, which agrees with none, or has nothing in common with
+any.
 """
 
 from collections.abc import Sequence
@@ -30,6 +31,9 @@ SIGMAS = 1.4826
 # What is brighter or darker than its neighbors disagrees, too, but its details match. A frame is lost if they
 # match less than this share of what is usual.
 MATCHING = 0.6
+# Poses are right enough to compare details where these usually correlate by this much: half a degree of error
+# leaves 0.1 to 0.28, right ones reach 0.4 to 0.8. A frame in a wrong place then has less than this share.
+TELLING, UNLIKE = 0.3, 0.33
 # Neighbors in time by which a frame is placed; placings that are tried, and those that are followed.
 NEIGHBORS, TRIED, FOLLOWED = 6, 200, 3
 # Points that are looked up for each that is tried.
@@ -61,25 +65,53 @@ def mended(pictures: Sequence[Picture], poses: np.ndarray) -> Mended:
         poses: ``world_from_cam``, (n, 4, 4).
     """
     small = reduced(pictures)
-    apart = _apart(small, poses, overlapping_pairs(small, poses))
+    pairs = overlapping_pairs(small, poses)
+    apart = _apart(small, poses, pairs)
     known = np.isfinite(apart)
     if np.count_nonzero(known) < FEWEST:
         return Mended(poses, poses)
     limit = _limit(apart)
-    wrong = np.flatnonzero(known & (apart > limit))
-    right = np.flatnonzero(known & (apart <= limit))
-    if not len(wrong) or len(wrong) > MOST_WRONG * np.count_nonzero(known):
+    wrong = np.flatnonzero(apart > limit)
+    if len(wrong) > MOST_WRONG * np.count_nonzero(known):
         return Mended(poses, poses)
+    untouched = pairs[~np.isin(pairs, wrong).any(axis=1)]
+    strange = _strange(small, known, _matches(small, poses, untouched), wrong)
+    if not len(wrong) + len(strange):
+        return Mended(poses, poses)
+    right = np.setdiff1d(np.flatnonzero(known), np.union1d(wrong, strange))
     placed = _with_placed(pictures, small, poses, wrong, right)
     after = _apart(small, placed, overlapping_pairs(small, placed))
     holds = after < np.minimum(limit, apart - LEAST_APART)
     left = wrong[~holds[wrong]]
     placed[left] = poses[left]
-    moved = _numbers(wrong[holds[wrong]])
+    mend = Mended(placed, placed, _numbers(wrong[holds[wrong]]))
     doubted = left[apart[left] > BROKEN]
-    if not len(doubted):
-        return Mended(placed, placed, moved)
-    return _mended_among_aligned(pictures, small, Mended(placed, placed, moved), doubted, right)
+    if not len(doubted) + len(strange):
+        return mend
+    return _mended_among_aligned(pictures, small, mend, doubted, strange, right)
+
+
+def _strange(
+    pictures: Sequence[Picture], known: np.ndarray, matches: np.ndarray, wrong: np.ndarray
+) -> np.ndarray:
+    """Return the numbers of frames that nothing contradicts, and that have little in common with the others.
+
+    They may be in a wrong place, or see what no other sees.
+
+    Args:
+        pictures: of n frames.
+        known: whether each has something in common with others, (n,).
+        matches: how well its details match theirs, (n,); NaN: unknown.
+        wrong: numbers of frames that others contradict.
+    """
+    has_depth = np.array([bool(np.isfinite(each.depth).any()) for each in pictures])
+    usual = np.nanmedian(matches)
+    strange = has_depth & ~known
+    if usual >= TELLING:
+        strange |= matches < UNLIKE * usual
+    found = np.setdiff1d(np.flatnonzero(strange), wrong)
+    few = len(found) + len(wrong) <= MOST_WRONG * np.count_nonzero(has_depth)
+    return found if few else found[:0]
 
 
 def _with_placed(
@@ -158,28 +190,36 @@ def _mended_among_aligned(
     small: Sequence[Picture],
     mend: Mended,
     doubted: np.ndarray,
+    strange: np.ndarray,
     right: np.ndarray,
 ) -> Mended:
-    """Place what is in doubt once the others are aligned: before, all poses may be a little off.
+    """Place what is left once the others are aligned: before, all poses may be a little off.
 
-    What then neither agrees with the others nor matches their details is lost.
+    What was in doubt, and then neither agrees with the others nor matches their details, is lost. What was
+    strange, and does not match them, stays where it was.
     """
-    others = np.setdiff1d(np.arange(len(pictures)), doubted)
+    doubted_or_strange = np.union1d(doubted, strange)
+    others = np.setdiff1d(np.arange(len(pictures)), doubted_or_strange)
     start = mend.poses.copy()
     alignment = align([pictures[each] for each in others], start[others])
     if alignment is not None:
         start[others] = alignment.poses
-    start = _with_placed(pictures, small, start, doubted, right)
+    start = _with_placed(pictures, small, start, doubted_or_strange, right)
     pairs = overlapping_pairs(small, start)
-    matching = measured_pairs(correlation, over_items(small, view_of), start, pairs)
-    matches = medians_of_frames(pairs, len(start), matching)
-    apart = _apart(small, start, pairs)
-    agrees = apart <= min(BROKEN, _limit(apart[right]))
-    agrees |= matches >= MATCHING * np.nanmedian(matches[right])
+    apart, matches = _apart(small, start, pairs), _matches(small, start, pairs)
+    agrees = matches >= MATCHING * np.nanmedian(matches[right])
+    start[strange] = np.where(agrees[strange, None, None], start[strange], mend.poses[strange])
+    agrees[doubted] |= apart[doubted] <= min(BROKEN, _limit(apart[right]))
     poses = mend.poses.copy()
-    found, lost = doubted[agrees[doubted]], doubted[~agrees[doubted]]
+    found, lost = doubted_or_strange[agrees[doubted_or_strange]], doubted[~agrees[doubted]]
     poses[found] = start[found]
     return Mended(poses, start, tuple(sorted(mend.moved + _numbers(found))), _numbers(lost))
+
+
+def _matches(pictures: Sequence[Picture], poses: np.ndarray, pairs: np.ndarray) -> np.ndarray:
+    """Return how well each frame's details match those of the others, (n,); NaN for what has no pair."""
+    found = measured_pairs(correlation, over_items(pictures, view_of), poses, pairs)
+    return medians_of_frames(pairs, len(poses), found)
 
 
 def _numbers(some: np.ndarray) -> tuple[int, ...]:
