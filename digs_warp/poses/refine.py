@@ -62,7 +62,7 @@ def refine(
         frames = _with_poses(frames, given)
     found = align(pictures, given, mend.start[kept])
     if found is None:
-        return _left(frames, "no two frames with depth show the same surface", needed)
+        return _left(frames, f"no two frames with depth show the same surface{told}", needed)
     gain = 1 - found.error_after / max(found.error_before, 1e-12)
     little = gain < LEAST_GAIN and not needed
     because = f"with refined poses the frames would differ {_less(gain)}{told}"
@@ -77,7 +77,8 @@ def refine(
     poses = np.where(worse[:, None, None], given, moved)
     motion = _motion(given, poses)
     if motion[1] > LARGEST_TURN:
-        return _left(frames, f"the frames do not hold together: turned by {motion[1]:.1f}°", needed)
+        because = f"the frames do not hold together: turned by {motion[1]:.1f}°{told}"
+        return _left(frames, because, needed)
     because = f"the frames differ {_less(gain)}{told}"
     if worse.any():
         because += f"; {counted(int(worse.sum()), 'frame')} would agree less and kept the pose"

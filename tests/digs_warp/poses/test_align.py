@@ -18,6 +18,7 @@ from digs_warp.poses.align import Alignment, align, in_place
 from digs_warp.poses.bundle import adjusted
 from digs_warp.poses.equations import PairComparison, Scales
 from digs_warp.poses.likely_scale import in_likely_scale
+from digs_warp.poses.misplaced import Mended
 from digs_warp.poses.pairs import overlapping_pairs
 from digs_warp.poses.refine import refine
 from digs_warp.poses.views import Picture, view_of
@@ -197,6 +198,20 @@ def test_frames_that_hold_nothing_together_keep_their_poses() -> None:
     kept, refinement = refine(frames, 0.0, needed=False)
     assert not refinement.refined
     assert kept == frames
+
+
+def test_left_out_frames_are_named_where_the_others_keep_their_poses(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    def one_lost(_: Sequence[Picture], poses: np.ndarray) -> Mended:
+        return Mended(poses, poses, lost=(2,))
+
+    monkeypatch.setattr("digs_warp.poses.refine.mended", one_lost)
+    monkeypatch.setattr("digs_warp.poses.refine.LARGEST_TURN", 0.0)
+    frames = frames_at(perturbed())
+    because = refine(frames, 0.0, needed=False)[1].because
+    assert because.startswith("the frames do not hold together")
+    assert because.endswith(f"; left out: {frames[2].name}")
 
 
 def wrong_in_scale(radius: float, spread: float) -> float:
