@@ -7,6 +7,7 @@ any.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -20,7 +21,7 @@ from digs_warp.poses.features import features_of
 from digs_warp.poses.of_pairs import measured_pairs, medians_of_frames
 from digs_warp.poses.pairs import overlapping_pairs
 from digs_warp.poses.resection import Sightings
-from digs_warp.poses.views import Picture, view_of
+from digs_warp.poses.views import Picture, View, view_of
 
 # Fewer frames do not tell which of them is wrong, and neither do more wrong ones than this share.
 FEWEST, MOST_WRONG = 5, 0.25
@@ -57,6 +58,22 @@ class Mended:
     lost: tuple[int, ...] = ()
 
 
+@dataclass(frozen=True, eq=False)
+class _Looks:
+    """Frames as they are, and at the size at which they are compared."""
+
+    pictures: Sequence[Picture]
+
+    @cached_property
+    def small(self) -> list[Picture]:
+        return reduced(self.pictures)
+
+    @cached_property
+    def views(self) -> list[View]:
+        """Of the small ones."""
+        return over_items(self.small, view_of)
+
+
 def mended(pictures: Sequence[Picture], poses: np.ndarray) -> Mended:
     """Register again what agrees far less with the frames around it than all others do.
 
@@ -64,9 +81,9 @@ def mended(pictures: Sequence[Picture], poses: np.ndarray) -> Mended:
         pictures: of n frames, in order of time; what has no depth stays where it is.
         poses: ``world_from_cam``, (n, 4, 4).
     """
-    small = reduced(pictures)
-    pairs = overlapping_pairs(small, poses)
-    apart = _apart(small, poses, pairs)
+    looks = _Looks(pictures)
+    pairs = overlapping_pairs(looks.small, poses)
+    apart = _apart(looks, poses, pairs)
     known = np.isfinite(apart)
     if np.count_nonzero(known) < FEWEST:
         return Mended(poses, poses)
@@ -75,12 +92,12 @@ def mended(pictures: Sequence[Picture], poses: np.ndarray) -> Mended:
     if len(wrong) > MOST_WRONG * np.count_nonzero(known):
         return Mended(poses, poses)
     untouched = pairs[~np.isin(pairs, wrong).any(axis=1)]
-    strange = _strange(small, known, _matches(small, poses, untouched), wrong)
+    strange = _strange(pictures, known, _matches(looks, poses, untouched), wrong)
     if not len(wrong) + len(strange):
         return Mended(poses, poses)
     right = np.setdiff1d(np.flatnonzero(known), np.union1d(wrong, strange))
-    placed = _with_placed(pictures, small, poses, wrong, right)
-    after = _apart(small, placed, overlapping_pairs(small, placed))
+    placed = _with_placed(looks, poses, wrong, right)
+    after = _apart(looks, placed, overlapping_pairs(looks.small, placed))
     holds = after < np.minimum(limit, apart - LEAST_APART)
     left = wrong[~holds[wrong]]
     placed[left] = poses[left]
@@ -88,7 +105,7 @@ def mended(pictures: Sequence[Picture], poses: np.ndarray) -> Mended:
     doubted = left[apart[left] > BROKEN]
     if not len(doubted) + len(strange):
         return mend
-    return _mended_among_aligned(pictures, small, mend, doubted, strange, right)
+    return _mended_among_aligned(looks, mend, doubted, strange, right)
 
 
 def _strange(
@@ -115,16 +132,12 @@ def _strange(
 
 
 def _with_placed(
-    pictures: Sequence[Picture],
-    small: Sequence[Picture],
-    poses: np.ndarray,
-    wrong: np.ndarray,
-    right: np.ndarray,
+    looks: _Looks, poses: np.ndarray, wrong: np.ndarray, right: np.ndarray
 ) -> np.ndarray:
     """Return the poses, those of wrong frames by right ones."""
     placed = poses.copy()
     for number in wrong:
-        placed[number] = _placed(pictures, small, poses, int(number), right)
+        placed[number] = _placed(looks, poses, int(number), right)
     return placed
 
 
@@ -134,20 +147,15 @@ def _limit(apart: np.ndarray) -> float:
     return float(usual + max(LEAST_APART, DEVIATIONS * spread))
 
 
-def _apart(pictures: Sequence[Picture], poses: np.ndarray, pairs: np.ndarray) -> np.ndarray:
+def _apart(looks: _Looks, poses: np.ndarray, pairs: np.ndarray) -> np.ndarray:
     """Return the median disagreement of each frame with the others, (n,); NaN for what has no pair."""
-    found = measured_pairs(disagreement, pictures, poses, pairs)
+    found = measured_pairs(disagreement, looks.small, poses, pairs)
     return medians_of_frames(pairs, len(poses), found)
 
 
-def _placed(
-    pictures: Sequence[Picture],
-    small: Sequence[Picture],
-    poses: np.ndarray,
-    number: int,
-    right: np.ndarray,
-) -> np.ndarray:
+def _placed(looks: _Looks, poses: np.ndarray, number: int, right: np.ndarray) -> np.ndarray:
     """Return the pose of a frame by the features and the alignment of right neighbors; they stay."""
+    pictures, small = looks.pictures, looks.small
     near = right[np.argsort(np.abs(right - number), kind="stable")[:NEIGHBORS]]
     features = over_items([pictures[each] for each in (number, *near)], features_of)
     others = list(zip(features[1:], poses[near], strict=True))
@@ -168,26 +176,19 @@ def _placed(
     aligned = [align_first(group, np.stack([pose, *poses[near]])) for pose in best]
     tried = [*best, *aligned]
     # Where nothing is shared, little is contradicted: there, details that match tell right poses.
-    matching = _matching([small[each] for each in (number, *near)], tried, poses[near])
+    views = [looks.views[each] for each in (number, *near)]
+    matching = [_matching(views, np.stack([pose, *poses[near]])) for pose in tried]
     return tried[int(np.argmin(doubts(tried, 3 * COARSE_SAMPLES) - matching))]
 
 
-def _matching(
-    pictures: Sequence[Picture], tried: Sequence[np.ndarray], others: np.ndarray
-) -> np.ndarray:
-    """Return how well the first picture's details match those of the others with each of m poses, (m,)."""
-    first, *rest = over_items(pictures, view_of)
-
-    def mean(pose: np.ndarray) -> float:
-        pairs = zip(rest, others, strict=True)
-        return float(np.mean([correlation(first, v, invert_rigid(at) @ pose) for v, at in pairs]))
-
-    return np.array(over_items(tried, mean))
+def _matching(views: Sequence[View], poses: np.ndarray) -> float:
+    """Return how well details of the first frame match those of the others."""
+    pairs = np.array([(0, other) for other in range(1, len(views))])
+    return float(np.mean(measured_pairs(correlation, views, poses, pairs)))
 
 
 def _mended_among_aligned(
-    pictures: Sequence[Picture],
-    small: Sequence[Picture],
+    looks: _Looks,
     mend: Mended,
     doubted: np.ndarray,
     strange: np.ndarray,
@@ -199,14 +200,14 @@ def _mended_among_aligned(
     strange, and does not match them, stays where it was.
     """
     doubted_or_strange = np.union1d(doubted, strange)
-    others = np.setdiff1d(np.arange(len(pictures)), doubted_or_strange)
+    others = np.setdiff1d(np.arange(len(looks.pictures)), doubted_or_strange)
     start = mend.poses.copy()
-    alignment = align([pictures[each] for each in others], start[others])
+    alignment = align([looks.pictures[each] for each in others], start[others])
     if alignment is not None:
         start[others] = alignment.poses
-    start = _with_placed(pictures, small, start, doubted_or_strange, right)
-    pairs = overlapping_pairs(small, start)
-    apart, matches = _apart(small, start, pairs), _matches(small, start, pairs)
+    start = _with_placed(looks, start, doubted_or_strange, right)
+    pairs = overlapping_pairs(looks.small, start)
+    apart, matches = _apart(looks, start, pairs), _matches(looks, start, pairs)
     agrees = matches >= MATCHING * np.nanmedian(matches[right])
     start[strange] = np.where(agrees[strange, None, None], start[strange], mend.poses[strange])
     agrees[doubted] |= apart[doubted] <= min(BROKEN, _limit(apart[right]))
@@ -216,9 +217,9 @@ def _mended_among_aligned(
     return Mended(poses, start, tuple(sorted(mend.moved + _numbers(found))), _numbers(lost))
 
 
-def _matches(pictures: Sequence[Picture], poses: np.ndarray, pairs: np.ndarray) -> np.ndarray:
+def _matches(looks: _Looks, poses: np.ndarray, pairs: np.ndarray) -> np.ndarray:
     """Return how well each frame's details match those of the others, (n,); NaN for what has no pair."""
-    found = measured_pairs(correlation, over_items(pictures, view_of), poses, pairs)
+    found = measured_pairs(correlation, looks.views, poses, pairs)
     return medians_of_frames(pairs, len(poses), found)
 
 
