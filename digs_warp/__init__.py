@@ -23,8 +23,6 @@ if TYPE_CHECKING:
     from digs_warp.api.reconstructions import reconstruct as reconstruct
     from digs_warp.api.recordings import simulate as simulate
     from digs_warp.api.recordings import stream as stream
-    from digs_warp.camera import Camera as Camera
-    from digs_warp.camera import Intrinsics as Intrinsics
     from digs_warp.checks import DigsError as DigsError
     from digs_warp.data.capture import Capture as Capture
     from digs_warp.data.capture_writer import CaptureWriter as CaptureWriter
@@ -32,10 +30,12 @@ if TYPE_CHECKING:
     from digs_warp.data.frame import Frame as Frame
     from digs_warp.data.gaussians import Gaussians as Gaussians
     from digs_warp.data.layers import Layer as Layer
-    from digs_warp.geometry import look_at as look_at
+    from digs_warp.geometry.camera import Camera as Camera
+    from digs_warp.geometry.camera import Intrinsics as Intrinsics
+    from digs_warp.geometry.rigid import look_at as look_at
     from digs_warp.pipeline.reconstruction import Reconstruction as Reconstruction
+    from digs_warp.sim.record.stream import StereoFrame as StereoFrame
     from digs_warp.sim.sensor.cause import Cause as Cause
-    from digs_warp.sim.stream import StereoFrame as StereoFrame
     from digs_warp.splat.config import RasterOptions as RasterOptions
     from digs_warp.splat.render import RenderGradients as RenderGradients
     from digs_warp.splat.render import RenderOutput as RenderOutput
@@ -45,7 +45,7 @@ __version__ = "0.1.0"
 
 # Where each public name is defined.
 _HOMES = {
-    "Camera": "digs_warp.camera",
+    "Camera": "digs_warp.geometry.camera",
     "Capture": "digs_warp.data.capture",
     "CaptureWriter": "digs_warp.data.capture_writer",
     "Cause": "digs_warp.sim.sensor.cause",
@@ -53,15 +53,15 @@ _HOMES = {
     "Frame": "digs_warp.data.frame",
     "FrameImages": "digs_warp.data.capture_writer",
     "Gaussians": "digs_warp.data.gaussians",
-    "Intrinsics": "digs_warp.camera",
+    "Intrinsics": "digs_warp.geometry.camera",
     "Layer": "digs_warp.data.layers",
     "RasterOptions": "digs_warp.splat.config",
     "Reconstruction": "digs_warp.pipeline.reconstruction",
     "RenderGradients": "digs_warp.splat.render",
     "RenderOutput": "digs_warp.splat.render",
-    "StereoFrame": "digs_warp.sim.stream",
+    "StereoFrame": "digs_warp.sim.record.stream",
     "load": "digs_warp.api.loading",
-    "look_at": "digs_warp.geometry",
+    "look_at": "digs_warp.geometry.rigid",
     "reconstruct": "digs_warp.api.reconstructions",
     "render": "digs_warp.splat.render",
     "simulate": "digs_warp.api.recordings",

@@ -53,7 +53,7 @@ class Worker:
     """Runs the rasterizer that is on the path: answers lines on stdin with lines on stdout."""
 
     def __init__(self) -> None:
-        from digs_warp.camera import Camera, Intrinsics
+        from digs_warp.geometry.camera import Camera, Intrinsics
 
         center = WIDTH / 2, HEIGHT / 2
         self.camera = Camera(Intrinsics(WIDTH, HEIGHT, 1000.0, 1000.0, *center), np.eye(4))

@@ -21,22 +21,22 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from digs_warp.camera import Camera
 from digs_warp.data.capture import Capture, read_capture
 from digs_warp.data.capture_writer import FrameImages
 from digs_warp.data.frame import Frame
 from digs_warp.data.images import read_image
 from digs_warp.data.point_cloud import PointCloud
+from digs_warp.geometry.camera import Camera
 from digs_warp.measure.surface_metrics import surface_score
 from digs_warp.record.files import write_atomically
 from digs_warp.record.layout import INITIAL_POINTS
 from digs_warp.record.progress import show_progress
-from digs_warp.report.pictures import over_white
+from digs_warp.show.report.pictures import over_white
 from digs_warp.sim.config import SimulateConfig
-from digs_warp.sim.frame_maker import FrameMaker
-from digs_warp.sim.inputs import load_inputs
-from digs_warp.sim.sensor_plan import make_plan
-from digs_warp.sim.session import prepare_session
+from digs_warp.sim.record.frame_maker import FrameMaker
+from digs_warp.sim.record.inputs import load_inputs
+from digs_warp.sim.record.sensor_plan import make_plan
+from digs_warp.sim.record.session import prepare_session
 from digs_warp.study.catalogue import find_study
 from digs_warp.study.engine.case import Case, with_settings
 from digs_warp.study.engine.chain import SURFACE_THRESHOLD, start_of_case

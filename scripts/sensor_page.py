@@ -8,7 +8,7 @@ from inspect import getdoc
 
 from page_marks import DOCS, fill
 
-from digs_warp.sim.profiles import IMAGE_FIGURES, PROFILES, RIG_FIGURES
+from digs_warp.sim.camera.profiles import IMAGE_FIGURES, PROFILES, RIG_FIGURES
 from digs_warp.sim.sensor.cause import Cause
 from digs_warp.sim.sensor.color import COLOR_EFFECTS
 from digs_warp.sim.sensor.effects import EFFECTS

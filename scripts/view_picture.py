@@ -14,8 +14,8 @@ import cv2
 from headless_browser import browser
 
 from digs_warp.record.files import write_atomically
-from digs_warp.view.contents import read_contents
-from digs_warp.view.server import started
+from digs_warp.show.view.contents import read_contents
+from digs_warp.show.view.server import started
 
 TARGET = Path(__file__).resolve().parent.parent / "docs/images/view.jpg"
 

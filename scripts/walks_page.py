@@ -7,7 +7,7 @@ import sys
 
 from page_marks import fill
 
-from digs_warp.sim.walk.settings import WalkSettings
+from digs_warp.sim.camera.walk.settings import WalkSettings
 from digs_warp.study.hand_motion import figures, recorded_walk, simulated_figures
 from digs_warp.study.scenes import sample_data
 from digs_warp.study.table import Table

@@ -7,13 +7,13 @@ from typing import Any, Literal
 
 from digs_warp.bounds import check_flag
 from digs_warp.checks import DigsError
-from digs_warp.sim.ground import Ground
-from digs_warp.sim.labels.names import labels_named
-from digs_warp.sim.look_settings import LookSettings
-from digs_warp.sim.mesh.placement import Unit
+from digs_warp.sim.camera.walk.settings import WalkSettings
+from digs_warp.sim.camera.walk.timing import kept_count
+from digs_warp.sim.record.labels.names import labels_named
+from digs_warp.sim.scene.ground import Ground
+from digs_warp.sim.scene.look_settings import LookSettings
+from digs_warp.sim.scene.mesh.placement import Unit
 from digs_warp.sim.sensor.after.names import filters_named
-from digs_warp.sim.walk.settings import WalkSettings
-from digs_warp.sim.walk.timing import kept_count
 
 # Frames of a recording for which nothing says otherwise.
 USUAL_FRAMES = 60

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from digs_warp.sim.config import SimulateConfig
-from digs_warp.sim.record import simulate
+from digs_warp.sim.record.record import simulate
 
 EXAMPLES = sorted((Path(__file__).resolve().parent.parent / "examples").glob("*.py"))
 SIZE = ["96", "6"]  # width of the images and number of frames

@@ -99,7 +99,7 @@ def project(tmp_path: Path) -> Path:
         "tests/test_theirs.py": (
             "import usd\n"
             "from sim import step\n"
-            "import digs_warp.sim.rig, digs_warp.usd.writer\n"
+            "import digs_warp.sim.camera.rig, digs_warp.usd.writer\n"
             "def test_names(pytestconfig):\n"
             "    assert step() == usd.STAGE == 'theirs'\n"
             "    assert pytestconfig.pluginmanager.has_plugin('sensor_noise')\n"
@@ -151,9 +151,7 @@ def test_beside_a_project_with_the_same_names(installed: Path, project: Path) ->
 
 def test_an_editable_install_finds_the_folders(source: Path, project: Path) -> None:
     programs = environment(project / "environment", "--editable", source)
-    where = (
-        "import digs_warp.sim.rig as s, digs_warp.usd.writer as u; print(s.__file__, u.__file__)"
-    )
+    where = "import digs_warp.sim.camera.rig as s, digs_warp.usd.writer as u; print(s.__file__, u.__file__)"
     for place in run(programs / "python", "-c", where, cwd=project).split():
         assert Path(place).is_relative_to(source)
     output = run(programs / "python", "-m", "pytest", "-q", "-p", "no:dash", "tests", cwd=project)

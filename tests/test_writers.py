@@ -30,8 +30,11 @@ ALLOWED = {
     ("digs_warp/data/image_bytes.py", "open ?"): "into memory, checked",
     ("digs_warp/record/files.py", "rename"): "of record/disk.py",
     ("digs_warp/data/image_bytes.py", "write_image"): "into memory, checked",
-    ("digs_warp/film/video.py", "VideoWriter"): "below a temporary name, read back",
-    ("digs_warp/film/video.py", "write_bytes"): "below a temporary name, to learn what is wrong",
+    ("digs_warp/show/film/video.py", "VideoWriter"): "below a temporary name, read back",
+    (
+        "digs_warp/show/film/video.py",
+        "write_bytes",
+    ): "below a temporary name, to learn what is wrong",
     ("usd/files.py", "Export"): "below a temporary name; OpenUSD reports failed writes",
     ("usd/capture_scene.py", "CreateNew"): "below a temporary name; OpenUSD reports failed writes",
     ("usd/capture_scene.py", "Save"): "below a temporary name; OpenUSD reports failed writes",
@@ -40,7 +43,7 @@ ALLOWED = {
     ("usd/splat_layer.py", "open ?"): "below a temporary name of usd/files.py",
     ("usd/splat_layer.py", "copyfileobj"): "below a temporary name of usd/files.py",
     ("usd/crate_splice.py", "pwrite"): "below a temporary name of usd/files.py",
-    ("digs_warp/sfm/model_files.py", "write"): "below a temporary name, read back",
+    ("digs_warp/poses/from_images/model_files.py", "write"): "below a temporary name, read back",
     (
         "digs_warp/record/replacement.py",
         "replace",

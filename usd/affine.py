@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 
 from digs_warp.checks import UsdError
-from digs_warp.geometry import matrix_from_quat_xyzw, quat_xyzw_from_matrix
-from digs_warp.sh import rotate_sh
+from digs_warp.geometry.rigid import matrix_from_quat_xyzw, quat_xyzw_from_matrix
+from digs_warp.geometry.sh import rotate_sh
 from digs_warp.usd.convert import SplatArrays
 
 # Splats per chunk, because of the (n, 3, 3) arrays.

@@ -13,9 +13,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from digs_warp.camera import Camera, Intrinsics
 from digs_warp.checks import UsdError, check_positive
-from digs_warp.geometry import OPENCV_FROM_OPENGL, quat_xyzw_from_matrix
+from digs_warp.geometry.camera import Camera, Intrinsics
+from digs_warp.geometry.rigid import OPENCV_FROM_OPENGL, quat_xyzw_from_matrix
 from digs_warp.usd import names
 from digs_warp.usd.frames import ASSET_FROM_WORLD
 

@@ -9,8 +9,8 @@ import numpy as np
 from digs_warp.checks import UsdError
 from digs_warp.data.gaussians import Gaussians
 from digs_warp.data.images import linear_from_srgb
-from digs_warp.geometry import quat_multiply, quat_xyzw_from_matrix
-from digs_warp.sh import coefficient_count, rgb_from_sh, rotate_sh
+from digs_warp.geometry.rigid import quat_multiply, quat_xyzw_from_matrix
+from digs_warp.geometry.sh import coefficient_count, rgb_from_sh, rotate_sh
 from digs_warp.usd.frames import ASSET_FROM_WORLD, Similarity, similarity_from_matrix
 
 _ASSET_FROM_WORLD = similarity_from_matrix(ASSET_FROM_WORLD, "asset")
@@ -55,7 +55,7 @@ class SplatArrays:
         orientations: quaternions xyzw, frame-from-local, zero for no rotation, (n, 4).
         scales: standard deviations along the local axes, (n, 3).
         opacities: in 0..1, (n,).
-        sh: coefficients, splat after splat, in the order of `digs_warp.sh`, (n, K, 3).
+        sh: coefficients, splat after splat, in the order of `digs_warp.geometry.sh`, (n, K, 3).
     """
 
     positions: np.ndarray

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from digs_warp.data.gaussians import Gaussians
-from digs_warp.geometry import matrix_from_quat_xyzw
+from digs_warp.geometry.rigid import matrix_from_quat_xyzw
 from digs_warp.usd.reader import UsdScene, read_scene
 
 

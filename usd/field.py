@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from digs_warp.checks import UsdError
-from digs_warp.sh import MAX_DEGREE, coefficient_count
+from digs_warp.geometry.sh import MAX_DEGREE, coefficient_count
 from digs_warp.usd import names
 from digs_warp.usd.convert import SplatArrays
 from digs_warp.usd.files import HINT

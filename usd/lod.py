@@ -12,7 +12,7 @@ On held-out views of a reconstruction of 54,000 splats, against the pictures of 
 import numpy as np
 
 from digs_warp.data.gaussians import Gaussians
-from digs_warp.geometry import matrix_from_quat_xyzw, quat_xyzw_from_matrix
+from digs_warp.geometry.rigid import matrix_from_quat_xyzw, quat_xyzw_from_matrix
 
 # Share of the splats in each level, by the name of its variant; the first is shown by default.
 LEVELS = {"full": 1.0, "half": 0.5, "preview": 0.1}

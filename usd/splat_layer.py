@@ -20,7 +20,7 @@ import numpy as np
 from digs_warp.checks import UsdError
 from digs_warp.data.gaussians import Gaussians
 from digs_warp.device.threads import over_rows
-from digs_warp.sh import coefficient_count
+from digs_warp.geometry.sh import coefficient_count
 from digs_warp.usd.author import author_field
 from digs_warp.usd.convert import (
     SplatArrays,

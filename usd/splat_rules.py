@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from digs_warp.sh import C0, MAX_DEGREE
+from digs_warp.geometry.sh import C0, MAX_DEGREE
 from digs_warp.usd import names
 from digs_warp.usd.convert import SplatArrays, is_finite
 from digs_warp.usd.extent import three_sigma_extent

@@ -9,7 +9,7 @@ from digs_warp.commands.result_files import capture_files
 from digs_warp.data.capture import Capture
 from digs_warp.record.replacement import check_place
 from digs_warp.sim.config import SimulateConfig
-from digs_warp.sim.stream import StereoFrame
+from digs_warp.sim.record.stream import StereoFrame
 
 
 def simulate(
@@ -36,7 +36,7 @@ def simulate(
         DigsError: bad input, or a folder that holds another recording or other files with names that a
             recording needs.
     """
-    from digs_warp.sim import record
+    from digs_warp.sim.record import record
 
     config = _config(mesh, frames, settings)
     if out is None:
@@ -62,7 +62,7 @@ def stream(
     Raises:
         DigsError: bad input.
     """
-    from digs_warp.sim import stream as sim_stream
+    from digs_warp.sim.record import stream as sim_stream
 
     return sim_stream.stream(_config(mesh, frames, settings))
 

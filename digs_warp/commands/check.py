@@ -13,8 +13,8 @@ from digs_warp.record.files import to_json, write_atomically
 from digs_warp.words import counted
 
 if TYPE_CHECKING:
-    from digs_warp.plausibility.finding import Finding
-    from digs_warp.plausibility.full_check import FullCheck
+    from digs_warp.check.finding import Finding
+    from digs_warp.check.full_check import FullCheck
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -38,8 +38,8 @@ class Check(Command):
 
     def execute(self) -> str:
         """Look; a capture with errors is raised, so that the exit code tells."""
+        from digs_warp.check.full_check import check_fully
         from digs_warp.data.capture import read_capture
-        from digs_warp.plausibility.full_check import check_fully
 
         if self.json is not None:
             check_output_file(self.json, self.overwrite, [self.capture], flag="--json")

@@ -120,7 +120,7 @@ class Convert(Command):
 
 def export_capture_folder(source: Path, form: CaptureFormat, out: Path, overwrite: bool) -> str:
     """Export a capture, or that of a reconstruction as used; the folder is complete or not there."""
-    from digs_warp.interchange.captures.formats import export_capture
+    from digs_warp.formats.captures.formats import export_capture
     from digs_warp.pipeline.posed_capture import posed_capture
 
     capture = posed_capture(source)
@@ -136,7 +136,7 @@ def export_capture_folder(source: Path, form: CaptureFormat, out: Path, overwrit
 
 def _add_bop_model(capture: "Capture", folder: Path) -> None:
     """Write the recorded object as the model that the poses are of, where it is known."""
-    from digs_warp.interchange.captures.bop_models import write_bop_models
+    from digs_warp.formats.captures.bop_models import write_bop_models
     from digs_warp.surface.true_surface import read_true_surfaces
 
     try:
@@ -152,8 +152,8 @@ def import_recording(
     source: Path, form: RecordingFormat, out: Path, overwrite: bool, options: RecordingOptions
 ) -> str:
     """Write the capture of a recording; the folder is complete or not there."""
-    from digs_warp.interchange.captures.formats import ImportOptions, opened_recording
-    from digs_warp.interchange.captures.to_capture import write_capture
+    from digs_warp.formats.captures.formats import ImportOptions, opened_recording
+    from digs_warp.formats.captures.to_capture import write_capture
 
     log = RunLog("convert", {"recording": source, "from": form, **vars(options)})
     with (

@@ -16,7 +16,7 @@ def format_facts(facts: dict[str, str]) -> str:
 
 def reconstruction_words(result: "Reconstruction", frames: int) -> str:
     """Say how many Gaussians there are, from what, and how good they are."""
-    from digs_warp.report.facts.results import surface_words
+    from digs_warp.show.report.facts.results import surface_words
 
     depth = result.start.depth if result.start else None
     scale = result.metric_scale

@@ -40,8 +40,8 @@ class Masks(Command):
 
     def execute(self) -> str:
         """Assemble, and return what was written, what checked it, and the question of its license."""
-        from digs_warp.segment.assemble import assemble
-        from digs_warp.segment.network import default_model_path
+        from digs_warp.masks.assemble import assemble
+        from digs_warp.masks.network import default_model_path
 
         out = self.out or default_model_path()
         check_output_file(out, self.overwrite, self.files)

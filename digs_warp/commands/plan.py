@@ -49,10 +49,10 @@ class Plan(SettingsCommand):
 
     def execute(self) -> str:
         """Measure, choose, and return the choices as tables."""
-        from digs_warp.sim.inputs import load_inputs
+        from digs_warp.sim.record.inputs import load_inputs
+        from digs_warp.sim.record.sensor_plan import check_effects, make_plan
+        from digs_warp.sim.record.session import prepare_session
         from digs_warp.sim.sensor.planner import format_plan
-        from digs_warp.sim.sensor_plan import check_effects, make_plan
-        from digs_warp.sim.session import prepare_session
 
         if self.json is not None:
             inputs = self.recording.input_files

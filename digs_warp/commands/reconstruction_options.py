@@ -9,8 +9,8 @@ from digs_warp.bounds import check_flag
 from digs_warp.init.config import InitConfig
 from digs_warp.init.mono_config import MonoDepthConfig
 from digs_warp.init.strategies import STRATEGIES, StrategyChoice, StrategyName, chosen_strategy
-from digs_warp.segment.config import SegmentConfig
-from digs_warp.sfm.config import SfmConfig
+from digs_warp.masks.config import SegmentConfig
+from digs_warp.poses.from_images.config import SfmConfig
 from digs_warp.train.config import Density, DensityStrategy, TrainConfig
 
 if TYPE_CHECKING:

@@ -21,9 +21,9 @@ from digs_warp.words import counted
 if TYPE_CHECKING:
     import numpy as np
 
-    from digs_warp.camera import Camera
-    from digs_warp.film.camera_path import Subject
-    from digs_warp.film.shoot import Clock
+    from digs_warp.geometry.camera import Camera
+    from digs_warp.show.film.camera_path import Subject
+    from digs_warp.show.film.shoot import Clock
 
 ORBIT_FOV_DEG = 45.0
 
@@ -85,9 +85,9 @@ class Render(Command):
 
     def execute(self) -> str:
         """Render, write, and say how fast it went."""
-        from digs_warp.film.camera_path import find_framed_subject
-        from digs_warp.film.shoot import Clock, shoot
-        from digs_warp.film.video import SUFFIXES, write_video
+        from digs_warp.show.film.camera_path import find_framed_subject
+        from digs_warp.show.film.shoot import Clock, shoot
+        from digs_warp.show.film.video import SUFFIXES, write_video
 
         is_file = self.out.suffix.lower() in SUFFIXES
         if self.out.suffix.lower() in OTHER_FILES:
@@ -125,7 +125,7 @@ class Render(Command):
         )
 
     def _write_folder(self, frames: "Iterator[np.ndarray]", clock: "Clock") -> int:
-        from digs_warp.film.video import write_frames
+        from digs_warp.show.film.video import write_frames
 
         output = NewFolder(out=self.out, overwrite=self.overwrite)
         log = RunLog("render", self)
@@ -136,9 +136,9 @@ class Render(Command):
         return count
 
     def _cameras(self, subject: "Subject") -> "list[Camera]":
-        from digs_warp.camera import Intrinsics
         from digs_warp.data.capture import read_capture
-        from digs_warp.film.camera_path import along, orbit, same_width_of_view
+        from digs_warp.geometry.camera import Intrinsics
+        from digs_warp.show.film.camera_path import along, orbit, same_width_of_view
 
         count = max(1, round(self.seconds * self.fps))
         size = self.width, self.height

@@ -68,8 +68,8 @@ class Run(ReconstructionOptions, _Recording):
 
     def execute(self) -> str:
         """Run the stages; run.json holds the times of those that are done."""
+        from digs_warp.masks.masks import check_source
         from digs_warp.pipeline.reconstruct import check_machine
-        from digs_warp.segment.masks import check_source
 
         config = self.reconstruct_config(self.recording.seed)
         check_machine(config)  # now, not after the recording
@@ -86,8 +86,8 @@ class Run(ReconstructionOptions, _Recording):
         from digs_warp.pipeline.reconstruct import reconstruct
         from digs_warp.pipeline.scene_files import write_scene_file
         from digs_warp.pipeline.usd_scene import write_capture_package
-        from digs_warp.report import write_report
-        from digs_warp.sim.record import simulate
+        from digs_warp.show.report import write_report
+        from digs_warp.sim.record.record import simulate
 
         record = folder / layout.RUN_RECORD
         reconstruction = folder / layout.RECONSTRUCTION
@@ -117,7 +117,7 @@ class Run(ReconstructionOptions, _Recording):
 
 
 def _summary(folder: Path, log: RunLog, what: str) -> str:
-    from digs_warp.report.facts.captures import recorded_object
+    from digs_warp.show.report.facts.captures import recorded_object
 
     places = {
         "capture": layout.CAPTURE,

@@ -18,8 +18,8 @@ from digs_warp.record.run_log import RunLog
 from digs_warp.words import counted, did_you_mean
 
 if TYPE_CHECKING:
+    from digs_warp.sim.camera.profiles import Profile
     from digs_warp.sim.fit.result import Fit
-    from digs_warp.sim.profiles import Profile
 
 SUFFIXES = (".yaml", ".yml")
 
@@ -59,8 +59,8 @@ class FitSensor(Command):
 
     def execute(self) -> str:
         """Fit, write profile and page, and return the figures."""
+        from digs_warp.sim.camera.profiles import PROFILES
         from digs_warp.sim.fit.profile_file import write_profile
-        from digs_warp.sim.profiles import PROFILES
         from digs_warp.study.fit_page import figures_table, fit_page
 
         if self.base not in PROFILES:
@@ -145,9 +145,9 @@ class RecordWall(Command):
     def execute(self) -> str:
         """Record, and say where the capture is."""
         from digs_warp.data.capture_writer import CaptureWriter
+        from digs_warp.sim.camera.profiles import load_profile
         from digs_warp.sim.fit.textured_wall import record_wall
-        from digs_warp.sim.profiles import load_profile
-        from digs_warp.sim.recorded_facts import rig_record
+        from digs_warp.sim.record.recorded_facts import rig_record
         from digs_warp.sim.sensor.color.calibration_drift import CalibrationDrift
 
         rig = load_profile(self.profile).rig(self.width)

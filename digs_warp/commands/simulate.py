@@ -22,7 +22,7 @@ from digs_warp.sim.config import SimulateConfig
 from digs_warp.words import counted
 
 if TYPE_CHECKING:
-    from digs_warp.sim.data_set import SceneJob
+    from digs_warp.sim.record.data_set import SceneJob
 
 # Flags of a recording that the help of `run` and `simulate` shows.
 RECORDING_FLAGS = ("mesh", "environment", "frames", "width", "profile", "tier", "seed")
@@ -87,8 +87,8 @@ class Simulate(SettingsCommand):
         return self._record_many() if self.many.asked_for else self._record_one()
 
     def _record_one(self) -> str:
-        from digs_warp.report.facts.captures import recorded_object
-        from digs_warp.sim.record import simulate
+        from digs_warp.show.report.facts.captures import recorded_object
+        from digs_warp.sim.record.record import simulate
 
         start = time.perf_counter()
         inputs = self.recording.input_files
@@ -104,8 +104,8 @@ class Simulate(SettingsCommand):
 
     def _record_many(self) -> str:
         from digs_warp.engines.results import RESULTS
-        from digs_warp.sim.data_set import simulate_many
-        from digs_warp.sim.sensor_plan import check_effects
+        from digs_warp.sim.record.data_set import simulate_many
+        from digs_warp.sim.record.sensor_plan import check_effects
 
         check_effects(self.recording)
         meshes, environments = self.many.find()
@@ -134,8 +134,8 @@ class Simulate(SettingsCommand):
         )
 
     def _jobs(self, meshes: Sequence[Path], environments: Sequence[Path]) -> "tuple[SceneJob, ...]":
-        from digs_warp.sim.data_set import draw_jobs, plan_jobs
-        from digs_warp.sim.randomize.file import DEFAULT_BASE, load_randomization
+        from digs_warp.sim.record.data_set import draw_jobs, plan_jobs
+        from digs_warp.sim.record.randomize.file import DEFAULT_BASE, load_randomization
 
         if self.many.scenes is None:
             return plan_jobs(self.recording, meshes, environments, self.many.trajectories)

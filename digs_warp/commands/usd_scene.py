@@ -50,7 +50,7 @@ class UsdInfo(JsonFile, Command):
 
     def execute(self) -> str:
         """Look and return the facts, one per line."""
-        from digs_warp.report.facts.scene_files import facts_of_usd
+        from digs_warp.show.report.facts.scene_files import facts_of_usd
         from digs_warp.usd.info import describe
 
         self.check(self.scene)

@@ -42,8 +42,8 @@ class View(Command):
 
     def execute(self) -> str:
         """Read, serve, and end with Ctrl-C."""
-        from digs_warp.view.contents import read_contents
-        from digs_warp.view.server import started
+        from digs_warp.show.view.contents import read_contents
+        from digs_warp.show.view.server import started
 
         contents = [
             read_contents(path, self.scene.up, self.scene.drop_broken) for path in self.paths

@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 
-from digs_warp.camera import Camera, Intrinsics
 from digs_warp.checks import CaptureError, DigsError, check_finite
 from digs_warp.data.about import About
 from digs_warp.data.camera_motion import UNKNOWN, Exposure
@@ -21,7 +20,8 @@ from digs_warp.data.object_view import ObjectView
 from digs_warp.data.point_cloud import PointCloud
 from digs_warp.data.rig import Rig
 from digs_warp.data.sparse_points import write_points
-from digs_warp.geometry import OPENCV_FROM_OPENGL
+from digs_warp.geometry.camera import Camera, Intrinsics
+from digs_warp.geometry.rigid import OPENCV_FROM_OPENGL
 from digs_warp.record.files import to_json, write_atomically
 from digs_warp.record.manifest import Manifest, is_kept
 

@@ -7,7 +7,6 @@ from pathlib import Path
 
 import numpy as np
 
-from digs_warp.camera import Camera
 from digs_warp.checks import CaptureError
 from digs_warp.data.camera_motion import UNKNOWN, Exposure
 from digs_warp.data.decoded import decoded
@@ -17,6 +16,7 @@ from digs_warp.data.label_loaders import LabelLoaders
 from digs_warp.data.layers import Layer
 from digs_warp.data.object_view import ObjectView
 from digs_warp.data.run_lengths import mask_of_text
+from digs_warp.geometry.camera import Camera
 
 # Where a layer's pixels are: in a file, or in an array with the values that the file would have.
 PixelSource = Path | np.ndarray

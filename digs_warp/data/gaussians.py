@@ -6,8 +6,8 @@ from pathlib import Path
 import numpy as np
 
 from digs_warp.checks import check_shape
+from digs_warp.geometry.sh import degree_from_count
 from digs_warp.record.arrays import open_arrays, write_arrays
-from digs_warp.sh import degree_from_count
 
 FIELDS = ("means", "log_scales", "quats", "opacity_logits", "sh")
 
@@ -21,7 +21,7 @@ class Gaussians:
         log_scales: natural logarithm of the standard deviations [m] along the local axes, (n, 3).
         quats: rotations world-from-local, xyzw, not normalized, (n, 4); zero means no rotation.
         opacity_logits: logit of the opacity, (n,).
-        sh: spherical-harmonics coefficients of the color in sRGB, (n, K, 3), see `digs_warp.sh`.
+        sh: spherical-harmonics coefficients of the color in sRGB, (n, K, 3), see `digs_warp.geometry.sh`.
     """
 
     means: np.ndarray

@@ -4,10 +4,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from digs_warp.camera import Camera
 from digs_warp.checks import check_positive, check_shape
 from digs_warp.data.point_cloud import PointCloud
-from digs_warp.geometry import transform_points
+from digs_warp.geometry.camera import Camera
+from digs_warp.geometry.rigid import transform_points
 
 
 @dataclass(frozen=True, eq=False)

@@ -4,8 +4,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from digs_warp.camera import Camera
 from digs_warp.checks import DigsError
+from digs_warp.geometry.camera import Camera
 
 
 def looked_at(cameras: Sequence[Camera]) -> np.ndarray:

@@ -1,6 +1,6 @@
 """Cameras for kernels that look points up in images, in float64.
 
-So they agree with `digs_warp.camera.Camera.project` on the pixel that a point falls into.
+So they agree with `digs_warp.geometry.camera.Camera.project` on the pixel that a point falls into.
 """
 
 from collections.abc import Sequence
@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import warp as wp
 
-from digs_warp.camera import Camera
+from digs_warp.geometry.camera import Camera
 
 
 @wp.struct

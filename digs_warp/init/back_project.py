@@ -5,9 +5,9 @@ from typing import Any
 import numpy as np
 import warp as wp
 
-from digs_warp.camera import Camera
 from digs_warp.checks import DigsError, check_positive
 from digs_warp.device.parallel import launch_here, packed
+from digs_warp.geometry.camera import Camera
 from digs_warp.init.edges import on_device
 from digs_warp.init.voxel import VoxelSums
 from digs_warp.init.voxel_kernel import (

@@ -11,13 +11,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from digs_warp.camera import Camera
 from digs_warp.checks import DigsError
 from digs_warp.data.frame import Frame
 from digs_warp.data.layers import Layer
 from digs_warp.data.point_cloud import PointCloud
 from digs_warp.device.parallel import default_threads
-from digs_warp.geometry import grown
+from digs_warp.geometry.camera import Camera
+from digs_warp.geometry.rigid import grown
 from digs_warp.init.config import InitConfig
 from digs_warp.init.depth_points import NoPointsError, drawn, require_layers
 from digs_warp.init.in_order import in_order

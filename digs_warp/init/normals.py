@@ -3,8 +3,8 @@
 import numpy as np
 import warp as wp
 
-from digs_warp.camera import Camera
 from digs_warp.device.parallel import launch_here
+from digs_warp.geometry.camera import Camera
 from digs_warp.init.edges import on_device
 
 wp.set_module_options({"enable_backward": False})

@@ -2,9 +2,9 @@
 
 import numpy as np
 
-from digs_warp.camera import Camera
 from digs_warp.checks import DigsError
 from digs_warp.data.point_cloud import PointCloud
+from digs_warp.geometry.camera import Camera
 from digs_warp.init.config import InitConfig
 from digs_warp.init.normals import normals_from_depth
 from digs_warp.init.uncertainty import depth_deviation, pixel_rays

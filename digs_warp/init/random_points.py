@@ -9,10 +9,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from digs_warp.camera import Camera
 from digs_warp.checks import DigsError
 from digs_warp.data.point_cloud import PointCloud
 from digs_warp.data.viewpoints import looked_at
+from digs_warp.geometry.camera import Camera
 
 SEED = 0
 

@@ -5,9 +5,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from digs_warp.camera import Camera
 from digs_warp.data.capture import Capture
 from digs_warp.data.point_cloud import PointCloud
+from digs_warp.geometry.camera import Camera
 
 logger = logging.getLogger(__name__)
 

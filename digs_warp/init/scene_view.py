@@ -6,8 +6,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from digs_warp.camera import Camera
 from digs_warp.data.frame import Frame
+from digs_warp.geometry.camera import Camera
 from digs_warp.init.back_project import back_project
 from digs_warp.init.config import InitConfig
 from digs_warp.init.edges import smooth_depth

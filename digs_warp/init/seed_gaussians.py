@@ -6,8 +6,8 @@ import numpy as np
 
 from digs_warp.data.gaussians import Gaussians
 from digs_warp.data.point_cloud import PointCloud
+from digs_warp.geometry.sh import coefficient_count, sh_from_rgb
 from digs_warp.init.strategies import REFERENCE_OPACITY, REFERENCE_WIDTH
-from digs_warp.sh import coefficient_count, sh_from_rgb
 
 NEIGHBORS = 3
 

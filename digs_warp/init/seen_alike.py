@@ -5,8 +5,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from digs_warp.camera import Camera
 from digs_warp.data.frame import Frame
+from digs_warp.geometry.camera import Camera
 
 # Photographs are compared at this width [px] or less, blurred by this standard deviation [px]: the depths
 # that are tried lie far apart.

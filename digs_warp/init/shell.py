@@ -8,8 +8,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from digs_warp.camera import Camera
 from digs_warp.data.point_cloud import PointCloud
+from digs_warp.geometry.camera import Camera
 
 # Points of the shell: they lie about three degrees apart.
 COUNT = 4000

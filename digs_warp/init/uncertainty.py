@@ -10,7 +10,7 @@ measurements of different precision are 1 / sigma_z^2; within one recording only
 
 import numpy as np
 
-from digs_warp.camera import Camera, pixel_centers
+from digs_warp.geometry.camera import Camera, pixel_centers
 
 
 def depth_deviation(depth: np.ndarray, disparity_noise: float, focal_baseline: float) -> np.ndarray:

@@ -10,11 +10,11 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from digs_warp.camera import Camera
 from digs_warp.checks import DigsError
 from digs_warp.data.frame import Frame
 from digs_warp.data.layers import Layer
 from digs_warp.data.point_cloud import PointCloud
+from digs_warp.geometry.camera import Camera
 from digs_warp.init.config import InitConfig
 from digs_warp.init.hull import Hull, visual_hull
 from digs_warp.init.in_order import in_order

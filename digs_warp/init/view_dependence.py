@@ -22,7 +22,7 @@ import numpy as np
 
 from digs_warp.data.evenly import evenly
 from digs_warp.device.threads import over_rows
-from digs_warp.sh import MAX_DEGREE, USUAL_DEGREE, coefficient_count, sh_basis
+from digs_warp.geometry.sh import MAX_DEGREE, USUAL_DEGREE, coefficient_count, sh_basis
 
 if TYPE_CHECKING:  # results name the decision, and need no kernels
     from digs_warp.init.seen_colors import SeenColors

@@ -5,9 +5,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from digs_warp.camera import Camera
 from digs_warp.data.frame import Frame
-from digs_warp.geometry import grown, mask_box
+from digs_warp.geometry.camera import Camera
+from digs_warp.geometry.rigid import grown, mask_box
 from digs_warp.init.back_project import back_project
 from digs_warp.init.config import InitConfig
 from digs_warp.init.edges import Box, smooth_depth

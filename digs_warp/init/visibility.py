@@ -12,9 +12,9 @@ from typing import Any, NamedTuple
 import numpy as np
 import warp as wp
 
-from digs_warp.camera import Camera
 from digs_warp.device.eyes import eyes_of
 from digs_warp.device.parallel import launch_parallel
+from digs_warp.geometry.camera import Camera
 from digs_warp.init.visibility_kernel import agreement_kernel, says_kernel
 
 

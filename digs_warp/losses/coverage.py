@@ -11,7 +11,7 @@ import warp as wp
 from digs_warp.device.image_planes import ImagePlanes
 from digs_warp.device.parallel import ParallelLaunch
 from digs_warp.device.small_arrays import put
-from digs_warp.geometry import PixelBox
+from digs_warp.geometry.rigid import PixelBox
 from digs_warp.losses.regions import union
 
 wp.set_module_options({"enable_backward": False, "max_unroll": 1, "optimization_level": 3})

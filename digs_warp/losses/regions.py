@@ -3,7 +3,7 @@
 import numpy as np
 
 from digs_warp.device.image_planes import ALIGNMENT
-from digs_warp.geometry import PixelBox, mask_box
+from digs_warp.geometry.rigid import PixelBox, mask_box
 from digs_warp.measure.ssim import BLOCK_COLUMNS, BLOCK_ROWS
 from digs_warp.measure.ssim_window import REACH
 

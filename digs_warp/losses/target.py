@@ -13,7 +13,7 @@ from digs_warp.device.contiguous import bytes_from, fill, floats_from
 from digs_warp.device.image_planes import ImagePlanes
 from digs_warp.device.parallel import ParallelLaunch
 from digs_warp.device.small_arrays import put
-from digs_warp.geometry import PixelBox
+from digs_warp.geometry.rigid import PixelBox
 from digs_warp.measure.color_gain import SATURATED, ColorGain
 
 wp.set_module_options({"enable_backward": False, "max_unroll": 1, "optimization_level": 3})

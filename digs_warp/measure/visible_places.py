@@ -8,9 +8,9 @@ from collections.abc import Sequence
 import numpy as np
 import warp as wp
 
-from digs_warp.camera import Camera
 from digs_warp.data.triangle_mesh import TriangleMesh
 from digs_warp.device.parallel import launch_parallel
+from digs_warp.geometry.camera import Camera
 
 # The surface hides a place from this share of the distance on: the place itself is on the surface, too.
 BEFORE = wp.constant(0.999)

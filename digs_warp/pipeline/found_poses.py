@@ -12,8 +12,8 @@ from digs_warp.device.libraries import MissingLibraryError
 from digs_warp.init.config import InitConfig
 from digs_warp.pipeline.matched_images import in_metres, match_images, registered
 from digs_warp.pipeline.tracked_poses import tracked
+from digs_warp.poses.from_images.config import SfmConfig
 from digs_warp.poses.tracking import Tracking
-from digs_warp.sfm.config import SfmConfig
 from digs_warp.words import counted
 
 logger = logging.getLogger(__name__)

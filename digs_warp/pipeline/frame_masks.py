@@ -5,8 +5,8 @@ from pathlib import Path
 
 from digs_warp.data.layers import Layer
 from digs_warp.data.posed_frames import PosedFrames
-from digs_warp.segment.config import SegmentConfig
-from digs_warp.segment.masks import segment, with_masks
+from digs_warp.masks.config import SegmentConfig
+from digs_warp.masks.masks import segment, with_masks
 
 MASKS = "masks"
 HELD_OUT = "held_out"

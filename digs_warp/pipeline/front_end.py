@@ -10,6 +10,8 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from digs_warp.check.check import Plausibility, check_capture
+from digs_warp.check.frame_doubts import frame_doubts
 from digs_warp.data.capture import Capture
 from digs_warp.data.point_cloud import PointCloud
 from digs_warp.data.posed_frames import CAMERAS, PosedFrames
@@ -17,6 +19,7 @@ from digs_warp.init.mono_depth import guessed_depth
 from digs_warp.init.recipes import initialize
 from digs_warp.init.recorded_points import recorded_points
 from digs_warp.init.start import Initialization, Subject
+from digs_warp.masks.agreed import agreed_masks
 from digs_warp.pipeline.found_poses import chosen_way, depth_doubt
 from digs_warp.pipeline.frame_masks import MASKS, MENDED, masked, without_masks
 from digs_warp.pipeline.front_end_config import FrontEndConfig, check_front_end
@@ -28,17 +31,14 @@ from digs_warp.pipeline.prepared import Prepared
 from digs_warp.pipeline.refined_poses import refined
 from digs_warp.pipeline.subject import say_subject, subject_of
 from digs_warp.pipeline.tracked_poses import tracked
-from digs_warp.plausibility.check import Plausibility, check_capture
-from digs_warp.plausibility.frame_doubts import frame_doubts
+from digs_warp.poses.from_images.config import SfmConfig
 from digs_warp.poses.tracking import Tracking
 from digs_warp.record.layout import INITIAL_POINTS
 from digs_warp.record.manifest import is_kept
 from digs_warp.record.run_log import RunLog
-from digs_warp.segment.agreed import agreed_masks
-from digs_warp.sfm.config import SfmConfig
 
 if TYPE_CHECKING:
-    from digs_warp.sfm.estimate import SfmResult
+    from digs_warp.poses.from_images.estimate import SfmResult
 
 logger = logging.getLogger(__name__)
 

@@ -8,12 +8,12 @@ from digs_warp.data.posed_frames import PosedFrames
 from digs_warp.init.config import InitConfig
 from digs_warp.init.mono_config import MonoDepthConfig
 from digs_warp.init.mono_depth import check_mono_depth
+from digs_warp.masks.config import SegmentConfig
+from digs_warp.masks.masks import check_inputs
 from digs_warp.pipeline.known_distance import check_scale_from
 from digs_warp.pipeline.subject import SubjectChoice, subject_of
+from digs_warp.poses.from_images.config import SfmConfig
 from digs_warp.poses.tracking import check_depth
-from digs_warp.segment.config import SegmentConfig
-from digs_warp.segment.masks import check_inputs
-from digs_warp.sfm.config import SfmConfig
 
 
 @dataclass(frozen=True, kw_only=True)

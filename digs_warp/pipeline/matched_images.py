@@ -15,10 +15,10 @@ from digs_warp.device.libraries import MissingLibraryError
 from digs_warp.init.config import InitConfig
 from digs_warp.init.local_scales import local_scales
 from digs_warp.init.scale import ScaleEstimate, estimate_scale
-from digs_warp.sfm.config import SfmConfig
+from digs_warp.poses.from_images.config import SfmConfig
 
 if TYPE_CHECKING:
-    from digs_warp.sfm.estimate import SfmResult
+    from digs_warp.poses.from_images.estimate import SfmResult
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,9 +34,9 @@ def match_images(capture: Capture, config: SfmConfig, workspace: Path) -> "SfmRe
     """Estimate the poses of all frames, held-out ones included: evaluation needs their poses.
 
     Raises:
-        DigsError: as of `digs_warp.sfm.estimate.structure_from_motion`.
+        DigsError: as of `digs_warp.poses.from_images.estimate.structure_from_motion`.
     """
-    from digs_warp.sfm.estimate import structure_from_motion
+    from digs_warp.poses.from_images.estimate import structure_from_motion
 
     if config.readout_time is None:
         config = replace(config, readout_time=capture.readout_time)
@@ -68,7 +68,7 @@ def in_metres(
 
 def _world(sfm: SfmModel, capture: Capture) -> np.ndarray:
     """Return the rigid motion, (4, 4), into the recording's world, or into an upright one."""
-    from digs_warp.sfm.world import upright_world, world_as_recorded
+    from digs_warp.poses.from_images.world import upright_world, world_as_recorded
 
     if not capture.knows_poses:
         return upright_world(sfm.cameras, looked_at(sfm.cameras))

@@ -7,10 +7,10 @@ from digs_warp.data.evenly import evenly
 from digs_warp.data.layers import Layer
 
 if TYPE_CHECKING:
-    from digs_warp.camera import Camera
     from digs_warp.data.frame import Frame
     from digs_warp.data.posed_frames import PosedFrames
     from digs_warp.data.triangle_mesh import TriangleMesh
+    from digs_warp.geometry.camera import Camera
     from digs_warp.pipeline.reconstruction import Reconstruction
     from digs_warp.surface.extract import Scene
 
@@ -59,8 +59,8 @@ def extract_mesh(
     Raises:
         DigsError: the cameras see no surface.
     """
-    from digs_warp.film.camera_path import find_subject
     from digs_warp.pipeline.measured_depth import measured_depth
+    from digs_warp.show.film.camera_path import find_subject
     from digs_warp.surface.extract import Scene, extract_surface
 
     subject = find_subject(result.gaussians)
@@ -93,8 +93,8 @@ def _chosen(frames: "PosedFrames | None", views: int) -> "list[Frame]":
 
 
 def _rings(scene: "Scene") -> "list[Camera]":
-    from digs_warp.camera import Intrinsics
-    from digs_warp.film.camera_path import Subject, orbit
+    from digs_warp.geometry.camera import Intrinsics
+    from digs_warp.show.film.camera_path import Subject, orbit
 
     k = Intrinsics.from_fov(RING_SIZE_PX, RING_SIZE_PX, RING_FOV_DEG)
     subject = Subject(scene.center_world, scene.radius)

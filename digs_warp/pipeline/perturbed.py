@@ -6,12 +6,12 @@ from dataclasses import replace
 from digs_warp.data.capture import Capture
 from digs_warp.data.frame import Frame
 from digs_warp.data.posed_frames import PosedFrames
-from digs_warp.sfm.config import SfmConfig
+from digs_warp.poses.from_images.config import SfmConfig
 
 
 def perturbed(frames: PosedFrames, capture: Capture, config: SfmConfig) -> PosedFrames:
     """Return the frames, each turned and moved by the error that it also has where images are matched."""
-    from digs_warp.sfm.perturb import perturbed_poses
+    from digs_warp.poses.from_images.perturb import perturbed_poses
 
     given = [frame.camera.world_from_cam for frame in capture.frames]
     sizes = config.rotation_error_deg, config.translation_error

@@ -10,11 +10,11 @@ from digs_warp.data.posed_frames import PosedFrames
 from digs_warp.init.scale import ScaleEstimate
 from digs_warp.init.start import Initialization, Subject
 from digs_warp.pipeline.results import Results
+from digs_warp.poses.from_images.quality import SfmQuality
 from digs_warp.poses.refinement import PoseRefinement
 from digs_warp.poses.tracking import Tracking
 from digs_warp.record.layout import INITIAL_POINTS, RUN_RECORD
 from digs_warp.record.run_log import RunLog, RunRecord
-from digs_warp.sfm.quality import SfmQuality
 
 
 @dataclass(frozen=True, eq=False)
@@ -26,7 +26,7 @@ class Prepared:
         start: the points, and where they come from.
         sfm: quality of structure from motion, where images were matched.
         scale: of the estimated poses; None for given ones.
-        doubts: what does not fit together in the capture; see `digs_warp.plausibility`.
+        doubts: what does not fit together in the capture; see `digs_warp.check`.
         subject: what is reconstructed; the frames of a scene have no masks.
         metric_scale: whether lengths are in metres, and how that is known; None where nothing says it.
         refinement: whether the poses were refined, and why.

@@ -9,13 +9,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from digs_warp.camera import Camera
 from digs_warp.checks import DigsError
 from digs_warp.data.capture import Capture
 from digs_warp.data.gaussians import Gaussians
 from digs_warp.data.metric_scale import MetricScale
 from digs_warp.data.point_cloud import PointCloud
 from digs_warp.data.posed_frames import PosedFrames
+from digs_warp.geometry.camera import Camera
 from digs_warp.init.scale import ScaleEstimate
 from digs_warp.init.start import Initialization, Subject
 from digs_warp.init.view_dependence import ViewDependence
@@ -28,6 +28,7 @@ from digs_warp.pipeline.stored_views import (
     read_scores,
     write_scores,
 )
+from digs_warp.poses.from_images.quality import SfmQuality
 from digs_warp.poses.refinement import PoseRefinement
 from digs_warp.poses.tracking import Tracking
 from digs_warp.record.fields import Fields
@@ -42,7 +43,6 @@ from digs_warp.record.layout import (
     find_gaussians,
 )
 from digs_warp.record.run_log import RunRecord
-from digs_warp.sfm.quality import SfmQuality
 from digs_warp.surface.error import SurfaceError
 from digs_warp.train.course import CourseRow, read_course, write_course
 from digs_warp.train.shutter import ShutterPlan

@@ -12,9 +12,9 @@ from digs_warp.data.frame import Frame
 from digs_warp.data.layers import Layer
 from digs_warp.data.posed_frames import PosedFrames
 from digs_warp.pipeline.prepared import Prepared
+from digs_warp.poses.from_images.config import SfmConfig
 from digs_warp.poses.refinement import PoseRefinement
 from digs_warp.poses.tracking import some_of
-from digs_warp.sfm.config import SfmConfig
 from digs_warp.train.evaluate import TestView
 from digs_warp.words import counted
 

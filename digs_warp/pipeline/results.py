@@ -6,16 +6,16 @@ from typing import Any, TypeVar, get_type_hints
 
 from digs_warp.data.metric_scale import MetricScale
 from digs_warp.data.point_cloud import PointCloud
+from digs_warp.geometry.sh import MAX_DEGREE
 from digs_warp.init.scale import ScaleEstimate
 from digs_warp.init.start import DepthReport, Initialization, Subject
 from digs_warp.init.view_dependence import ViewDependence
 from digs_warp.measure.scores import Score
+from digs_warp.poses.from_images.quality import SfmQuality
 from digs_warp.poses.refinement import PoseRefinement
 from digs_warp.poses.tracking import Tracking
 from digs_warp.record.fields import Fields
 from digs_warp.record.run_log import RunRecord
-from digs_warp.sfm.quality import SfmQuality
-from digs_warp.sh import MAX_DEGREE
 from digs_warp.surface.error import SurfaceError
 from digs_warp.train.blur_plan import NO_BLUR, BlurPlan
 from digs_warp.train.shutter import ShutterPlan

@@ -63,7 +63,7 @@ def write_scene_file(
     """
     suffix = target.suffix.lower()
     if suffix in SPLAT_SUFFIXES:
-        from digs_warp.interchange.splats.files import write_splat_file
+        from digs_warp.formats.splats.files import write_splat_file
 
         write_splat_file(target, result.gaussians, up, spz_version, vertex_colors)
     elif suffix not in USD_SUFFIXES:
@@ -79,7 +79,7 @@ def write_scene_file(
 def _read_gaussians(path: Path, up: UpAxis, drop_broken: bool) -> Gaussians:
     suffix = path.suffix.lower()
     if suffix in SPLAT_SUFFIXES:
-        from digs_warp.interchange.splats.files import read_splat_file
+        from digs_warp.formats.splats.files import read_splat_file
 
         return read_splat_file(path, up, drop_broken)
     if suffix in (*USD_SUFFIXES, ".usd"):

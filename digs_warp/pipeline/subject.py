@@ -7,7 +7,7 @@ from digs_warp.checks import DigsError
 from digs_warp.data.capture import Capture
 from digs_warp.data.layers import Layer
 from digs_warp.init.start import Subject
-from digs_warp.segment.config import SegmentConfig
+from digs_warp.masks.config import SegmentConfig
 
 logger = logging.getLogger(__name__)
 

@@ -6,8 +6,8 @@ from dataclasses import replace
 import numpy as np
 
 from digs_warp.data.capture import Capture
+from digs_warp.poses.from_images.config import SfmConfig
 from digs_warp.poses.tracking import Tracking
-from digs_warp.sfm.config import SfmConfig
 
 logger = logging.getLogger(__name__)
 
@@ -23,8 +23,8 @@ def tracked(capture: Capture, config: SfmConfig) -> tuple[Capture, Tracking]:
         DigsError: frames without depth, or neighbors that do not show the same.
     """
     from digs_warp.poses.align import in_place
+    from digs_warp.poses.from_images.world import upright_world
     from digs_warp.poses.track import track
-    from digs_warp.sfm.world import upright_world
 
     readout_time = config.readout_time
     if readout_time is None:

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from digs_warp.device.threads import over_items
-from digs_warp.geometry import invert_rigid
+from digs_warp.geometry.rigid import invert_rigid
 from digs_warp.poses.of_pairs import measured_pairs
 from digs_warp.poses.views import Picture
 

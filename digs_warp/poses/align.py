@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from digs_warp.device.threads import over_items
-from digs_warp.geometry import invert_rigid, laid_over, matrix_from_rotation_vector, rigid
+from digs_warp.geometry.rigid import invert_rigid, laid_over, matrix_from_rotation_vector, rigid
 from digs_warp.poses.equations import ANY_ERROR, PairComparison, solve
 from digs_warp.poses.pairs import overlapping_pairs
 from digs_warp.poses.views import Picture, View, by_size, view_of

@@ -13,7 +13,7 @@ import numpy as np
 import warp as wp
 
 from digs_warp.device.parallel import launch_parallel, packed
-from digs_warp.geometry import invert_rigid
+from digs_warp.geometry.rigid import invert_rigid
 from digs_warp.poses.agreement import mean_disagreement
 from digs_warp.poses.align import stepped
 from digs_warp.poses.bundle_kernel import Block, Bundle, Motion, nearness_kernel, sum_kernel

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 
 from digs_warp.device.threads import over_items
-from digs_warp.geometry import invert_rigid
+from digs_warp.geometry.rigid import invert_rigid
 from digs_warp.poses.edges import Edge, FramePair, Sight, edge_between
 
 # Frames that disagree more were not placed, unless something else speaks for their motion: right ones of 3 to

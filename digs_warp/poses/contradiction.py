@@ -8,7 +8,7 @@ import numpy as np
 from digs_warp.data.evenly import evenly
 from digs_warp.data.frame import Frame
 from digs_warp.device.threads import over_items
-from digs_warp.geometry import invert_rigid
+from digs_warp.geometry.rigid import invert_rigid
 from digs_warp.poses.agreement import disagreements
 from digs_warp.poses.chain import holds, turn_deg
 from digs_warp.poses.edges import Sight, edge_between

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from digs_warp.geometry import invert_rigid, transform_points
+from digs_warp.geometry.rigid import invert_rigid, transform_points
 from digs_warp.poses.views import Picture, View
 
 # Depths that differ by more than this share are different surfaces.

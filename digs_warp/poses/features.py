@@ -4,8 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from digs_warp.camera import Intrinsics
-from digs_warp.geometry import rigid
+from digs_warp.geometry.camera import Intrinsics
+from digs_warp.geometry.rigid import rigid
 from digs_warp.poses.views import Picture
 
 # Features of a frame, the strongest first; OpenCV's threshold of contrast, a tenth of what is usual, and of

@@ -12,7 +12,7 @@ from functools import cached_property
 import numpy as np
 
 from digs_warp.device.threads import over_items
-from digs_warp.geometry import invert_rigid
+from digs_warp.geometry.rigid import invert_rigid
 from digs_warp.poses.agreement import disagreement, disagreements, reduced
 from digs_warp.poses.align import align, align_first
 from digs_warp.poses.chain import BROKEN

@@ -6,7 +6,7 @@ from typing import TypeVar
 import numpy as np
 
 from digs_warp.device.threads import over_items
-from digs_warp.geometry import invert_rigid
+from digs_warp.geometry.rigid import invert_rigid
 
 _F = TypeVar("_F")
 

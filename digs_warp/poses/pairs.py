@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from digs_warp.camera import Camera, pixel_centers
+from digs_warp.geometry.camera import Camera, pixel_centers
 from digs_warp.poses.views import Picture
 
 # Frames that each frame is compared with, at least; some are chosen by others as well.

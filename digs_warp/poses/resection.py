@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from digs_warp.geometry import invert_rigid, rigid
+from digs_warp.geometry.rigid import invert_rigid, rigid
 from digs_warp.poses.features import FEWEST, WITHIN, Features, matched
 from digs_warp.poses.views import Picture
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from digs_warp.geometry import matrix_from_rotation_vector, rigid
+from digs_warp.geometry.rigid import matrix_from_rotation_vector, rigid
 from digs_warp.poses.agreement import disagreements
 from digs_warp.poses.views import Picture
 

@@ -10,7 +10,7 @@ from digs_warp.checks import DigsError
 from digs_warp.data.frame import Frame
 from digs_warp.device.libraries import import_open3d
 from digs_warp.device.threads import over_items
-from digs_warp.geometry import invert_rigid
+from digs_warp.geometry.rigid import invert_rigid
 from digs_warp.poses.agreement import got_worse
 from digs_warp.poses.align import align
 from digs_warp.poses.bundle import adjusted_where_better

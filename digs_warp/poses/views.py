@@ -7,10 +7,10 @@ from typing import TypeVar
 
 import numpy as np
 
-from digs_warp.camera import Intrinsics
 from digs_warp.data.frame import Frame
 from digs_warp.data.layers import Layer
 from digs_warp.device.parallel import default_threads
+from digs_warp.geometry.camera import Intrinsics
 
 # Blur that takes off noise, and the neighborhood whose mean and contrast do not count [px].
 FINE, WIDE = 0.8, 6.0

@@ -10,7 +10,7 @@ import warp as wp
 
 from digs_warp.device.image_planes import ImagePlanes
 from digs_warp.device.parallel import launch_parallel
-from digs_warp.geometry import PixelBox
+from digs_warp.geometry.rigid import PixelBox
 from digs_warp.splat.config import TILE_SIZE
 from digs_warp.splat.footprint import ViewParams
 from digs_warp.splat.records import Planes

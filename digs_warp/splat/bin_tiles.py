@@ -18,7 +18,7 @@ import warp as wp
 
 from digs_warp.checks import DigsError
 from digs_warp.device.parallel import ParallelLaunch, default_threads, recorded, run_together
-from digs_warp.geometry import PixelBox, mask_box
+from digs_warp.geometry.rigid import PixelBox, mask_box
 from digs_warp.splat.bin_kernels import (
     emit_kernel,
     exclusive_scan_kernel,

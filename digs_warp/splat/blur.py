@@ -14,7 +14,7 @@ values, as everywhere in splatting; a camera's is that of the light.
 from dataclasses import dataclass
 from math import ceil, sqrt
 
-from digs_warp.camera import Camera
+from digs_warp.geometry.camera import Camera
 from digs_warp.splat.row_motion import RowMotion
 
 # Less blur [px] than this is that of a pixel itself.

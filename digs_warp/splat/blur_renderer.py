@@ -5,12 +5,12 @@ from dataclasses import replace
 import numpy as np
 import warp as wp
 
-from digs_warp.camera import Camera
 from digs_warp.device.contiguous import flat
 from digs_warp.device.image_planes import ImagePlanes
 from digs_warp.device.parallel import ParallelLaunch, run_together
 from digs_warp.device.small_arrays import put
-from digs_warp.geometry import PixelBox
+from digs_warp.geometry.camera import Camera
+from digs_warp.geometry.rigid import PixelBox
 from digs_warp.splat.background import tiles_with_background
 from digs_warp.splat.bin_tiles import pixels_of
 from digs_warp.splat.blur import Blur

@@ -4,9 +4,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from digs_warp.camera import Camera
 from digs_warp.checks import check_shape
-from digs_warp.geometry import matrix_from_rotation_vector
+from digs_warp.geometry.camera import Camera
+from digs_warp.geometry.rigid import matrix_from_rotation_vector
 from digs_warp.splat.camera_gradient import CameraGradient
 
 

@@ -5,7 +5,7 @@ from typing import Literal, get_args
 
 from digs_warp.checks import DigsError
 from digs_warp.device.image_planes import ALIGNMENT
-from digs_warp.sh import MAX_DEGREE
+from digs_warp.geometry.sh import MAX_DEGREE
 
 # Tiles are 16x16 pixels. The rasterizer evaluates a splat in blocks of 2 rows by 8 columns: one vector of
 # float32 of 512 bits, or two of 256.

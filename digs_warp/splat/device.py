@@ -10,7 +10,7 @@ from digs_warp.checks import check_finite
 from digs_warp.data.gaussians import FIELDS, Gaussians
 from digs_warp.device.parallel import packed
 from digs_warp.device.warp_start import require_device
-from digs_warp.geometry import quat_multiply, quat_xyzw_from_matrix, transform_points
+from digs_warp.geometry.rigid import quat_multiply, quat_xyzw_from_matrix, transform_points
 from digs_warp.splat.records import GaussianArrays
 
 

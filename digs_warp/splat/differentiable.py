@@ -16,9 +16,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 import warp as wp
 
-from digs_warp.camera import Camera
 from digs_warp.device.image_planes import ImagePlanes
 from digs_warp.device.parallel import launch_parallel
+from digs_warp.geometry.camera import Camera
 from digs_warp.splat.camera_motion import moved_camera, pose_gradient
 from digs_warp.splat.config import DEFAULT_OPTIONS, MEDIAN, RasterOptions
 from digs_warp.splat.device import DeviceGaussians

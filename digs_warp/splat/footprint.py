@@ -14,9 +14,9 @@ from typing import Any
 import numpy as np
 import warp as wp
 
-from digs_warp.camera import Camera
 from digs_warp.device.elementary import exp_of, larger, smaller
-from digs_warp.geometry import PixelBox
+from digs_warp.geometry.camera import Camera
+from digs_warp.geometry.rigid import PixelBox
 from digs_warp.splat.config import DEFAULT_OPTIONS, TILE_SIZE, RasterOptions
 from digs_warp.splat.row_motion import STILL, RowMotion
 from digs_warp.splat.row_pose import RowPose, moment_of

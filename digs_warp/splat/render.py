@@ -4,10 +4,10 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from digs_warp.camera import Camera
 from digs_warp.checks import DigsError, check_finite, check_shape
 from digs_warp.data.gaussians import FIELDS, Gaussians
 from digs_warp.device.image_planes import ImagePlanes
+from digs_warp.geometry.camera import Camera
 from digs_warp.splat.camera_gradient import CameraGradient
 from digs_warp.splat.config import DEFAULT_OPTIONS, EXPECTED, MEDIAN, RasterOptions
 from digs_warp.splat.device import DeviceGaussians

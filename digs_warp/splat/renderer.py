@@ -8,12 +8,12 @@ from collections.abc import Callable
 import numpy as np
 import warp as wp
 
-from digs_warp.camera import Camera
 from digs_warp.checks import check_finite, check_positive, check_shape
 from digs_warp.device.image_planes import ImagePlanes
 from digs_warp.device.parallel import packed
 from digs_warp.device.small_arrays import put
-from digs_warp.geometry import PixelBox
+from digs_warp.geometry.camera import Camera
+from digs_warp.geometry.rigid import PixelBox
 from digs_warp.splat.backend import RasterBackend, RasterJob, backend_for
 from digs_warp.splat.background import add_background, tiles_with_background
 from digs_warp.splat.bin_tiles import TileBinner

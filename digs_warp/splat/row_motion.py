@@ -14,9 +14,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from digs_warp.camera import Camera
 from digs_warp.checks import check_finite, check_shape
-from digs_warp.geometry import matrix_from_quat_xyzw, rigid
+from digs_warp.geometry.camera import Camera
+from digs_warp.geometry.rigid import matrix_from_quat_xyzw, rigid
 
 
 @dataclass(frozen=True, eq=False)

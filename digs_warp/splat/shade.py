@@ -1,11 +1,11 @@
-"""Spherical harmonics on the device: the Warp twin of `digs_warp.sh`, and its gradient.
+"""Spherical harmonics on the device: the Warp twin of `digs_warp.geometry.sh`, and its gradient.
 
 Plain functions of one Gaussian, so that projection and its gradient can call them in their own pass.
 """
 
 import warp as wp
 
-from digs_warp import sh
+from digs_warp.geometry import sh
 
 wp.set_module_options({"enable_backward": False})
 
@@ -17,7 +17,7 @@ _C30, _C31, _C32, _C33, _C34, _C35, _C36 = (wp.constant(value) for value in sh.C
 
 @wp.func
 def sh_color(coefficients: wp.array2d[wp.vec3], g: int, degree: int, d: wp.vec3) -> wp.vec3:
-    """Color of Gaussian g seen along the unit vector d, before the clamp at 0; see `digs_warp.sh`."""
+    """Color of Gaussian g seen along the unit vector d, before the clamp at 0; see `geometry/sh.py`."""
     x = d[0]
     y = d[1]
     z = d[2]

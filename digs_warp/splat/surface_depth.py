@@ -7,7 +7,7 @@ mean lies on neither. So the depth of the surface is the expected one where the 
 
 import numpy as np
 
-from digs_warp.geometry import PixelBox
+from digs_warp.geometry.rigid import PixelBox
 from digs_warp.splat.config import EXPECTED, MEDIAN, DepthOf
 from digs_warp.splat.renderer import SplatRenderer
 

@@ -20,9 +20,9 @@ from digs_warp.data.images import write_image
 from digs_warp.data.sfm_model import scaled_pose
 from digs_warp.pipeline.reconstruction import Reconstruction
 from digs_warp.record.progress import progress
+from digs_warp.sim.camera.walk.settings import PathName, WalkSettings
 from digs_warp.sim.config import SimulateConfig
-from digs_warp.sim.record import simulate
-from digs_warp.sim.walk.settings import PathName, WalkSettings
+from digs_warp.sim.record.record import simulate
 from digs_warp.study.bench_recordings import (
     FIGURES,
     FINDINGS,

@@ -9,9 +9,9 @@ from pathlib import Path
 import numpy as np
 
 from digs_warp.data.images import read_image
-from digs_warp.segment.config import SegmentConfig
-from digs_warp.segment.masks import segment
-from digs_warp.segment.score import intersection_over_union
+from digs_warp.masks.config import SegmentConfig
+from digs_warp.masks.masks import segment
+from digs_warp.masks.score import intersection_over_union
 from digs_warp.study.results import Result
 from digs_warp.study.timing import Stopwatch
 
@@ -28,7 +28,7 @@ CASES = (
 
 def bench_masks() -> list[Result]:
     """Return the overlap with the true masks (intersection over union) and the time per mask."""
-    from digs_warp.sim.record import SimulateConfig, simulate
+    from digs_warp.sim.record.record import SimulateConfig, simulate
 
     results = []
     with tempfile.TemporaryDirectory() as folder:

@@ -12,14 +12,14 @@ from time import process_time
 
 from digs_warp.data.capture import Capture
 from digs_warp.data.layers import Layer
+from digs_warp.formats.captures.formats import export_capture, read_recording
+from digs_warp.formats.captures.to_capture import write_capture
 from digs_warp.init.config import InitConfig
 from digs_warp.init.strategies import STRATEGIES, StrategyName
-from digs_warp.interchange.captures.formats import export_capture, read_recording
-from digs_warp.interchange.captures.to_capture import write_capture
 from digs_warp.pipeline.reconstruct import ReconstructConfig, reconstruct
 from digs_warp.record.progress import progress
 from digs_warp.sim.config import SimulateConfig
-from digs_warp.sim.record import simulate
+from digs_warp.sim.record.record import simulate
 from digs_warp.study.results import Result
 from digs_warp.study.scenes import with_meshes
 from digs_warp.train.config import Density, Stop, TrainConfig

@@ -232,7 +232,7 @@ class _Scene:
 @contextmanager
 def _recorded(size: SceneSize, mesh: Path | None = None) -> Iterator[_Scene]:
     """Record a mesh, by default the built-in object, and initialize from its depth."""
-    from digs_warp.sim.record import SimulateConfig, simulate
+    from digs_warp.sim.record.record import SimulateConfig, simulate
 
     config = SimulateConfig(
         mesh=mesh,

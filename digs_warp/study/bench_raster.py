@@ -13,11 +13,11 @@ from dataclasses import dataclass
 import numpy as np
 import warp as wp
 
-from digs_warp.camera import Camera, Intrinsics
 from digs_warp.data.gaussians import Gaussians
 from digs_warp.device.parallel import default_threads
+from digs_warp.geometry.camera import Camera, Intrinsics
+from digs_warp.geometry.sh import sh_from_rgb
 from digs_warp.record.progress import progress
-from digs_warp.sh import sh_from_rgb
 from digs_warp.splat.config import BLOCK_HEIGHT, BLOCK_WIDTH, TILE_SIZE
 from digs_warp.splat.device import DeviceGaussians
 from digs_warp.splat.records import SPLAT_HALF_HEIGHT, SPLAT_HALF_WIDTH, SPLAT_U, SPLAT_V

@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from digs_warp.record.progress import progress
-from digs_warp.sim.record import frames_at_once
+from digs_warp.sim.record.record import frames_at_once
 from digs_warp.sim.sensor.filters import gray_of
 from digs_warp.sim.sensor.frame import Sensed
 from digs_warp.sim.sensor.matcher import match, search_range

@@ -11,7 +11,7 @@ from digs_warp.device.warp_start import compile_seconds
 from digs_warp.pipeline.reconstruct import ReconstructConfig, reconstruct
 from digs_warp.record.progress import progress
 from digs_warp.sim.config import SimulateConfig
-from digs_warp.sim.record import simulate
+from digs_warp.sim.record.record import simulate
 from digs_warp.study.engine.case import with_settings
 from digs_warp.study.recommend.choose import Choice, Recommendation, Studies, recommend
 from digs_warp.study.recommend.published import read_studies

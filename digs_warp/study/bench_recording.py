@@ -14,7 +14,7 @@ from pathlib import Path
 
 from digs_warp.checks import DigsError
 from digs_warp.sim.config import SimulateConfig
-from digs_warp.sim.record import simulate
+from digs_warp.sim.record.record import simulate
 from digs_warp.study.results import Result
 from digs_warp.study.timing import Stopwatch, peak_memory
 

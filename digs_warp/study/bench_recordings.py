@@ -12,6 +12,7 @@ from typing import Literal
 
 import numpy as np
 
+from digs_warp.check.full_check import check_fully
 from digs_warp.checks import DigsError
 from digs_warp.data.capture import Capture
 from digs_warp.data.evenly import evenly
@@ -21,10 +22,9 @@ from digs_warp.init.config import InitConfig
 from digs_warp.init.strategies import STRATEGIES, chosen_strategy
 from digs_warp.pipeline.reconstruct import ReconstructConfig, reconstruct
 from digs_warp.pipeline.reconstruction import Reconstruction
-from digs_warp.plausibility.full_check import check_fully
+from digs_warp.poses.from_images.config import SfmConfig
+from digs_warp.poses.from_images.evaluate import camera_errors
 from digs_warp.record.progress import progress
-from digs_warp.sfm.config import SfmConfig
-from digs_warp.sfm.evaluate import camera_errors
 from digs_warp.splat.device import DeviceGaussians
 from digs_warp.study.real_recordings import RealRecording, convert, find_recordings
 from digs_warp.study.results import Result

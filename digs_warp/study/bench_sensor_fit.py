@@ -11,6 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
+from digs_warp.sim.camera.profiles import load_profile
 from digs_warp.sim.fit.estimate import Estimate
 from digs_warp.sim.fit.fit_pair import (
     LEFT,
@@ -27,7 +28,6 @@ from digs_warp.sim.fit.profile_file import text
 from digs_warp.sim.fit.result import Comparison, with_figures
 from digs_warp.sim.fit.textured_wall import in_memory, record_wall
 from digs_warp.sim.fit.wall import read_wall
-from digs_warp.sim.profiles import load_profile
 from digs_warp.sim.sensor.drift import Drift
 from digs_warp.study.real_stereo import (
     d435_pair,

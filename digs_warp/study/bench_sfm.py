@@ -18,12 +18,12 @@ import numpy as np
 from digs_warp.checks import DigsError
 from digs_warp.data.frame import Frame
 from digs_warp.device.parallel import default_threads
+from digs_warp.poses.from_images.config import SfmConfig
+from digs_warp.poses.from_images.estimate import structure_from_motion
+from digs_warp.poses.from_images.evaluate import pose_errors
 from digs_warp.record.progress import progress
-from digs_warp.sfm.config import SfmConfig
-from digs_warp.sfm.estimate import structure_from_motion
-from digs_warp.sfm.evaluate import pose_errors
+from digs_warp.sim.record.sensor_plan import SensorPlan
 from digs_warp.sim.sensor.color import IMAGE_BLUR, PIXEL_EFFECTS, ROLLING_SHUTTER
-from digs_warp.sim.sensor_plan import SensorPlan
 from digs_warp.study.results import Result
 from digs_warp.study.sfm_photographs import (
     IDEAL,

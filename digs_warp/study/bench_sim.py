@@ -15,9 +15,12 @@ from pathlib import Path
 import numpy as np
 
 from digs_warp.record.progress import progress
+from digs_warp.sim.camera.shutter import Shutter
 from digs_warp.sim.config import SimulateConfig, Tier
-from digs_warp.sim.inputs import load_inputs
-from digs_warp.sim.record import frames_at_once
+from digs_warp.sim.record.inputs import load_inputs
+from digs_warp.sim.record.record import frames_at_once
+from digs_warp.sim.record.sensor_plan import plan_for_facts
+from digs_warp.sim.record.session import Session, prepare_session
 from digs_warp.sim.sensor.blame import blame
 from digs_warp.sim.sensor.cause import Cause
 from digs_warp.sim.sensor.color.recorded import recorded_images
@@ -28,9 +31,6 @@ from digs_warp.sim.sensor.frame import FrameTruth, Sensed
 from digs_warp.sim.sensor.planner import plan
 from digs_warp.sim.sensor.scores import Scores, score
 from digs_warp.sim.sensor.tiers import apply_effects, sense
-from digs_warp.sim.sensor_plan import plan_for_facts
-from digs_warp.sim.session import Session, prepare_session
-from digs_warp.sim.shutter import Shutter
 from digs_warp.study.bench_recording import WIDTHS, bench_recording
 from digs_warp.study.charts import Chart, Curve
 from digs_warp.study.planning_cost import planning_result

@@ -15,7 +15,7 @@ from digs_warp.init.config import InitConfig
 from digs_warp.pipeline.reconstruct import ReconstructConfig, reconstruct
 from digs_warp.record.progress import progress
 from digs_warp.sim.config import SimulateConfig
-from digs_warp.sim.record import simulate
+from digs_warp.sim.record.record import simulate
 from digs_warp.study.results import Result
 from digs_warp.study.scenes import OBJECT_SIZE, with_meshes
 from digs_warp.train.config import Stop, TrainConfig

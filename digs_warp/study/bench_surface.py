@@ -17,14 +17,14 @@ from digs_warp.checks import DigsError
 from digs_warp.data.capture import Capture
 from digs_warp.data.frame import Frame
 from digs_warp.data.triangle_mesh import TriangleMesh
-from digs_warp.film.camera_path import find_subject
 from digs_warp.measure.surface_metrics import surface_score
 from digs_warp.pipeline.mesh import extract_mesh
 from digs_warp.pipeline.reconstruct import ReconstructConfig, reconstruct
 from digs_warp.pipeline.reconstruction import Reconstruction
 from digs_warp.record.progress import progress
+from digs_warp.show.film.camera_path import find_subject
 from digs_warp.sim.config import SimulateConfig
-from digs_warp.sim.record import simulate
+from digs_warp.sim.record.record import simulate
 from digs_warp.study.results import Result
 from digs_warp.study.scenes import SEE_SAMPLE_DATA, objects, sample_data
 from digs_warp.surface.depth_views import DepthView

@@ -63,7 +63,7 @@ def bench_train() -> list[Result]:
 
 
 def _record(width: int, height: int, folder: Path) -> Capture:
-    from digs_warp.sim.record import SimulateConfig, simulate
+    from digs_warp.sim.record.record import SimulateConfig, simulate
 
     config = SimulateConfig(
         frames=FRAMES, width=width, height=height, samples_per_pixel=1, tier="law"

@@ -11,12 +11,10 @@ from pathlib import Path
 
 import numpy as np
 
-from digs_warp.camera import Camera, Intrinsics
 from digs_warp.data.gaussians import Gaussians
 from digs_warp.data.triangle_mesh import TriangleMesh
 from digs_warp.device.parallel import default_threads
-from digs_warp.film.camera_path import find_subject, orbit
-from digs_warp.film.shoot import Clock, shoot
+from digs_warp.geometry.camera import Camera, Intrinsics
 from digs_warp.init.config import InitConfig
 from digs_warp.init.recipes import initial_points
 from digs_warp.init.seed_gaussians import seed_gaussians
@@ -25,6 +23,8 @@ from digs_warp.measure.surface_metrics import surface_score
 from digs_warp.pipeline.reconstruction import Reconstruction
 from digs_warp.pipeline.scene_files import SpzVersion, read_scene, write_scene_file
 from digs_warp.record.progress import progress
+from digs_warp.show.film.camera_path import find_subject, orbit
+from digs_warp.show.film.shoot import Clock, shoot
 from digs_warp.splat.render import render
 from digs_warp.study.results import Result
 from digs_warp.study.scenes import VOXEL
@@ -73,7 +73,7 @@ class TrainedObject:
 @cache
 def trained_object() -> TrainedObject:
     """Record the built-in object, start from its depth and train; always the same."""
-    from digs_warp.sim.record import SimulateConfig, simulate
+    from digs_warp.sim.record.record import SimulateConfig, simulate
 
     recording = SimulateConfig(
         frames=TRAINING_FRAMES, width=640, height=360, samples_per_pixel=1, tier="law"

@@ -16,9 +16,9 @@ from typing import get_args
 
 import numpy as np
 
-from digs_warp.camera import Camera, Intrinsics
 from digs_warp.data.gaussians import Gaussians
-from digs_warp.geometry import look_at
+from digs_warp.geometry.camera import Camera, Intrinsics
+from digs_warp.geometry.rigid import look_at
 from digs_warp.record.progress import progress
 from digs_warp.splat.render import render
 from digs_warp.study.results import Result

@@ -19,22 +19,22 @@ from pathlib import Path
 from statistics import median
 from typing import TYPE_CHECKING
 
-from digs_warp.camera import Intrinsics
 from digs_warp.checks import DigsError
 from digs_warp.data.capture import Capture
 from digs_warp.data.gaussians import Gaussians
-from digs_warp.film.camera_path import find_subject, orbit
+from digs_warp.geometry.camera import Intrinsics
 from digs_warp.init.config import InitConfig
 from digs_warp.init.recipes import initial_points
 from digs_warp.init.seed_gaussians import seed_gaussians
 from digs_warp.record.progress import progress
+from digs_warp.show.film.camera_path import find_subject, orbit
+from digs_warp.show.view.live import FIRST_PORT
+from digs_warp.show.view.streamer import put_behind
+from digs_warp.show.view.true_render import TrueRenderer
 from digs_warp.sim.config import SimulateConfig
-from digs_warp.sim.record import simulate
+from digs_warp.sim.record.record import simulate
 from digs_warp.study.results import Result
 from digs_warp.study.timing import Stopwatch
-from digs_warp.view.live import FIRST_PORT
-from digs_warp.view.streamer import put_behind
-from digs_warp.view.true_render import TrueRenderer
 
 if TYPE_CHECKING:
     import viser

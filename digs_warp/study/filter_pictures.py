@@ -7,8 +7,10 @@ from pathlib import Path
 
 import numpy as np
 
+from digs_warp.sim.camera.shutter import Shutter
 from digs_warp.sim.config import SimulateConfig
-from digs_warp.sim.inputs import load_inputs
+from digs_warp.sim.record.inputs import load_inputs
+from digs_warp.sim.record.session import prepare_session
 from digs_warp.sim.sensor.after.chain import AfterMatching, Shot
 from digs_warp.sim.sensor.after.names import FILTERS
 from digs_warp.sim.sensor.after.temporal import EARLIER_FRAMES
@@ -20,8 +22,6 @@ from digs_warp.sim.sensor.frame import FrameTruth, Sensed
 from digs_warp.sim.sensor.scores import score
 from digs_warp.sim.sensor.steps import find_steps
 from digs_warp.sim.sensor.tiers import sense
-from digs_warp.sim.session import prepare_session
-from digs_warp.sim.shutter import Shutter
 from digs_warp.study.sensor_pictures import (
     LARGEST_RATIO,
     Panel,

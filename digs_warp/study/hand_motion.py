@@ -6,9 +6,9 @@ from pathlib import Path
 
 import numpy as np
 
-from digs_warp.camera import Intrinsics
-from digs_warp.sim.walk.settings import WalkSettings
-from digs_warp.sim.walk.walk import Subject, Walk
+from digs_warp.geometry.camera import Intrinsics
+from digs_warp.sim.camera.walk.settings import WalkSettings
+from digs_warp.sim.camera.walk.walk import Subject, Walk
 
 # In the sample data: once around a cabinet, a pose every 1.34 s (TUM RGB-D, fr3/cabinet).
 RECORDED = "rgbd/tum_cabinet_orbit/truth_cam_poses.txt"

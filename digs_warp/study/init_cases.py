@@ -16,10 +16,10 @@ from digs_warp.data.triangle_mesh import TriangleMesh
 from digs_warp.measure.surface_metrics import SurfaceScore, surface_score
 from digs_warp.record.progress import progress
 from digs_warp.sim.config import SimulateConfig
-from digs_warp.sim.frame_maker import FrameMaker, RenderedFrame
-from digs_warp.sim.inputs import load_inputs
-from digs_warp.sim.sensor_plan import make_plan
-from digs_warp.sim.session import prepare_session
+from digs_warp.sim.record.frame_maker import FrameMaker, RenderedFrame
+from digs_warp.sim.record.inputs import load_inputs
+from digs_warp.sim.record.sensor_plan import make_plan
+from digs_warp.sim.record.session import prepare_session
 
 # Points within this distance [m] of the true surface count as on it.
 THRESHOLD = 0.005

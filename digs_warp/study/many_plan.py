@@ -92,7 +92,7 @@ def sample_storage(load: Load) -> Stored:
     """
     from digs_warp.pipeline.reconstruct import ReconstructConfig, reconstruct
     from digs_warp.sim.config import SimulateConfig
-    from digs_warp.sim.record import simulate
+    from digs_warp.sim.record.record import simulate
 
     settings = SimulateConfig(frames=SAMPLE_FRAMES, width=load.width, height=load.height)
     config = ReconstructConfig(test_every=2)

@@ -14,9 +14,9 @@ from pathlib import Path
 from digs_warp.data.capture import Capture
 from digs_warp.data.frame import Frame
 from digs_warp.pipeline.reconstruct import ReconstructConfig, reconstruct
-from digs_warp.sfm.config import SfmConfig
+from digs_warp.poses.from_images.config import SfmConfig
 from digs_warp.sim.config import SimulateConfig
-from digs_warp.sim.record import simulate
+from digs_warp.sim.record.record import simulate
 from digs_warp.study.engine.placement import motion_to_truth
 from digs_warp.study.engine.scores import YARDSTICK, psnr_in_place, psnr_in_scale
 from digs_warp.study.pose_pixels import pose_pixels

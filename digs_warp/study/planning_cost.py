@@ -7,11 +7,16 @@ from statistics import median
 
 import numpy as np
 
+from digs_warp.sim.record.sensor_plan import (
+    SensorPlan,
+    look_around,
+    plan_for_facts,
+    with_adaptation,
+)
+from digs_warp.sim.record.session import Session
 from digs_warp.sim.sensor.color.recorded import recorded_images
 from digs_warp.sim.sensor.frame import FrameTruth
 from digs_warp.sim.sensor.tiers import sense
-from digs_warp.sim.sensor_plan import SensorPlan, look_around, plan_for_facts, with_adaptation
-from digs_warp.sim.session import Session
 from digs_warp.study.results import Result
 from digs_warp.study.timing import Stopwatch
 

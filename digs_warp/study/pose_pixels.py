@@ -5,11 +5,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from digs_warp.camera import Camera, pixel_centers
 from digs_warp.data.frame import Frame
-from digs_warp.geometry import matrix_from_rotation_vector
+from digs_warp.geometry.camera import Camera, pixel_centers
+from digs_warp.geometry.rigid import matrix_from_rotation_vector
 from digs_warp.poses.align import in_place
-from digs_warp.sfm.evaluate import Similarity
+from digs_warp.poses.from_images.evaluate import Similarity
 
 # Points of the object in each frame.
 POINTS = 200

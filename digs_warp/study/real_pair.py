@@ -4,9 +4,9 @@ from pathlib import Path
 
 import numpy as np
 
+from digs_warp.sim.camera.rig import StereoRig
 from digs_warp.sim.fit.known_frame import known_frame
 from digs_warp.sim.fit.pair_folder import read_pair
-from digs_warp.sim.rig import StereoRig
 from digs_warp.sim.sensor.frame import FrameTruth
 
 # Standard deviation of the grain of these tripod exposures per channel [DN], at a quarter of their size. Luma

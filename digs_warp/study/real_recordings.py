@@ -15,8 +15,8 @@ from digs_warp.checks import DigsError
 from digs_warp.data.capture import Capture, read_capture
 from digs_warp.data.images import encode_jpeg, read_image
 from digs_warp.data.index_rules import INDEX_NAME
-from digs_warp.interchange.captures.formats import read_recording
-from digs_warp.interchange.captures.to_capture import write_capture
+from digs_warp.formats.captures.formats import read_recording
+from digs_warp.formats.captures.to_capture import write_capture
 from digs_warp.record.files import read_json, read_text, write_atomically
 from digs_warp.study.scenes import SEE_SAMPLE_DATA, sample_data
 from digs_warp.words import did_you_mean

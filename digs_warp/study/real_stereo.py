@@ -6,9 +6,11 @@ from pathlib import Path
 
 import numpy as np
 
-from digs_warp.camera import Intrinsics
 from digs_warp.checks import require_file
 from digs_warp.data.images import read_image
+from digs_warp.geometry.camera import Intrinsics
+from digs_warp.sim.camera.profiles import load_profile
+from digs_warp.sim.camera.rig import StereoRig
 from digs_warp.sim.fit.depth_noise import correlation_length
 from digs_warp.sim.fit.estimate import Estimate, block_numbers
 from digs_warp.sim.fit.eye_noise import Eyes, eye_noise
@@ -17,8 +19,6 @@ from digs_warp.sim.fit.known_frame import known_frame
 from digs_warp.sim.fit.known_pair import filled, right_image, without_grain
 from digs_warp.sim.fit.plane import fit_plane
 from digs_warp.sim.fit.sensing import sense_frame
-from digs_warp.sim.profiles import load_profile
-from digs_warp.sim.rig import StereoRig
 from digs_warp.sim.sensor.filters import gray_of
 from digs_warp.sim.sensor.matcher import match, search_range
 from digs_warp.sim.sensor.tiers import sense

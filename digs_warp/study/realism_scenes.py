@@ -6,16 +6,16 @@ from pathlib import Path
 
 import numpy as np
 
+from digs_warp.sim.camera.shutter import Shutter
 from digs_warp.sim.config import SimulateConfig, Tier
-from digs_warp.sim.inputs import load_inputs
+from digs_warp.sim.record.inputs import load_inputs
+from digs_warp.sim.record.sensor_plan import plan_for_facts
+from digs_warp.sim.record.session import prepare_session
 from digs_warp.sim.sensor.color.protocol import PixelEffect
 from digs_warp.sim.sensor.color.recorded import recorded_images
 from digs_warp.sim.sensor.facts import measure_facts
 from digs_warp.sim.sensor.frame import FrameTruth, Sensed
 from digs_warp.sim.sensor.tiers import sense
-from digs_warp.sim.sensor_plan import plan_for_facts
-from digs_warp.sim.session import prepare_session
-from digs_warp.sim.shutter import Shutter
 from digs_warp.study.scenes import OBJECT_SIZE
 
 FRAMES = 60  # of the walk

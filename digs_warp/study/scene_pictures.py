@@ -11,9 +11,9 @@ from digs_warp.data.capture import Capture
 from digs_warp.data.images import encode_jpeg, read_image
 from digs_warp.data.layers import Layer
 from digs_warp.record.files import write_atomically
-from digs_warp.report.pictures import ColorScale
+from digs_warp.show.report.pictures import ColorScale
 from digs_warp.sim.config import SimulateConfig
-from digs_warp.sim.record import simulate_in_memory
+from digs_warp.sim.record.record import simulate_in_memory
 
 WIDTH, HEIGHT, FRAMES = 640, 360, 3
 

@@ -9,11 +9,12 @@ from typing import Any
 
 import numpy as np
 
-from digs_warp.camera import Camera
-from digs_warp.geometry import rigid
+from digs_warp.geometry.camera import Camera
+from digs_warp.geometry.rigid import rigid
 from digs_warp.record.files import write_atomically
+from digs_warp.sim.camera.profiles import PROFILES
+from digs_warp.sim.camera.shutter import Shutter, ShutteredEye
 from digs_warp.sim.config import Tier
-from digs_warp.sim.profiles import PROFILES
 from digs_warp.sim.render.protocol import Projected
 from digs_warp.sim.render.raycast import RaycastRenderer
 from digs_warp.sim.sensor.color import (
@@ -36,7 +37,6 @@ from digs_warp.sim.sensor.facts import measure_facts
 from digs_warp.sim.sensor.frame import FrameTruth, Sensed
 from digs_warp.sim.sensor.infrared.pair import infrared_image, stands_out, with_dots
 from digs_warp.sim.sensor.tiers import effect_rng, sense
-from digs_warp.sim.shutter import Shutter, ShutteredEye
 from digs_warp.study.still_life import (
     RIGHT_SEED,
     SAMPLES,

@@ -15,15 +15,15 @@ from digs_warp.data.frame import Frame
 from digs_warp.data.index_rules import INDEX_NAME
 from digs_warp.data.layers import Layer
 from digs_warp.record.progress import progress
+from digs_warp.sim.camera.shutter import ShutteredEye
 from digs_warp.sim.config import SimulateConfig
-from digs_warp.sim.inputs import load_inputs
+from digs_warp.sim.record.inputs import load_inputs
+from digs_warp.sim.record.sensor_plan import SensorPlan, make_plan
+from digs_warp.sim.record.session import Session, prepare_session
 from digs_warp.sim.sensor.color.encoding import decode, encode
 from digs_warp.sim.sensor.color.protocol import EyeImages
 from digs_warp.sim.sensor.planner import override
 from digs_warp.sim.sensor.tiers import effect_rng
-from digs_warp.sim.sensor_plan import SensorPlan, make_plan
-from digs_warp.sim.session import Session, prepare_session
-from digs_warp.sim.shutter import ShutteredEye
 
 SAMPLES_PER_PIXEL = 2
 LAYERS = (Layer.IMAGE,)

@@ -9,15 +9,15 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from digs_warp.camera import Camera
-from digs_warp.geometry import look_at, rigid
-from digs_warp.sim.builtin.noise import periodic_noise
-from digs_warp.sim.builtin.shapes import Patch, revolve
-from digs_warp.sim.environment import Environment, procedural_environment
-from digs_warp.sim.profiles import PROFILES
+from digs_warp.geometry.camera import Camera
+from digs_warp.geometry.rigid import look_at, rigid
+from digs_warp.sim.camera.profiles import PROFILES
+from digs_warp.sim.camera.rig import StereoRig
 from digs_warp.sim.render.raycast import RaycastRenderer
-from digs_warp.sim.rig import StereoRig
-from digs_warp.sim.scene import Material, Scene
+from digs_warp.sim.scene.builtin.noise import periodic_noise
+from digs_warp.sim.scene.builtin.shapes import Patch, revolve
+from digs_warp.sim.scene.environment import Environment, procedural_environment
+from digs_warp.sim.scene.scene import Material, Scene
 from digs_warp.sim.sensor.frame import FrameTruth, Motion
 
 WIDTH, HEIGHT, FOV_DEG = 640, 400, 62.0

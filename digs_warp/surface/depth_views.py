@@ -5,8 +5,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from digs_warp.camera import Camera
 from digs_warp.data.gaussians import Gaussians
+from digs_warp.geometry.camera import Camera
 from digs_warp.splat.config import RasterOptions
 from digs_warp.splat.device import DeviceGaussians
 from digs_warp.splat.footprint import near_plane

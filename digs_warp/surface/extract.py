@@ -5,10 +5,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from digs_warp.camera import Camera
 from digs_warp.checks import DigsError
 from digs_warp.data.gaussians import Gaussians
 from digs_warp.data.triangle_mesh import TriangleMesh
+from digs_warp.geometry.camera import Camera
 from digs_warp.record.progress import progress
 from digs_warp.surface.depth_views import DepthView, depth_views
 from digs_warp.surface.fuse import fuse_views

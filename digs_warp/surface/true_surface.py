@@ -13,7 +13,7 @@ from digs_warp.record.run_log import RunRecord
 
 if TYPE_CHECKING:
     from digs_warp.data.triangle_mesh import TriangleMesh
-    from digs_warp.sim.scene import Scene
+    from digs_warp.sim.scene.scene import Scene
 
 
 def read_true_surface(
@@ -33,7 +33,7 @@ def read_true_surface(
         if not 1 <= instance <= len(scenes):
             raise DigsError(f"capture '{capture}': no object {instance}, only {len(scenes)}")
         return _surface(scenes[instance - 1])
-    from digs_warp.sim.join import join_scenes
+    from digs_warp.sim.scene.join import join_scenes
 
     return _surface(join_scenes(*scenes) if len(scenes) > 1 else scenes[0])
 
@@ -54,7 +54,7 @@ def read_true_surfaces(capture: Path) -> "list[TriangleMesh] | None":
 
 def _surface(scene: "Scene") -> "TriangleMesh":
     from digs_warp.data.triangle_mesh import TriangleMesh
-    from digs_warp.sim.vertex_colors import srgb_vertex_colors
+    from digs_warp.sim.scene.vertex_colors import srgb_vertex_colors
 
     return TriangleMesh(scene.vertices, scene.faces, srgb_vertex_colors(scene))
 
@@ -67,7 +67,7 @@ def _true_scenes(capture: Path, textured: bool = True) -> "list[Scene] | None":
     if settings.get("scene"):
         return _placed_objects(capture)
     if settings["mesh"] is None:
-        from digs_warp.sim.procedural import procedural_scene, procedural_shape
+        from digs_warp.sim.scene.procedural import procedural_scene, procedural_shape
 
         return [procedural_scene() if textured else procedural_shape()]
     about = read_capture(capture).about
@@ -83,7 +83,7 @@ def _placed_objects(capture: Path) -> "list[Scene]":
 
 
 def _mesh_at(capture: Path, path: Path, placement: Matrix | None) -> "Scene":
-    from digs_warp.sim.load import load_scene_at
+    from digs_warp.sim.scene.load import load_scene_at
 
     place = next((place for place in places_of(path, capture) if place.is_file()), None)
     if place is None:

@@ -21,8 +21,8 @@ try:
 except ModuleNotFoundError as error:
     raise ModuleNotFoundError("digs_warp.torch needs PyTorch: pip install torch") from error
 
-from digs_warp.camera import Camera
 from digs_warp.data.gaussians import FIELDS, Gaussians
+from digs_warp.geometry.camera import Camera
 from digs_warp.splat.camera_motion import moved_camera, pose_gradient
 from digs_warp.splat.config import DEFAULT_OPTIONS, RasterOptions
 from digs_warp.splat.render import render as render_numpy

@@ -11,8 +11,8 @@ from tyro.conf import arg
 
 from digs_warp.bounds import check_flag
 from digs_warp.checks import DigsError
+from digs_warp.geometry.sh import USUAL_DEGREE
 from digs_warp.record.durations import DURATION
-from digs_warp.sh import USUAL_DEGREE
 
 DensityStrategy = Literal["fixed", "adaptive", "absgrad", "mcmc"]
 

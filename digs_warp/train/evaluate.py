@@ -10,10 +10,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from digs_warp.camera import Camera
 from digs_warp.data.frame import Frame
 from digs_warp.data.layers import Layer
 from digs_warp.device.threads import default_threads
+from digs_warp.geometry.camera import Camera
 from digs_warp.measure.color_gain import OFFSET, ColorGain, fit_color_gain
 from digs_warp.measure.color_lift import trusted_lift
 from digs_warp.measure.metrics import mean_over, psnr, ssim_map

@@ -8,8 +8,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from digs_warp.camera import Camera
 from digs_warp.data.gaussians import Gaussians
+from digs_warp.geometry.camera import Camera
 from digs_warp.train.config import TrainConfig
 
 # Share of a run from a dense start, and the most steps. On the YCB mustard bottle (1600x900, 100 steps,

@@ -3,7 +3,7 @@
 import numpy as np
 
 from digs_warp.data.frame import Frame
-from digs_warp.geometry import transform_points
+from digs_warp.geometry.rigid import transform_points
 
 # Points of the object that tell how far its image moves.
 POINTS = 200

@@ -9,7 +9,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from digs_warp.geometry import mask_box
+from digs_warp.geometry.rigid import mask_box
 from digs_warp.splat.device import DeviceGaussians
 from digs_warp.train.evaluate import TestView, color_aligned, render_views
 from digs_warp.train.registration import motion_between, moved

@@ -7,7 +7,7 @@ and sum it here. The logged loss is the sum of these terms, and Adam sees their 
 import numpy as np
 import warp as wp
 
-from digs_warp.geometry import PixelBox
+from digs_warp.geometry.rigid import PixelBox
 from digs_warp.losses.coverage import CoverageLoss
 from digs_warp.losses.depth import DepthLoss
 from digs_warp.losses.photometric import PhotometricLoss

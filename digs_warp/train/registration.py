@@ -16,8 +16,8 @@ the relief of the object, a tenth of the motion or less.
 
 import numpy as np
 
-from digs_warp.camera import Intrinsics
-from digs_warp.geometry import PixelBox, matrix_from_rotation_vector, rigid
+from digs_warp.geometry.camera import Intrinsics
+from digs_warp.geometry.rigid import PixelBox, matrix_from_rotation_vector, rigid
 
 # Differences of color above this count by their size, as in L1, below by their square.
 SMALL_DIFFERENCE = 0.03

@@ -16,9 +16,9 @@ from typing import Literal
 
 import numpy as np
 
-from digs_warp.camera import Camera
 from digs_warp.checks import check_shape
-from digs_warp.geometry import (
+from digs_warp.geometry.camera import Camera
+from digs_warp.geometry.rigid import (
     PixelBox,
     invert_rigid,
     laid_over,

@@ -7,8 +7,8 @@ import numpy as np
 
 from digs_warp.checks import DigsError
 from digs_warp.data.gaussians import FIELDS, Gaussians
+from digs_warp.geometry.sh import degree_from_count
 from digs_warp.measure.color_gain import ColorGain
-from digs_warp.sh import degree_from_count
 from digs_warp.splat.blur_renderer import BlurRenderer
 from digs_warp.splat.config import RasterOptions
 from digs_warp.splat.device import DeviceGaussians, move_gaussians

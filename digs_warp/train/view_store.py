@@ -10,12 +10,12 @@ from functools import lru_cache, partial
 
 import numpy as np
 
-from digs_warp.camera import Camera
 from digs_warp.checks import DigsError
 from digs_warp.data.frame import Frame
 from digs_warp.data.gaussians import Gaussians
 from digs_warp.data.layers import Layer
 from digs_warp.device.parallel import default_threads
+from digs_warp.geometry.camera import Camera
 from digs_warp.record.progress import progress
 from digs_warp.train.config import TrainConfig
 from digs_warp.train.draws import VIEW_ORDER

@@ -7,10 +7,10 @@ from functools import reduce
 import numpy as np
 import warp as wp
 
-from digs_warp.camera import Camera, Intrinsics
 from digs_warp.data.frame import Frame
 from digs_warp.data.layers import Layer
-from digs_warp.geometry import PixelBox, mask_box
+from digs_warp.geometry.camera import Camera, Intrinsics
+from digs_warp.geometry.rigid import PixelBox, mask_box
 from digs_warp.losses.depth import DepthTarget, depth_weights
 from digs_warp.losses.regions import tiles_of
 from digs_warp.losses.target import pack_view

@@ -16,8 +16,8 @@ from digs_warp.cli import main
 from digs_warp.data.capture import Capture, read_capture
 from digs_warp.data.gaussians import Gaussians
 from digs_warp.data.images import write_image
-from digs_warp.film.video import write_video
-from digs_warp.interchange.splats.files import write_splat_file
+from digs_warp.formats.splats.files import write_splat_file
+from digs_warp.show.film.video import write_video
 from digs_warp.study.preference.design import design, save_key
 from fuzzing.recordings import write_euroc, write_seven_scenes
 from fuzzing.stereo_pair import write_middlebury, write_pair

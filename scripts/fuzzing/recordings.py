@@ -6,7 +6,7 @@ import numpy as np
 
 from digs_warp.data.capture import read_capture
 from digs_warp.data.images import write_image
-from digs_warp.geometry import quat_xyzw_from_matrix
+from digs_warp.geometry.rigid import quat_xyzw_from_matrix
 
 BASELINE = 0.1  # [m]
 

@@ -6,14 +6,14 @@ from typing import Any
 
 import numpy as np
 
-from digs_warp.camera import Camera
 from digs_warp.data.capture import Capture
-from digs_warp.geometry import invert_rigid
+from digs_warp.geometry.camera import Camera
+from digs_warp.geometry.rigid import invert_rigid
+from digs_warp.poses.from_images.colmap import ImageSet, quiet_pycolmap
+from digs_warp.poses.from_images.config import SfmConfig
+from digs_warp.poses.from_images.model_files import write_model
+from digs_warp.poses.from_images.workspace import Workspace, stage_keys
 from digs_warp.record.manifest import recorded_files
-from digs_warp.sfm.colmap import ImageSet, quiet_pycolmap
-from digs_warp.sfm.config import SfmConfig
-from digs_warp.sfm.model_files import write_model
-from digs_warp.sfm.workspace import Workspace, stage_keys
 
 POINTS = 60
 

@@ -17,8 +17,8 @@ import numpy as np
 import torch  # pyright: ignore[reportMissingImports]
 from gsplat.cuda import _torch_impl as gsplat  # pyright: ignore[reportMissingImports]
 
-from digs_warp.camera import Camera, Intrinsics
 from digs_warp.data.gaussians import Gaussians
+from digs_warp.geometry.camera import Camera, Intrinsics
 from digs_warp.splat.config import DEFAULT_OPTIONS
 from digs_warp.splat.device import DeviceGaussians
 from digs_warp.splat.render import SplatRenderer

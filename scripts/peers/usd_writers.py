@@ -15,7 +15,7 @@ import sys
 import tempfile
 from pathlib import Path
 
-from digs_warp.interchange.splats.files import write_splat_file
+from digs_warp.formats.splats.files import write_splat_file
 from digs_warp.study.bench_usd import random_splats
 from digs_warp.study.machine import processor
 from digs_warp.study.results import Result, format_tables, tables

@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from digs_warp.camera import Intrinsics
+from digs_warp.geometry.camera import Intrinsics
 from digs_warp.sim.fit.bias import bias
 from digs_warp.sim.fit.depth_noise import Moments, residuals
 from digs_warp.sim.fit.estimate import BLOCKS, UNKNOWN, Estimate, block_numbers

@@ -12,6 +12,7 @@ import numpy as np
 
 from digs_warp.checks import DigsError
 from digs_warp.record.progress import progress
+from digs_warp.sim.camera.rig import StereoRig
 from digs_warp.sim.fit.calibration import calibrate
 from digs_warp.sim.fit.estimate import Estimate
 from digs_warp.sim.fit.eye_noise import Eyes, eye_noise
@@ -35,7 +36,6 @@ from digs_warp.sim.fit.result import (
     with_figures,
 )
 from digs_warp.sim.fit.sensing import is_gray, sense_frame
-from digs_warp.sim.rig import StereoRig
 from digs_warp.sim.sensor.blame import WRONG
 from digs_warp.sim.sensor.effects.static_field import unit_field
 from digs_warp.sim.sensor.frame import FrameTruth

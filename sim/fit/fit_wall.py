@@ -7,6 +7,7 @@ import numpy as np
 
 from digs_warp.checks import DigsError
 from digs_warp.record.progress import progress
+from digs_warp.sim.camera.rig import StereoRig
 from digs_warp.sim.fit.bias import FEWEST_POSES, bias
 from digs_warp.sim.fit.calibration import Calibration, calibrate_wall
 from digs_warp.sim.fit.depth_noise import noise, sigma_of
@@ -28,7 +29,6 @@ from digs_warp.sim.fit.result import (
 )
 from digs_warp.sim.fit.sensing import sense_frame
 from digs_warp.sim.fit.wall import Pose, Wall, describe, make_pose
-from digs_warp.sim.rig import StereoRig
 from digs_warp.sim.sensor.drift import NO_DRIFT, Drift
 from digs_warp.words import counted
 

@@ -4,10 +4,10 @@ from functools import cached_property
 
 import numpy as np
 
-from digs_warp.camera import Camera
 from digs_warp.checks import DigsError
-from digs_warp.sim.rig import StereoRig
-from digs_warp.sim.scene import Material
+from digs_warp.geometry.camera import Camera
+from digs_warp.sim.camera.rig import StereoRig
+from digs_warp.sim.scene.scene import Material
 from digs_warp.sim.sensor.drift import NO_DRIFT, Drift
 from digs_warp.sim.sensor.frame import FrameTruth, Motion
 

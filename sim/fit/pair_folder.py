@@ -10,9 +10,9 @@ from pathlib import Path
 import numpy as np
 
 from digs_warp.bounds import IMAGE
-from digs_warp.camera import Intrinsics
 from digs_warp.checks import DigsError, check_shape, require_file, require_folder
 from digs_warp.data.images import read_image
+from digs_warp.geometry.camera import Intrinsics
 from digs_warp.record.fields import ABOVE_ZERO, Fields
 from digs_warp.record.files import read_json, read_text
 

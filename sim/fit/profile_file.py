@@ -1,12 +1,12 @@
-"""Writes the fitted figures as a profile that `digs_warp.sim.profiles` reads."""
+"""Writes the fitted figures as a profile that `digs_warp.sim.camera.profiles` reads."""
 
 import math
 from pathlib import Path
 
 from digs_warp.record.files import write_atomically
+from digs_warp.sim.camera.profiles import IMAGE_FIGURES, RIG_FIGURES
 from digs_warp.sim.fit.estimate import Estimate
 from digs_warp.sim.fit.result import Fit
-from digs_warp.sim.profiles import IMAGE_FIGURES, RIG_FIGURES
 
 
 def write_profile(path: Path, fit: Fit, base: str, title: str) -> None:

@@ -4,9 +4,9 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
-from digs_warp.camera import Intrinsics
+from digs_warp.geometry.camera import Intrinsics
+from digs_warp.sim.camera.rig import StereoRig
 from digs_warp.sim.fit.estimate import Estimate
-from digs_warp.sim.rig import StereoRig
 
 # Share of a figure that its error may not exceed.
 TOO_LARGE = 2 / 3
@@ -17,7 +17,7 @@ class Fitted:
     """A figure of the profile.
 
     Attributes:
-        name: of the rig's field, or one of `digs_warp.sim.profiles.IMAGE_FIGURES`.
+        name: of the rig's field, or one of `digs_warp.sim.camera.profiles.IMAGE_FIGURES`.
         estimate: its value and standard error.
         how: where it comes from, for readers.
     """

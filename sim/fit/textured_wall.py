@@ -6,16 +6,16 @@ from functools import lru_cache
 
 import numpy as np
 
-from digs_warp.camera import Intrinsics
 from digs_warp.data.capture import Capture
 from digs_warp.data.capture_writer import CaptureWriter, FrameImages, MemoryWriter
+from digs_warp.geometry.camera import Intrinsics
 from digs_warp.record.progress import progress
+from digs_warp.sim.camera.rig import StereoRig
 from digs_warp.sim.config import Tier
 from digs_warp.sim.fit.known_frame import known_frame
 from digs_warp.sim.fit.sensing import ON_IMAGES, sense_frame
-from digs_warp.sim.frame_maker import COLOR_SEED
-from digs_warp.sim.recorded_facts import rig_record
-from digs_warp.sim.rig import StereoRig
+from digs_warp.sim.record.frame_maker import COLOR_SEED
+from digs_warp.sim.record.recorded_facts import rig_record
 from digs_warp.sim.sensor.color.recorded import recorded_images
 from digs_warp.sim.sensor.drift import NO_DRIFT, Drift
 from digs_warp.sim.sensor.filters import sampled

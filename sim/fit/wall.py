@@ -4,9 +4,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from digs_warp.camera import Intrinsics
 from digs_warp.checks import DigsError
 from digs_warp.data.capture import Capture
+from digs_warp.geometry.camera import Intrinsics
 from digs_warp.record.progress import progress
 from digs_warp.sim.fit.plane import Plane, fit_plane
 from digs_warp.sim.fit.sensing import is_gray

@@ -10,12 +10,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from digs_warp.camera import Intrinsics
 from digs_warp.checks import DigsError
 from digs_warp.data.capture import Capture
 from digs_warp.data.frame import Frame
 from digs_warp.data.layers import Layer
 from digs_warp.data.rig import InfraredPair, Rig
+from digs_warp.geometry.camera import Intrinsics
 from digs_warp.sim.fit.plane import fit_plane
 from digs_warp.sim.sensor.infrared.pair import in_three_channels
 

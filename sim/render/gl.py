@@ -10,10 +10,9 @@ from typing import Any
 
 import numpy as np
 
-from digs_warp.camera import Camera, pixel_centers
 from digs_warp.checks import DigsError
 from digs_warp.device.libraries import PYRENDER_APT, MissingLibraryError, import_pyrender
-from digs_warp.sim.environment import Environment
+from digs_warp.geometry.camera import Camera, pixel_centers
 from digs_warp.sim.render.environment_light import prepare_light
 from digs_warp.sim.render.follow import follow
 from digs_warp.sim.render.gl_scene import (
@@ -36,7 +35,8 @@ from digs_warp.sim.render.protocol import (
 from digs_warp.sim.render.rays import SurfaceRays
 from digs_warp.sim.render.upload import DeviceScene, is_see_through, upload_scene
 from digs_warp.sim.render.view import check_inside
-from digs_warp.sim.scene import Scene
+from digs_warp.sim.scene.environment import Environment
+from digs_warp.sim.scene.scene import Scene
 
 # OpenGL cameras look along -z, with y up.
 GL_FROM_CV = np.diag([1.0, -1.0, -1.0, 1.0])

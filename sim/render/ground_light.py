@@ -17,7 +17,7 @@ import warp as wp
 
 from digs_warp.device.kernel_options import ray_module_options
 from digs_warp.device.parallel import launch_parallel
-from digs_warp.sh import sh_basis
+from digs_warp.geometry.sh import sh_basis
 from digs_warp.sim.render.key_lights import SPOT_POINTS, KeyLights
 from digs_warp.sim.render.light_map import LightGrid, LightMap, light_on
 from digs_warp.sim.render.lighting import Light

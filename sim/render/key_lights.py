@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 import warp as wp
 
-from digs_warp.sim.panorama import panorama_directions, solid_angles
+from digs_warp.sim.scene.panorama import panorama_directions, solid_angles
 
 wp.set_module_options({"enable_backward": False})
 

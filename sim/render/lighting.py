@@ -93,7 +93,7 @@ def sample_panorama(panorama: Panorama, direction: wp.vec3, level: float) -> wp.
 @wp.func
 def diffuse_light(light: Light, n: wp.vec3) -> wp.vec3:
     """Irradiance over pi at unit normal n: the radiance that a white matte surface reflects."""
-    # Basis order and signs as in digs_warp.sh, band by band.
+    # Basis order and signs as in digs_warp.geometry.sh, band by band.
     e = 0.28209479177387814 * light.irradiance[0]
     e += 0.4886025119029199 * (
         n[2] * light.irradiance[2] - n[1] * light.irradiance[1] - n[0] * light.irradiance[3]

@@ -19,7 +19,7 @@ from digs_warp.device.parallel import launch_parallel
 from digs_warp.sim.render.light_map import openness_on, plane_distance
 from digs_warp.sim.render.openness_samples import choose_samples, fill_between
 from digs_warp.sim.render.surface import Surface, is_blocked
-from digs_warp.sim.scene import Scene
+from digs_warp.sim.scene.scene import Scene
 
 wp.set_module_options(ray_module_options())
 

@@ -16,7 +16,7 @@ import numpy as np
 import warp as wp
 
 from digs_warp.device.parallel import launch_parallel
-from digs_warp.sim.scene import Scene
+from digs_warp.sim.scene.scene import Scene
 
 wp.set_module_options({"enable_backward": False})
 

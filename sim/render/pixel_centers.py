@@ -9,9 +9,9 @@ from typing import Any
 
 import warp as wp
 
-from digs_warp.camera import Camera
 from digs_warp.device.kernel_options import ray_module_options
 from digs_warp.device.parallel import launch_parallel
+from digs_warp.geometry.camera import Camera
 from digs_warp.sim.render.protocol import Geometry
 from digs_warp.sim.render.surface import (
     ANY_SURFACE,
@@ -25,7 +25,7 @@ from digs_warp.sim.render.surface import (
 )
 from digs_warp.sim.render.surround import boundary_normal
 from digs_warp.sim.render.view import FAR, View, make_view, ray_direction_cam, surround_distance
-from digs_warp.sim.surround import Surround
+from digs_warp.sim.scene.surround import Surround
 
 wp.set_module_options(ray_module_options())
 

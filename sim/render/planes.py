@@ -5,9 +5,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from digs_warp.data.images import linear_from_srgb
-from digs_warp.sim.environment import Environment
 from digs_warp.sim.render.ground_light import Plane
-from digs_warp.sim.scene import FURNITURE, Material, Scene
+from digs_warp.sim.scene.environment import Environment
+from digs_warp.sim.scene.scene import FURNITURE, Material, Scene
 
 # A floor has no end within its surround [m].
 ENDLESS = 1e5

@@ -7,8 +7,8 @@ from typing import NamedTuple, Protocol
 
 import numpy as np
 
-from digs_warp.camera import Camera, Intrinsics
 from digs_warp.checks import check_shape
+from digs_warp.geometry.camera import Camera, Intrinsics
 from digs_warp.sim.sensor.color.encoding import decode, encode
 from digs_warp.sim.sensor.frame import FrameRays
 from digs_warp.sim.sensor.highlights import Highlights

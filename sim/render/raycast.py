@@ -8,10 +8,9 @@ from threading import Lock
 import numpy as np
 import warp as wp
 
-from digs_warp.camera import Camera
 from digs_warp.checks import DigsError
 from digs_warp.device.parallel import launch_parallel
-from digs_warp.sim.environment import Environment
+from digs_warp.geometry.camera import Camera
 from digs_warp.sim.render.encoding import srgb_encoding
 from digs_warp.sim.render.environment_light import prepare_light
 from digs_warp.sim.render.follow import follow
@@ -33,7 +32,8 @@ from digs_warp.sim.render.rays import SurfaceRays
 from digs_warp.sim.render.shadows import prepare_shadows
 from digs_warp.sim.render.upload import upload_scene
 from digs_warp.sim.render.view import make_track, make_view
-from digs_warp.sim.scene import Scene
+from digs_warp.sim.scene.environment import Environment
+from digs_warp.sim.scene.scene import Scene
 from digs_warp.sim.sensor.highlights import Highlights
 
 # Pixels of an image that one thread renders before others have started: those by which a camera meters light.

@@ -11,12 +11,12 @@ from typing import Any
 import numpy as np
 import warp as wp
 
-from digs_warp.camera import Camera
 from digs_warp.device.parallel import launch_parallel
+from digs_warp.geometry.camera import Camera
 from digs_warp.sim.render.surface import ANY_SURFACE, OPAQUE, Surface, trace, viewer_side_normal
 from digs_warp.sim.render.upload import DeviceScene
 from digs_warp.sim.render.view import FAR, View, make_view, ray_direction_cam, surround_distance
-from digs_warp.sim.surround import Surround
+from digs_warp.sim.scene.surround import Surround
 
 wp.set_module_options({"enable_backward": False})
 

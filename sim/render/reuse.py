@@ -11,9 +11,9 @@ from typing import Any
 
 import numpy as np
 
-from digs_warp.sim.environment import Environment
 from digs_warp.sim.render.raycast import RaycastRenderer
-from digs_warp.sim.scene import Scene
+from digs_warp.sim.scene.environment import Environment
+from digs_warp.sim.scene.scene import Scene
 
 # What the arrays of all scenes that are kept may have together [bytes]: the training that follows may want
 # the memory. One that is larger alone is not kept.

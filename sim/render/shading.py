@@ -22,7 +22,7 @@ from digs_warp.sim.render.spot_light import spot_light
 from digs_warp.sim.render.surface import MIN_COSINE, Surface
 from digs_warp.sim.render.surround import is_on_floor, panorama_direction
 from digs_warp.sim.render.view import FAR, View, surround_distance
-from digs_warp.sim.scene import DIELECTRIC_REFLECTANCE
+from digs_warp.sim.scene.scene import DIELECTRIC_REFLECTANCE
 
 wp.set_module_options({"enable_backward": False})
 

@@ -26,7 +26,7 @@ from digs_warp.sim.render.shadow_rays import (
     vertex_origin,
 )
 from digs_warp.sim.render.surface import Surface
-from digs_warp.sim.scene import Scene
+from digs_warp.sim.scene.scene import Scene
 
 wp.set_module_options({"enable_backward": False})
 

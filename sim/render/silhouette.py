@@ -2,11 +2,11 @@
 
 import numpy as np
 
-from digs_warp.camera import Camera
+from digs_warp.geometry.camera import Camera
 from digs_warp.sim.render.pixel_centers import geometry_at_pixel_centers
 from digs_warp.sim.render.upload import upload_scene
-from digs_warp.sim.scene import Scene
-from digs_warp.sim.surround import Surround
+from digs_warp.sim.scene.scene import Scene
+from digs_warp.sim.scene.surround import Surround
 
 
 class Silhouette:

@@ -6,7 +6,7 @@ case can be left out of the BVH: then it meets what stands behind the bottle at 
 
 import numpy as np
 
-from digs_warp.sim.scene import OPAQUE_SHARE, Material, Scene
+from digs_warp.sim.scene.scene import OPAQUE_SHARE, Material, Scene
 
 # Textures are compared in this many cells along each side. A face is judged by the cells that it touches and
 # those around them: filtered texels reach that far unless a pixel is wider than a cell.

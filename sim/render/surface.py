@@ -4,7 +4,7 @@ import warp as wp
 
 from digs_warp.sim.render.light_map import LightMap
 from digs_warp.sim.render.textures import LINEAR, TextureSet, sample_texture
-from digs_warp.sim.scene import OPAQUE_SHARE
+from digs_warp.sim.scene.scene import OPAQUE_SHARE
 
 wp.set_module_options({"enable_backward": False})
 
@@ -24,7 +24,7 @@ MAX_LAYERS = wp.constant(16)
 
 @wp.struct
 class MaterialData:
-    """`digs_warp.sim.scene.Material` for kernels; a texture of -1 is none."""
+    """`digs_warp.sim.scene.scene.Material` for kernels; a texture of -1 is none."""
 
     see_through: int  # 0: opaque everywhere
     base_color: wp.vec3
@@ -51,7 +51,7 @@ class MaterialData:
 
 @wp.struct
 class Surface:
-    """Triangles and materials; arrays in the order of `digs_warp.sim.scene.Scene`."""
+    """Triangles and materials; arrays in the order of `digs_warp.sim.scene.scene.Scene`."""
 
     mesh: wp.uint64  # wp.Mesh
     points: wp.array[wp.vec3]  # [n]

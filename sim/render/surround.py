@@ -1,4 +1,4 @@
-"""The boundary of the surround, for kernels; see `digs_warp.sim.surround`."""
+"""The boundary of the surround, for kernels; see `digs_warp.sim.scene.surround`."""
 
 # Warp's stubs do not type device code.
 # pyright: reportArgumentType=false, reportAttributeAccessIssue=false, reportCallIssue=false
@@ -6,7 +6,7 @@
 
 import warp as wp
 
-from digs_warp.sim.surround import Surround
+from digs_warp.sim.scene.surround import Surround
 
 wp.set_module_options({"enable_backward": False})
 

@@ -14,7 +14,7 @@ from digs_warp.sim.render.sheen import sheen_shares
 from digs_warp.sim.render.solid import stopping_faces
 from digs_warp.sim.render.surface import MaterialData, Surface
 from digs_warp.sim.render.textures import LINEAR, SRGB, TextureImage, pack_textures
-from digs_warp.sim.scene import Material, Scene
+from digs_warp.sim.scene.scene import Material, Scene
 
 start_warp()
 

@@ -9,11 +9,11 @@ from typing import Any
 import numpy as np
 import warp as wp
 
-from digs_warp.camera import Camera
 from digs_warp.checks import DigsError
+from digs_warp.geometry.camera import Camera
 from digs_warp.sim.render.protocol import CameraTrack
 from digs_warp.sim.render.surround import Boundary, boundary_distance, make_boundary
-from digs_warp.sim.surround import Surround
+from digs_warp.sim.scene.surround import Surround
 
 wp.set_module_options({"enable_backward": False})
 

@@ -15,8 +15,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from digs_warp.camera import Intrinsics
-from digs_warp.geometry import matrix_from_rotation_vector
+from digs_warp.geometry.camera import Intrinsics
+from digs_warp.geometry.rigid import matrix_from_rotation_vector
 
 # Rows that are worked on at a time: few enough for the cache.
 STRIP_ROWS = 32

@@ -7,7 +7,7 @@ import numpy as np
 
 from digs_warp.checks import DigsError
 from digs_warp.data.images import linear_from_srgb
-from digs_warp.sim.rig import StereoRig
+from digs_warp.sim.camera.rig import StereoRig
 from digs_warp.sim.sensor.frame import FrameTruth
 from digs_warp.sim.sensor.materials import is_mirror, is_transparent
 from digs_warp.sim.sensor.motion import image_motion

@@ -7,9 +7,9 @@ from typing import Protocol
 
 import numpy as np
 
-from digs_warp.camera import Camera
-from digs_warp.sim.rig import StereoRig
-from digs_warp.sim.scene import Material
+from digs_warp.geometry.camera import Camera
+from digs_warp.sim.camera.rig import StereoRig
+from digs_warp.sim.scene.scene import Material
 from digs_warp.sim.sensor.cause import Cause
 from digs_warp.sim.sensor.drift import NO_DRIFT, Drift
 from digs_warp.sim.sensor.filters import gray_of

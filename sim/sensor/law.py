@@ -12,7 +12,7 @@ failures.
 import numpy as np
 
 from digs_warp.checks import check_shape
-from digs_warp.sim.rig import StereoRig
+from digs_warp.sim.camera.rig import StereoRig
 
 # Part of the seed: other effects draw other numbers.
 EFFECT_ID = 1

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from digs_warp.sim.rig import StereoRig
+from digs_warp.sim.camera.rig import StereoRig
 from digs_warp.sim.sensor.cause import Cause
 from digs_warp.sim.sensor.frame import Sensed
 

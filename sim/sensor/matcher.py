@@ -6,7 +6,7 @@ Hirschmueller 2008, OpenCV's implementation (StereoSGBM, five directions) with a
 import numpy as np
 
 from digs_warp.checks import DigsError, check_shape
-from digs_warp.sim.rig import StereoRig
+from digs_warp.sim.camera.rig import StereoRig
 from digs_warp.sim.sensor.blame import blame
 from digs_warp.sim.sensor.filters import gray_of
 from digs_warp.sim.sensor.frame import FrameTruth, Sensed

@@ -1,6 +1,6 @@
 """Which materials are mirrors, glossy or transparent."""
 
-from digs_warp.sim.scene import Material
+from digs_warp.sim.scene.scene import Material
 
 # A metal this smooth reflects its surroundings sharply.
 MIRROR_METALLIC, MIRROR_ROUGHNESS = 0.5, 0.1

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from digs_warp.camera import Intrinsics
+from digs_warp.geometry.camera import Intrinsics
 
 
 def image_motion(

@@ -9,7 +9,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from digs_warp.sim.rig import StereoRig
+from digs_warp.sim.camera.rig import StereoRig
 from digs_warp.sim.sensor.cause import Cause
 from digs_warp.sim.sensor.color import AUTO_EXPOSURE, PIXEL_EFFECTS, WHITE_BALANCE
 from digs_warp.sim.sensor.color.encoding import decode

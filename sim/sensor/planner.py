@@ -4,7 +4,7 @@ from collections.abc import Collection, Sequence
 from dataclasses import replace
 
 from digs_warp.checks import DigsError
-from digs_warp.sim.rig import StereoRig
+from digs_warp.sim.camera.rig import StereoRig
 from digs_warp.sim.sensor.effects import EFFECTS
 from digs_warp.sim.sensor.effects.protocol import Choice
 from digs_warp.sim.sensor.facts import SceneFacts

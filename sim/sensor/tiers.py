@@ -8,8 +8,8 @@ from typing import get_args
 import numpy as np
 
 from digs_warp.checks import DigsError
+from digs_warp.sim.camera.rig import StereoRig
 from digs_warp.sim.config import Tier
-from digs_warp.sim.rig import StereoRig
 from digs_warp.sim.sensor.cause import Cause
 from digs_warp.sim.sensor.effects import AFTER_MATCHING
 from digs_warp.sim.sensor.effects.protocol import Choice

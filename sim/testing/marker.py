@@ -84,8 +84,8 @@ def _walk(settings: dict[str, Any]) -> "SimulatedWalk":
     from digs_warp.record.digest import plain
     from digs_warp.record.settings import settings_from_json
     from digs_warp.sim.config import SimulateConfig
-    from digs_warp.sim.inputs import rig_of
-    from digs_warp.sim.sensor_plan import check_effects
+    from digs_warp.sim.record.inputs import rig_of
+    from digs_warp.sim.record.sensor_plan import check_effects
     from digs_warp.sim.testing.sources import SimulatedWalk
 
     config = settings_from_json(SimulateConfig, plain({**DEFAULT_SETTINGS, **settings}))

@@ -14,7 +14,7 @@ from digs_warp.data.index_rules import INDEX_NAME
 from digs_warp.data.layers import Layer
 from digs_warp.record.manifest import Content, recorded_files
 from digs_warp.record.progress import progress
-from digs_warp.sim.frame_maker import COLOR_SEED
+from digs_warp.sim.record.frame_maker import COLOR_SEED
 from digs_warp.sim.sensor.infrared.pair import in_three_channels, one_channel
 from digs_warp.sim.sensor.on_recordings import worse_depth, worse_images
 from digs_warp.sim.testing.recording import OwnRecording

@@ -5,16 +5,16 @@ from pathlib import Path
 from typing import Any
 
 from digs_warp.bounds import check_flag
-from digs_warp.camera import Intrinsics
 from digs_warp.checks import DigsError
 from digs_warp.data.capture import Capture, read_capture
+from digs_warp.geometry.camera import Intrinsics
 from digs_warp.record.fields import is_number
-from digs_warp.sim.inputs import DEFAULT_PROFILE
-from digs_warp.sim.profiles import RIG_FIGURES, load_profile
-from digs_warp.sim.rig import StereoRig
+from digs_warp.sim.camera.profiles import RIG_FIGURES, load_profile
+from digs_warp.sim.camera.rig import StereoRig
+from digs_warp.sim.record.inputs import DEFAULT_PROFILE
+from digs_warp.sim.record.sensor_plan import ALL_EFFECT_NAMES
 from digs_warp.sim.sensor.on_recordings import EFFECTS_ON_RECORDINGS
 from digs_warp.sim.sensor.planner import wanted_effects
-from digs_warp.sim.sensor_plan import ALL_EFFECT_NAMES
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -8,10 +8,10 @@ from typing import Protocol
 
 from digs_warp.record.files import to_json
 from digs_warp.sim.config import SimulateConfig
-from digs_warp.sim.inputs import load_inputs
-from digs_warp.sim.mesh.named_files import mesh_files
-from digs_warp.sim.record import simulate
-from digs_warp.sim.session import Session, prepare_session
+from digs_warp.sim.record.inputs import load_inputs
+from digs_warp.sim.record.record import simulate
+from digs_warp.sim.record.session import Session, prepare_session
+from digs_warp.sim.scene.mesh.named_files import mesh_files
 from digs_warp.sim.testing.noisy_recording import content_of, write_noisy
 from digs_warp.sim.testing.recording import OwnRecording
 

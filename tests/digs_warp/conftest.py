@@ -5,11 +5,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from digs_warp.camera import Intrinsics
 from digs_warp.data.capture_writer import CaptureWriter, FrameImages
 from digs_warp.data.gaussians import Gaussians
 from digs_warp.data.rig import Rig
-from digs_warp.geometry import look_at
+from digs_warp.geometry.camera import Intrinsics
+from digs_warp.geometry.rigid import look_at
 
 WIDTH, HEIGHT = 32, 24
 

@@ -5,11 +5,11 @@ from pathlib import Path
 
 import numpy as np
 
-from digs_warp.camera import Camera, Intrinsics, pixel_centers
 from digs_warp.data.capture import Capture
 from digs_warp.data.capture_writer import CaptureWriter, FrameImages
 from digs_warp.data.rig import Rig
-from digs_warp.geometry import look_at
+from digs_warp.geometry.camera import Camera, Intrinsics, pixel_centers
+from digs_warp.geometry.rigid import look_at
 
 RADIUS = 0.2
 WALL_RADIUS = 3.0

@@ -4,7 +4,7 @@ from dataclasses import dataclass, fields, replace
 
 import numpy as np
 
-from digs_warp.camera import Camera
+from digs_warp.geometry.camera import Camera
 from digs_warp.splat.config import RasterOptions
 from digs_warp.splat.row_motion import RowMotion
 from reference.splat_scenes import SplatScene

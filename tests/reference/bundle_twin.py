@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from digs_warp.geometry import invert_rigid, transform_points
+from digs_warp.geometry.rigid import invert_rigid, transform_points
 from digs_warp.poses.views import View
 from reference.pair_twin import bilinear, color_slope
 

@@ -2,11 +2,11 @@
 
 import numpy as np
 
-from digs_warp.camera import Camera, Intrinsics
 from digs_warp.data.gaussians import Gaussians
 from digs_warp.data.point_cloud import PointCloud
 from digs_warp.data.triangle_mesh import TriangleMesh
-from digs_warp.geometry import look_at
+from digs_warp.geometry.camera import Camera, Intrinsics
+from digs_warp.geometry.rigid import look_at
 from digs_warp.usd.cameras import CameraPath
 from digs_warp.usd.capture_scene import CaptureScene, SceneVariant
 

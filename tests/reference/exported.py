@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from digs_warp.data.capture import Capture
-from digs_warp.interchange.captures.formats import export_capture
+from digs_warp.formats.captures.formats import export_capture
 from reference.recorded import points
 
 

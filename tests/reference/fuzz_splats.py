@@ -21,7 +21,7 @@ import numpy as np
 
 from digs_warp.checks import DigsError
 from digs_warp.data.gaussians import FIELDS, Gaussians
-from digs_warp.interchange.splats.files import read_splat_file, write_splat_file
+from digs_warp.formats.splats.files import read_splat_file, write_splat_file
 
 MEMORY_LIMIT = 1 << 30  # [bytes] beyond what the imports take
 NUMBERS = (b"0", b"-1", b"1000000000000", b"4294967296", b"99999999999999999999", b"1e9", b"nan")

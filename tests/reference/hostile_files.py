@@ -166,8 +166,8 @@ def capture_with(path: Path, layer: str) -> None:
     """A capture of three frames, one file of which is replaced by a huge image."""
     import numpy as np
 
-    from digs_warp.camera import Intrinsics
     from digs_warp.data.capture_writer import CaptureWriter, FrameImages
+    from digs_warp.geometry.camera import Intrinsics
 
     writer = CaptureWriter(path, Intrinsics(8, 4, 8.0, 8.0, 4.0, 2.0), None)
     images = FrameImages(
@@ -189,13 +189,13 @@ def _cases() -> dict[str, tuple[Make, Read]]:
     from digs_warp.data.capture import read_capture
     from digs_warp.data.gaussians import Gaussians
     from digs_warp.data.images import read_image
-    from digs_warp.interchange.captures.recorded_files import read_numbers
-    from digs_warp.interchange.captures.to_capture import load_depth
-    from digs_warp.interchange.splats.spz import read_spz
+    from digs_warp.formats.captures.recorded_files import read_numbers
+    from digs_warp.formats.captures.to_capture import load_depth
+    from digs_warp.formats.splats.spz import read_spz
     from digs_warp.record.files import read_json
-    from digs_warp.sim.environment import load_environment
-    from digs_warp.sim.load import load_scene
-    from digs_warp.sim.profiles import load_profile
+    from digs_warp.sim.camera.profiles import load_profile
+    from digs_warp.sim.scene.environment import load_environment
+    from digs_warp.sim.scene.load import load_scene
 
     def settings(path: Path) -> object:
         return read_defaults(Simulate, path)

@@ -5,15 +5,15 @@ from typing import Any, cast
 
 import numpy as np
 
+from digs_warp.sim.camera.profiles import load_profile
+from digs_warp.sim.camera.rig import StereoRig
+from digs_warp.sim.camera.walk.walk import Walk
 from digs_warp.sim.config import SimulateConfig
-from digs_warp.sim.environment import Environment
-from digs_warp.sim.profiles import load_profile
+from digs_warp.sim.record.session import Session
 from digs_warp.sim.render.raycast import RaycastRenderer
-from digs_warp.sim.rig import StereoRig
-from digs_warp.sim.scene import Material, Scene
+from digs_warp.sim.scene.environment import Environment
+from digs_warp.sim.scene.scene import Material, Scene
 from digs_warp.sim.sensor.infrared.pattern import SPOT, dot_pattern
-from digs_warp.sim.session import Session
-from digs_warp.sim.walk.walk import Walk
 from reference.plates import plate
 
 WHITE = Material("white", np.full(3, 0.8), roughness=1.0)

@@ -4,7 +4,7 @@ from collections import defaultdict
 
 import numpy as np
 
-from digs_warp.camera import Camera
+from digs_warp.geometry.camera import Camera
 from digs_warp.init.edges import LAPLACIAN_5X5, MIN_PAIR_WEIGHT
 
 Voxel = tuple[int, int, int]

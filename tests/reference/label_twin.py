@@ -10,7 +10,7 @@ import numpy as np
 
 from digs_warp.data.occlusion import Occlusion
 from digs_warp.sim.render.protocol import CameraTrack
-from digs_warp.sim.scene import Scene
+from digs_warp.sim.scene.scene import Scene
 
 # A hit this much nearer than the point, as a share of the distance, hides it.
 NEARER = 1e-3

@@ -4,10 +4,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from digs_warp.camera import Camera
 from digs_warp.data.frame import Frame
 from digs_warp.data.layers import Layer
-from digs_warp.geometry import rigid
+from digs_warp.geometry.camera import Camera
+from digs_warp.geometry.rigid import rigid
 
 
 def larger(frame: Frame, factor: float) -> Frame:

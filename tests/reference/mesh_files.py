@@ -12,7 +12,7 @@ from PIL import Image
 from trimesh.visual import TextureVisuals
 from trimesh.visual.material import PBRMaterial
 
-from digs_warp.sim.scene import Scene
+from digs_warp.sim.scene.scene import Scene
 from reference.scene_checks import check_arrays
 
 # The simplest mesh with an inside, without a material; an OBJ file, too.
@@ -25,7 +25,7 @@ OBJ = (
 
 
 def check_scene(scene: Scene, size: float | None = None) -> None:
-    """Everything that `digs_warp.sim.scene.Scene` promises; ``size`` is its longest side [m], if known."""
+    """Everything that `Scene` promises; ``size`` is its longest side [m], if known."""
     n, m = len(scene.vertices), len(scene.faces)
     check_arrays(scene)
     assert m >= 1

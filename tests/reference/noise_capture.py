@@ -6,12 +6,12 @@ from typing import Any
 
 import numpy as np
 
-from digs_warp.camera import Intrinsics
 from digs_warp.data.about import About
 from digs_warp.data.capture import Capture
 from digs_warp.data.capture_writer import CaptureWriter, FrameImages
 from digs_warp.data.rig import Rig
-from digs_warp.geometry import look_at
+from digs_warp.geometry.camera import Intrinsics
+from digs_warp.geometry.rigid import look_at
 
 INTRINSICS = Intrinsics(12, 9, 15.0, 16.0, 6.5, 4.25)
 UP = np.array([0.0, 0.0, 1.0])

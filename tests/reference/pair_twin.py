@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from digs_warp.geometry import transform_points
+from digs_warp.geometry.rigid import transform_points
 from digs_warp.poses.equations import Scales
 from digs_warp.poses.views import View
 

@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import ArrayLike
 
-from digs_warp.sim.scene import Material, Scene
+from digs_warp.sim.scene.scene import Material, Scene
 
 
 def plate(

@@ -2,10 +2,10 @@
 
 import numpy as np
 
-from digs_warp.camera import Camera, Intrinsics, pixel_centers
-from digs_warp.geometry import look_at
-from digs_warp.sim.environment import DEFAULT_RADIUS, Environment
-from digs_warp.sim.scene import Material, Scene
+from digs_warp.geometry.camera import Camera, Intrinsics, pixel_centers
+from digs_warp.geometry.rigid import look_at
+from digs_warp.sim.scene.environment import DEFAULT_RADIUS, Environment
+from digs_warp.sim.scene.scene import Material, Scene
 
 UP = np.array([0.0, 0.0, 1.0])
 INTRINSICS = Intrinsics.from_fov(161, 91, 60.0)

@@ -4,12 +4,12 @@ from pathlib import Path
 
 import numpy as np
 
-from digs_warp.camera import Camera, Intrinsics
 from digs_warp.data.capture import Capture
 from digs_warp.data.frame import Frame
 from digs_warp.data.images import read_image
 from digs_warp.data.layers import Layer
-from digs_warp.interchange.captures.to_capture import nearly_rigid
+from digs_warp.formats.captures.to_capture import nearly_rigid
+from digs_warp.geometry.camera import Camera, Intrinsics
 
 
 def recorded(folder: Path, kind: str) -> Capture:

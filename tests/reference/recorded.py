@@ -4,12 +4,12 @@ from pathlib import Path
 
 import numpy as np
 
-from digs_warp.camera import Intrinsics, pixel_centers
 from digs_warp.data.capture import Capture
 from digs_warp.data.capture_writer import CaptureWriter, FrameImages
-from digs_warp.geometry import look_at
-from digs_warp.interchange.captures.formats import read_recording
-from digs_warp.interchange.captures.to_capture import write_capture
+from digs_warp.formats.captures.formats import read_recording
+from digs_warp.formats.captures.to_capture import write_capture
+from digs_warp.geometry.camera import Intrinsics, pixel_centers
+from digs_warp.geometry.rigid import look_at
 
 WIDTH, HEIGHT = 21, 14
 # Nothing is symmetric: a swapped axis, a half pixel or a transposed matrix shows.

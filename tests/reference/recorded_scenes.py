@@ -5,18 +5,18 @@ from pathlib import Path
 
 import numpy as np
 
+from digs_warp.sim.camera.shutter import Shutter
+from digs_warp.sim.camera.walk.framing import half_angles
+from digs_warp.sim.camera.walk.settings import WalkSettings
 from digs_warp.sim.config import SimulateConfig, Tier
-from digs_warp.sim.inputs import load_inputs
+from digs_warp.sim.record.inputs import load_inputs
+from digs_warp.sim.record.sensor_plan import plan_for_facts
+from digs_warp.sim.record.session import prepare_session
 from digs_warp.sim.sensor.color.protocol import PixelEffect
 from digs_warp.sim.sensor.color.recorded import recorded_images
 from digs_warp.sim.sensor.facts import measure_facts
 from digs_warp.sim.sensor.frame import FrameTruth, Sensed
 from digs_warp.sim.sensor.tiers import sense
-from digs_warp.sim.sensor_plan import plan_for_facts
-from digs_warp.sim.session import prepare_session
-from digs_warp.sim.shutter import Shutter
-from digs_warp.sim.walk.framing import half_angles
-from digs_warp.sim.walk.settings import WalkSettings
 
 WIDTH = 480
 FRAMES, NUMBER = 60, 17  # of a walk; the one that is taken

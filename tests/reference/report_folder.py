@@ -7,18 +7,18 @@ from pathlib import Path
 
 import numpy as np
 
-from digs_warp.camera import Intrinsics
 from digs_warp.data.capture import Capture
 from digs_warp.data.capture_writer import CaptureWriter, FrameImages
 from digs_warp.data.gaussians import Gaussians
 from digs_warp.data.images import read_image, write_image
 from digs_warp.data.rig import Rig
-from digs_warp.geometry import look_at
+from digs_warp.geometry.camera import Intrinsics
+from digs_warp.geometry.rigid import look_at
 from digs_warp.pipeline.reconstruction import Reconstruction
 from digs_warp.record.files import to_json
 from digs_warp.record.run_log import RunLog
-from digs_warp.report import write_report
-from digs_warp.report.pictures import over_white
+from digs_warp.show.report import write_report
+from digs_warp.show.report.pictures import over_white
 
 WIDTH, HEIGHT, FRAMES, TEST_EVERY = 48, 32, 20, 2
 VOID_TAGS = {"meta", "img", "br", "link", "input"}

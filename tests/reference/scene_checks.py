@@ -1,8 +1,8 @@
-"""What the arrays of every `digs_warp.sim.scene.Scene` have to be."""
+"""What the arrays of every `digs_warp.sim.scene.scene.Scene` have to be."""
 
 import numpy as np
 
-from digs_warp.sim.scene import Scene
+from digs_warp.sim.scene.scene import Scene
 
 
 def check_arrays(scene: Scene) -> None:

@@ -6,13 +6,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from digs_warp.camera import Camera, Intrinsics
 from digs_warp.data.capture import Capture
 from digs_warp.data.capture_writer import CaptureWriter, FrameImages
 from digs_warp.data.frame import Frame
 from digs_warp.data.images import write_image
 from digs_warp.data.layers import Layer
-from digs_warp.geometry import look_at
+from digs_warp.geometry.camera import Camera, Intrinsics
+from digs_warp.geometry.rigid import look_at
 
 if TYPE_CHECKING:
     from digs_warp.sim.render.protocol import Renderer
@@ -65,8 +65,8 @@ def record(
 
 def _renderer(intrinsics: Intrinsics) -> "Renderer":
     from digs_warp.sim.config import SimulateConfig
-    from digs_warp.sim.inputs import load_inputs
-    from digs_warp.sim.session import prepare_session
+    from digs_warp.sim.record.inputs import load_inputs
+    from digs_warp.sim.record.session import prepare_session
 
     # The thresholds of the tests are for a wall all around, 4 m away.
     width, height = intrinsics.width, intrinsics.height

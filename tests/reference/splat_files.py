@@ -3,7 +3,7 @@
 import numpy as np
 
 from digs_warp.data.gaussians import Gaussians
-from digs_warp.geometry import matrix_from_quat_xyzw
+from digs_warp.geometry.rigid import matrix_from_quat_xyzw
 
 
 def random_gaussians(count: int, degree: int, seed: int = 0) -> Gaussians:

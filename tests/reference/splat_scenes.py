@@ -4,9 +4,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from digs_warp.camera import Camera, Intrinsics
 from digs_warp.data.gaussians import Gaussians
-from digs_warp.geometry import look_at
+from digs_warp.geometry.camera import Camera, Intrinsics
+from digs_warp.geometry.rigid import look_at
 from digs_warp.splat.row_motion import STILL, RowMotion
 
 BACKGROUND = np.array([0.2, 0.5, 0.9])

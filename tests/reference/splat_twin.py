@@ -12,10 +12,10 @@ from dataclasses import dataclass, fields, replace
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from digs_warp.camera import Camera, pixel_centers
 from digs_warp.data.gaussians import Gaussians
-from digs_warp.geometry import matrix_from_quat_xyzw
-from digs_warp.sh import sh_basis
+from digs_warp.geometry.camera import Camera, pixel_centers
+from digs_warp.geometry.rigid import matrix_from_quat_xyzw
+from digs_warp.geometry.sh import sh_basis
 from digs_warp.splat.config import RasterOptions
 from digs_warp.splat.row_motion import STILL, RowMotion
 

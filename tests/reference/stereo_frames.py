@@ -5,9 +5,9 @@ from typing import Any
 
 import numpy as np
 
-from digs_warp.camera import Camera, Intrinsics
-from digs_warp.sim.rig import StereoRig
-from digs_warp.sim.scene import Material
+from digs_warp.geometry.camera import Camera, Intrinsics
+from digs_warp.sim.camera.rig import StereoRig
+from digs_warp.sim.scene.scene import Material
 from digs_warp.sim.sensor.frame import FrameTruth, Motion
 
 PLAIN = Material("plain", np.ones(3), roughness=1.0)

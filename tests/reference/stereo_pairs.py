@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 from scipy.ndimage import map_coordinates
 
-from digs_warp.sim.rig import StereoRig
+from digs_warp.sim.camera.rig import StereoRig
 from digs_warp.sim.sensor.blame import WRONG
 from digs_warp.sim.sensor.facts import STEP
 from digs_warp.sim.sensor.frame import FrameTruth

@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from digs_warp.camera import Camera, Intrinsics, pixel_centers
-from digs_warp.geometry import look_at
+from digs_warp.geometry.camera import Camera, Intrinsics, pixel_centers
+from digs_warp.geometry.rigid import look_at
 from digs_warp.poses.views import Picture
 
 INTRINSICS = Intrinsics.from_fov(160, 120, 50.0)

@@ -4,7 +4,6 @@ from pathlib import Path
 
 import numpy as np
 
-from digs_warp.camera import Camera, Intrinsics
 from digs_warp.data.about import About
 from digs_warp.data.camera_motion import UNKNOWN, CameraMotion, Exposure
 from digs_warp.data.capture import Capture
@@ -12,8 +11,9 @@ from digs_warp.data.capture_writer import CaptureWriter, FrameImages
 from digs_warp.data.frame import Frame
 from digs_warp.data.gaussians import Gaussians
 from digs_warp.data.images import to_uint8
-from digs_warp.geometry import look_at
-from digs_warp.sh import sh_from_rgb
+from digs_warp.geometry.camera import Camera, Intrinsics
+from digs_warp.geometry.rigid import look_at
+from digs_warp.geometry.sh import sh_from_rgb
 from digs_warp.splat.config import RasterOptions
 from digs_warp.splat.render import render
 from digs_warp.splat.row_motion import RowMotion

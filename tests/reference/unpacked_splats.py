@@ -1,11 +1,11 @@
-"""Float64 twin of unpack.js: what the page makes of the words of `digs_warp.report.view3d.pack`."""
+"""Float64 twin of unpack.js: what the page makes of the words of `digs_warp.show.report.view3d.pack`."""
 
 from dataclasses import dataclass
 
 import numpy as np
 
-from digs_warp.geometry import matrix_from_quat_xyzw
-from digs_warp.report.view3d.pack import PackedSplats
+from digs_warp.geometry.rigid import matrix_from_quat_xyzw
+from digs_warp.show.report.view3d.pack import PackedSplats
 
 
 @dataclass(frozen=True, eq=False)

@@ -6,7 +6,7 @@ import sys
 
 import numpy as np
 
-from digs_warp.geometry import matrix_from_quat_xyzw
+from digs_warp.geometry.rigid import matrix_from_quat_xyzw
 
 SUFFIXES = (".usda", ".usdc", ".usdz")
 

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from digs_warp.camera import Camera
+from digs_warp.geometry.camera import Camera
 
 
 def agreement_by(

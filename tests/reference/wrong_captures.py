@@ -5,12 +5,12 @@ from dataclasses import replace
 
 import numpy as np
 
-from digs_warp.camera import Intrinsics, pixel_centers
 from digs_warp.data.capture import Capture
 from digs_warp.data.frame import Frame
 from digs_warp.data.layers import Layer
 from digs_warp.data.viewpoints import looked_at
-from digs_warp.geometry import OPENCV_FROM_OPENGL, invert_rigid
+from digs_warp.geometry.camera import Intrinsics, pixel_centers
+from digs_warp.geometry.rigid import OPENCV_FROM_OPENGL, invert_rigid
 
 
 def each_frame(capture: Capture, change: Callable[[Frame], Frame]) -> Capture:

@@ -1,7 +1,7 @@
 """A ZED 2 at any image size."""
 
-from digs_warp.sim.profiles import PROFILES
-from digs_warp.sim.rig import DEFAULT_FOV_DEG, StereoRig
+from digs_warp.sim.camera.profiles import PROFILES
+from digs_warp.sim.camera.rig import DEFAULT_FOV_DEG, StereoRig
 
 
 def zed2_like(width: int, height: int, horizontal_fov_deg: float = DEFAULT_FOV_DEG) -> StereoRig:

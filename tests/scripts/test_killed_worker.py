@@ -7,7 +7,7 @@ import pytest
 
 from digs_warp.data.capture import read_capture
 from digs_warp.sim.config import SimulateConfig
-from digs_warp.sim.record import simulate
+from digs_warp.sim.record.record import simulate
 
 pytest.importorskip("psutil", reason="psutil is not installed: extra cluster")
 

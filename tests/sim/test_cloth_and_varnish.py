@@ -5,14 +5,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from digs_warp.camera import Camera, Intrinsics
 from digs_warp.data.images import linear_from_srgb
-from digs_warp.geometry import look_at
-from digs_warp.sim.environment import Environment
+from digs_warp.geometry.camera import Camera, Intrinsics
+from digs_warp.geometry.rigid import look_at
 from digs_warp.sim.render.environment_light import WHITE_CARD
 from digs_warp.sim.render.raycast import RaycastRenderer
 from digs_warp.sim.render.sheen import sheen_shares
-from digs_warp.sim.scene import Material
+from digs_warp.sim.scene.environment import Environment
+from digs_warp.sim.scene.scene import Material
 from reference.plates import plate
 
 UP = np.array([0.0, 0.0, 1.0])

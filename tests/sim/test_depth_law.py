@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from digs_warp.checks import DigsError
-from digs_warp.sim.rig import StereoRig
+from digs_warp.sim.camera.rig import StereoRig
 from digs_warp.sim.sensor.law import sense_depth
 from reference.zed2 import zed2_like
 

@@ -5,13 +5,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from digs_warp.camera import Camera, Intrinsics, pixel_centers
-from digs_warp.geometry import look_at
-from digs_warp.sim.environment import Environment
-from digs_warp.sim.join import join_scenes
+from digs_warp.geometry.camera import Camera, Intrinsics, pixel_centers
+from digs_warp.geometry.rigid import look_at
 from digs_warp.sim.render.raycast import RaycastRenderer
 from digs_warp.sim.render.rays import SurfaceRays
-from digs_warp.sim.scene import Material, Scene
+from digs_warp.sim.scene.environment import Environment
+from digs_warp.sim.scene.join import join_scenes
+from digs_warp.sim.scene.scene import Material, Scene
 from reference.plates import plate
 
 UP = np.array([0.0, 0.0, 1.0])

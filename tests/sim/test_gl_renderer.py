@@ -9,18 +9,18 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from digs_warp.camera import Camera, Intrinsics
 from digs_warp.checks import DigsError
 from digs_warp.device.libraries import MissingLibraryError
-from digs_warp.geometry import look_at
-from digs_warp.sim.environment import Environment
-from digs_warp.sim.join import join_scenes
-from digs_warp.sim.load import load_scene
-from digs_warp.sim.panorama import panorama_directions
-from digs_warp.sim.procedural import procedural_scene
+from digs_warp.geometry.camera import Camera, Intrinsics
+from digs_warp.geometry.rigid import look_at
 from digs_warp.sim.render.gl import GlRenderer
 from digs_warp.sim.render.raycast import RaycastRenderer
-from digs_warp.sim.scene import Material, Scene
+from digs_warp.sim.scene.environment import Environment
+from digs_warp.sim.scene.join import join_scenes
+from digs_warp.sim.scene.load import load_scene
+from digs_warp.sim.scene.panorama import panorama_directions
+from digs_warp.sim.scene.procedural import procedural_scene
+from digs_warp.sim.scene.scene import Material, Scene
 from reference.plates import plate
 
 UP = np.array([0.0, 0.0, 1.0])
@@ -207,7 +207,7 @@ def test_without_a_driver_the_message_names_the_packages_and_the_folder_is_untou
     """A fresh process in which EGL finds no vendor's driver."""
     code = (
         "import sys; from pathlib import Path\n"
-        "from digs_warp.sim.record import SimulateConfig, simulate\n"
+        "from digs_warp.sim.record.record import SimulateConfig, simulate\n"
         "simulate(SimulateConfig(renderer='gl', frames=1, width=8), Path(sys.argv[1]))\n"
     )
     without = {**os.environ, "__EGL_VENDOR_LIBRARY_DIRS": "/nonexistent"}

@@ -10,8 +10,8 @@ from digs_warp.data.capture import Capture
 from digs_warp.data.frame import Frame
 from digs_warp.data.layers import Layer
 from digs_warp.sim.config import SimulateConfig
-from digs_warp.sim.record import simulate, simulate_in_memory
-from digs_warp.sim.stream import stream
+from digs_warp.sim.record.record import simulate, simulate_in_memory
+from digs_warp.sim.record.stream import stream
 
 CONFIGS = (
     SimulateConfig(frames=2, width=64, labels="all"),

@@ -19,9 +19,9 @@ SCRIPT = """
 import resource, sys
 from dataclasses import replace
 from pathlib import Path
-from digs_warp.sim.record import SimulateConfig, simulate
-from digs_warp.sim.inputs import load_inputs
-from digs_warp.sim.session import prepare_session
+from digs_warp.sim.record.record import SimulateConfig, simulate
+from digs_warp.sim.record.inputs import load_inputs
+from digs_warp.sim.record.session import prepare_session
 
 folder, frames = Path(sys.argv[1]), int(sys.argv[2])
 config = SimulateConfig(

@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 import trimesh
 
-from digs_warp.sim.environment import Environment
-from digs_warp.sim.join import join_scenes
 from digs_warp.sim.render import openness, openness_samples
 from digs_warp.sim.render.raycast import RaycastRenderer
-from digs_warp.sim.scene import Material, Scene
+from digs_warp.sim.scene.environment import Environment
+from digs_warp.sim.scene.join import join_scenes
+from digs_warp.sim.scene.scene import Material, Scene
 
 SKY = Environment(np.ones((16, 32, 3), np.float32))
 

@@ -4,12 +4,12 @@ from dataclasses import replace
 
 import numpy as np
 
-from digs_warp.camera import Camera
-from digs_warp.geometry import look_at
-from digs_warp.sim.join import join_scenes
+from digs_warp.geometry.camera import Camera
+from digs_warp.geometry.rigid import look_at
 from digs_warp.sim.render.openness import openness_nodes
 from digs_warp.sim.render.raycast import RaycastRenderer
-from digs_warp.sim.scene import Material, Scene
+from digs_warp.sim.scene.join import join_scenes
+from digs_warp.sim.scene.scene import Material, Scene
 from reference.plates import plate
 from reference.raycast_scenes import CAMERA, GRAY, INTRINSICS, UP, gray_sky, rays_world, sky, sphere
 

@@ -7,19 +7,19 @@ import numpy as np
 import pytest
 import trimesh
 
-from digs_warp.camera import pixel_centers
 from digs_warp.commands.convert import export_capture_folder
 from digs_warp.data.capture import Capture
 from digs_warp.data.layers import Layer
 from digs_warp.data.triangle_mesh import TriangleMesh
-from digs_warp.geometry import rigid
+from digs_warp.geometry.camera import pixel_centers
+from digs_warp.geometry.rigid import rigid
 from digs_warp.measure.surface_metrics import distances_to_surface
-from digs_warp.report.facts.captures import recorded_object
-from digs_warp.report.facts.describe import describe
+from digs_warp.show.report.facts.captures import recorded_object
+from digs_warp.show.report.facts.describe import describe
 from digs_warp.sim.config import SimulateConfig
-from digs_warp.sim.data_set import plan_jobs, simulate_many
-from digs_warp.sim.mesh.placement import Unit
-from digs_warp.sim.record import simulate
+from digs_warp.sim.record.data_set import plan_jobs, simulate_many
+from digs_warp.sim.record.record import simulate
+from digs_warp.sim.scene.mesh.placement import Unit
 from digs_warp.surface.true_surface import read_true_surface
 from reference.mesh_files import lopsided, save
 

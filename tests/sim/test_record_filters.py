@@ -12,17 +12,17 @@ import pytest
 from digs_warp.checks import DigsError
 from digs_warp.data.images import to_uint8
 from digs_warp.device import parallel
+from digs_warp.sim.camera.shutter import Shutter
 from digs_warp.sim.config import SimulateConfig
-from digs_warp.sim.frame_maker import FrameMaker, RenderedFrame
-from digs_warp.sim.inputs import load_inputs
-from digs_warp.sim.record import simulate
+from digs_warp.sim.record.frame_maker import FrameMaker, RenderedFrame
+from digs_warp.sim.record.inputs import load_inputs
+from digs_warp.sim.record.record import simulate
+from digs_warp.sim.record.sensor_plan import make_plan
+from digs_warp.sim.record.session import FRAME_RATE, Session, number_before, prepare_session
 from digs_warp.sim.sensor.after.chain import AfterMatching, Shot
 from digs_warp.sim.sensor.after.choices import COSTS, choices_of
 from digs_warp.sim.sensor.after.names import FILTERS
 from digs_warp.sim.sensor.cause import Cause
-from digs_warp.sim.sensor_plan import make_plan
-from digs_warp.sim.session import FRAME_RATE, Session, number_before, prepare_session
-from digs_warp.sim.shutter import Shutter
 from reference.file_hashes import file_hashes
 
 CONFIG = SimulateConfig(frames=2, width=96, samples_per_pixel=1, seed=5)

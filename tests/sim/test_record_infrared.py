@@ -11,12 +11,12 @@ from digs_warp.data.capture import read_capture
 from digs_warp.data.layers import INFRARED_LAYERS, Layer
 from digs_warp.data.rig import InfraredPair, Rig
 from digs_warp.record.files import read_json
+from digs_warp.sim.camera.shutter import Shutter
 from digs_warp.sim.config import SimulateConfig
-from digs_warp.sim.frame_maker import FrameMaker, layers_of
-from digs_warp.sim.record import simulate, simulate_in_memory
+from digs_warp.sim.record.frame_maker import FrameMaker, layers_of
+from digs_warp.sim.record.record import simulate, simulate_in_memory
+from digs_warp.sim.record.stream import stream
 from digs_warp.sim.sensor.filters import gray_of
-from digs_warp.sim.shutter import Shutter
-from digs_warp.sim.stream import stream
 from reference.file_hashes import file_hashes
 
 CONFIG = SimulateConfig(

@@ -14,14 +14,14 @@ from digs_warp.data.images import read_image
 from digs_warp.data.layers import Layer
 from digs_warp.record.files import read_json
 from digs_warp.sim.config import SimulateConfig
-from digs_warp.sim.frame_maker import FrameMaker
-from digs_warp.sim.inputs import load_inputs
-from digs_warp.sim.record import simulate
+from digs_warp.sim.record.frame_maker import FrameMaker
+from digs_warp.sim.record.inputs import load_inputs
+from digs_warp.sim.record.record import simulate
+from digs_warp.sim.record.sensor_plan import SensorPlan, make_plan, plan_for_facts
+from digs_warp.sim.record.session import Session, prepare_session
 from digs_warp.sim.sensor.cause import Cause
 from digs_warp.sim.sensor.filters import gray_of
 from digs_warp.sim.sensor.matcher import match, search_range
-from digs_warp.sim.sensor_plan import SensorPlan, make_plan, plan_for_facts
-from digs_warp.sim.session import Session, prepare_session
 from reference.file_hashes import file_hashes, listed_hashes
 
 CONFIG = SimulateConfig(frames=3, width=80, samples_per_pixel=1, labels="normals", seed=5)

@@ -10,13 +10,13 @@ import pytest
 
 from digs_warp.data.images import write_image
 from digs_warp.sim.config import SimulateConfig
-from digs_warp.sim.environment import Environment
-from digs_warp.sim.procedural import procedural_scene, procedural_shape
-from digs_warp.sim.record import simulate
+from digs_warp.sim.record.record import simulate
 from digs_warp.sim.render import environment_light, reuse
 from digs_warp.sim.render.environment_light import prepare_light
 from digs_warp.sim.render.reuse import renderer_of
-from digs_warp.sim.scene import Scene
+from digs_warp.sim.scene.environment import Environment
+from digs_warp.sim.scene.procedural import procedural_scene, procedural_shape
+from digs_warp.sim.scene.scene import Scene
 from reference.file_hashes import file_hashes
 from reference.mesh_files import TETRAHEDRON
 

@@ -3,15 +3,15 @@
 import numpy as np
 import pytest
 
-from digs_warp.camera import Camera, Intrinsics, pixel_centers
 from digs_warp.data.images import linear_from_srgb
-from digs_warp.geometry import look_at
-from digs_warp.sim.environment import Environment
-from digs_warp.sim.join import join_scenes
-from digs_warp.sim.panorama import panorama_directions, solid_angles
+from digs_warp.geometry.camera import Camera, Intrinsics, pixel_centers
+from digs_warp.geometry.rigid import look_at
 from digs_warp.sim.render import shadows
 from digs_warp.sim.render.raycast import RaycastRenderer
-from digs_warp.sim.scene import Material, Scene
+from digs_warp.sim.scene.environment import Environment
+from digs_warp.sim.scene.join import join_scenes
+from digs_warp.sim.scene.panorama import panorama_directions, solid_angles
+from digs_warp.sim.scene.scene import Material, Scene
 from reference.plates import plate
 
 INTRINSICS = Intrinsics.from_fov(160, 90, 40.0)

@@ -5,14 +5,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from digs_warp.camera import Camera, Intrinsics
-from digs_warp.geometry import look_at
-from digs_warp.sim.environment import Environment
-from digs_warp.sim.join import join_scenes
+from digs_warp.geometry.camera import Camera, Intrinsics
+from digs_warp.geometry.rigid import look_at
 from digs_warp.sim.render.raycast import RaycastRenderer
 from digs_warp.sim.render.rays import depth_behind_kernel
 from digs_warp.sim.render.solid import CELLS, stopping_faces
-from digs_warp.sim.scene import Material, Scene
+from digs_warp.sim.scene.environment import Environment
+from digs_warp.sim.scene.join import join_scenes
+from digs_warp.sim.scene.scene import Material, Scene
 from reference.plates import plate
 
 WHITE = np.ones(3, np.float32)

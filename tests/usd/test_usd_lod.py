@@ -5,7 +5,7 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
 from digs_warp.data.gaussians import Gaussians
-from digs_warp.geometry import matrix_from_quat_xyzw
+from digs_warp.geometry.rigid import matrix_from_quat_xyzw
 from digs_warp.splat.render import render
 from digs_warp.usd.lod import (
     KEPT_BEFORE_MERGING,

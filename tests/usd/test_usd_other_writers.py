@@ -15,9 +15,9 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 from digs_warp.checks import UsdError
 from digs_warp.data.gaussians import Gaussians
-from digs_warp.geometry import matrix_from_quat_xyzw
-from digs_warp.interchange.splats.files import read_splat_file
-from digs_warp.sh import rgb_from_sh
+from digs_warp.formats.splats.files import read_splat_file
+from digs_warp.geometry.rigid import matrix_from_quat_xyzw
+from digs_warp.geometry.sh import rgb_from_sh
 from digs_warp.usd.reader import ReadOptions, merged, read_fields, read_gaussians, read_scene
 from digs_warp.usd.writer import write_gaussians
 from reference.capture_scenes import splats

@@ -6,8 +6,8 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
 from digs_warp.checks import UsdError
-from digs_warp.geometry import matrix_from_quat_xyzw
-from digs_warp.sh import rgb_from_sh
+from digs_warp.geometry.rigid import matrix_from_quat_xyzw
+from digs_warp.geometry.sh import rgb_from_sh
 from digs_warp.usd.reader import read_gaussians, read_scene
 from digs_warp.usd.writer import write_gaussians
 

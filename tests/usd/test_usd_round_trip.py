@@ -6,8 +6,8 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 from digs_warp.checks import UsdError
 from digs_warp.data.gaussians import Gaussians
-from digs_warp.geometry import matrix_from_quat_xyzw, quat_multiply, quat_xyzw_from_matrix
-from digs_warp.sh import rgb_from_sh, rotate_sh
+from digs_warp.geometry.rigid import matrix_from_quat_xyzw, quat_multiply, quat_xyzw_from_matrix
+from digs_warp.geometry.sh import rgb_from_sh, rotate_sh
 from digs_warp.usd.convert import Precision
 from digs_warp.usd.reader import read_gaussians, read_scene
 from digs_warp.usd.writer import WriteOptions, write_gaussians

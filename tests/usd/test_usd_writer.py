@@ -8,8 +8,8 @@ from numpy.testing import assert_allclose, assert_array_equal
 from digs_warp.checks import UsdError
 from digs_warp.data.gaussians import Gaussians
 from digs_warp.data.images import linear_from_srgb
-from digs_warp.geometry import matrix_from_quat_xyzw
-from digs_warp.sh import rgb_from_sh, sh_from_rgb
+from digs_warp.geometry.rigid import matrix_from_quat_xyzw
+from digs_warp.geometry.sh import rgb_from_sh, sh_from_rgb
 from digs_warp.usd.writer import WriteOptions, write_gaussians
 from reference.usd_files import SUFFIXES, Y_UP, covariances
 

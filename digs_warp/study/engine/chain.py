@@ -18,11 +18,11 @@ from digs_warp.data.capture import Capture
 from digs_warp.data.frame import Frame
 from digs_warp.data.point_cloud import PointCloud
 from digs_warp.data.posed_frames import PosedFrames
+from digs_warp.poses.from_images.config import SfmConfig
 from digs_warp.record.digest import digest
 from digs_warp.record.files import copy_folder, read_json, to_json, write_atomically
 from digs_warp.record.lock import taking_turns
 from digs_warp.record.run_log import RunLog, RunRecord, versions
-from digs_warp.sfm.config import SfmConfig
 from digs_warp.sim.config import SimulateConfig
 from digs_warp.study.engine.case import Case, with_settings
 from digs_warp.study.engine.placement import mesh_in_place, motion_to_truth
@@ -174,7 +174,7 @@ def _matching_seconds(case: Case, config: "ReconstructConfig", folder: Path) -> 
 
 
 def _recorded(config: SimulateConfig, key: str, folder: Path) -> Capture:
-    from digs_warp.sim.record import simulate
+    from digs_warp.sim.record.record import simulate
 
     recording = folder / CAPTURES / key
     with taking_turns(recording):
@@ -237,7 +237,7 @@ def _scale_error(capture: Capture, config: "ReconstructConfig", posed: PosedFram
     """
     from digs_warp.init.local_scales import local_scales
     from digs_warp.init.scale import estimate_scale
-    from digs_warp.sfm.evaluate import umeyama
+    from digs_warp.poses.from_images.evaluate import umeyama
     from digs_warp.study.synthetic_sfm import sfm_from_truth
 
     if config.sfm.poses == "sfm":

@@ -15,7 +15,7 @@ from digs_warp.data.frame import Frame
 from digs_warp.data.gaussians import Gaussians
 from digs_warp.data.sfm_model import scaled_pose
 from digs_warp.data.triangle_mesh import TriangleMesh
-from digs_warp.geometry import invert_rigid, laid_over, transform_points
+from digs_warp.geometry.rigid import invert_rigid, laid_over, transform_points
 
 # Of a result's centers, these many tell where it lies.
 POINTS = 1000

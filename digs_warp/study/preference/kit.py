@@ -5,9 +5,9 @@ from pathlib import Path
 
 import numpy as np
 
-from digs_warp.camera import Camera, Intrinsics
 from digs_warp.checks import DigsError
 from digs_warp.data.gaussians import Gaussians
+from digs_warp.geometry.camera import Camera, Intrinsics
 from digs_warp.record.files import write_atomically
 from digs_warp.record.layout import GAUSSIANS, find_gaussians
 from digs_warp.record.progress import progress
@@ -81,7 +81,7 @@ def make_kit(
     Raises:
         DigsError: not four strategies, or a video that cannot be written.
     """
-    from digs_warp.film.video import write_video
+    from digs_warp.show.film.video import write_video
 
     strategies = list(next(iter(items.values()), {}))
     questions = design(list(items), strategies)
@@ -109,7 +109,7 @@ def _films(
     results: Mapping[str, Gaussians], size: tuple[int, int], count: int
 ) -> dict[str, list[np.ndarray]]:
     """Return the frames of every strategy, seen by the same cameras."""
-    from digs_warp.film.shoot import shoot
+    from digs_warp.show.film.shoot import shoot
 
     cameras, center = _cameras(results, size, count)
     return {
@@ -121,7 +121,7 @@ def _films(
 def _cameras(
     results: Mapping[str, Gaussians], size: tuple[int, int], count: int
 ) -> tuple[list[Camera], np.ndarray]:
-    from digs_warp.film.camera_path import find_framed_subject, orbit
+    from digs_warp.show.film.camera_path import find_framed_subject, orbit
 
     # Far stray Gaussians would make the object look small, so the tightest result defines the view.
     subject = min(map(find_framed_subject, results.values()), key=lambda subject: subject.radius)

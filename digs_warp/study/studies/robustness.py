@@ -36,7 +36,7 @@ RECORDING: dict[str, Any] = {"frames": 24, "width": 400, "height": 225, "samples
 
 def cases(objects_count: int = 1, seeds: int = 1, iterations: int = 300) -> list[Case]:
     """Return the cases: no effect and all of them for every strategy, then each effect for the main one."""
-    from digs_warp.sim.sensor_plan import ALL_EFFECT_NAMES
+    from digs_warp.sim.record.sensor_plan import ALL_EFFECT_NAMES
 
     others = [strategy for strategy in STRATEGIES if strategy != MAIN]
     settings = [(NONE, 0.0, strategy) for strategy in STRATEGIES]

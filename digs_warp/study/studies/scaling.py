@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from digs_warp.sfm.config import SfmConfig
+from digs_warp.poses.from_images.config import SfmConfig
 from digs_warp.study.charts import Chart, Curve
 from digs_warp.study.engine.case import Case
 from digs_warp.study.engine.records import Record

@@ -10,9 +10,9 @@ import numpy as np
 from digs_warp.data.capture import Capture
 from digs_warp.data.frame import Frame
 from digs_warp.sim.config import SimulateConfig
-from digs_warp.sim.randomize.draws import draw_scenes
-from digs_warp.sim.randomize.file import load_randomization
-from digs_warp.sim.record import simulate_in_memory
+from digs_warp.sim.record.randomize.draws import draw_scenes
+from digs_warp.sim.record.randomize.file import load_randomization
+from digs_warp.sim.record.record import simulate_in_memory
 from digs_warp.sim.sensor.filters import gray_of
 from digs_warp.study.transfer.matching import KnownPair
 from digs_warp.study.transfer.segmentation import DepthFrame

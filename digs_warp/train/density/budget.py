@@ -1,7 +1,7 @@
 """How many Gaussians a run may hold: a cap given as a number or as memory."""
 
 from digs_warp.checks import DigsError
-from digs_warp.sh import coefficient_count
+from digs_warp.geometry.sh import coefficient_count
 
 # Floats per Gaussian without its color: center, scales, rotation, opacity.
 _SHAPE_FLOATS = 3 + 3 + 4 + 1

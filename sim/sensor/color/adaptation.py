@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from digs_warp.sim.rig import StereoRig
+from digs_warp.sim.camera.rig import StereoRig
 
 MIDDLE_GREY = 0.18  # linear; what exposure meters take for the mean of a scene (ISO 2720)
 

@@ -11,7 +11,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from digs_warp.sim.rig import StereoRig
+from digs_warp.sim.camera.rig import StereoRig
 from digs_warp.sim.sensor.drift import Drift
 from digs_warp.sim.sensor.effects.protocol import Choice
 from digs_warp.sim.sensor.facts import SceneFacts

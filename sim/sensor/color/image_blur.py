@@ -1,7 +1,7 @@
 """Motion blur of the images: the camera moves while the shutter is open.
 
 An image is the mean of several views along the path, in linear light, so that edges, highlights and masks
-blur as in a camera. `digs_warp.sim.shutter` renders them; this file decides how many are needed.
+blur as in a camera. `digs_warp.sim.camera.shutter` renders them; this file decides how many are needed.
 """
 
 from dataclasses import dataclass
@@ -9,7 +9,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from digs_warp.sim.rig import StereoRig
+from digs_warp.sim.camera.rig import StereoRig
 from digs_warp.sim.sensor.effects.protocol import Choice, choose_by_share
 from digs_warp.sim.sensor.facts import SceneFacts
 

@@ -19,7 +19,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from digs_warp.sim.rig import StereoRig
+from digs_warp.sim.camera.rig import StereoRig
 from digs_warp.sim.sensor.color.adaptation import MIDDLE_GREY
 from digs_warp.sim.sensor.color.pixel_loops import with_noise
 from digs_warp.sim.sensor.color.protocol import ByChannel, EyeImages

@@ -5,8 +5,8 @@ from typing import ClassVar, Protocol
 
 import numpy as np
 
-from digs_warp.camera import Intrinsics
-from digs_warp.sim.rig import StereoRig
+from digs_warp.geometry.camera import Intrinsics
+from digs_warp.sim.camera.rig import StereoRig
 from digs_warp.sim.sensor.color.adaptation import NOT_ADAPTED, Adaptation
 from digs_warp.sim.sensor.effects.protocol import Choice
 from digs_warp.sim.sensor.facts import SceneFacts

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from digs_warp.sim.rig import StereoRig
+from digs_warp.sim.camera.rig import StereoRig
 from digs_warp.sim.sensor.color.adaptation import NOT_ADAPTED, Adaptation
 from digs_warp.sim.sensor.color.auto_exposure import AutoExposure
 from digs_warp.sim.sensor.color.encoding import decode, encode

@@ -2,7 +2,7 @@
 
 Both eyes read the same row at the same time, so the depth of each row is right; but the frame as a whole is
 distorted with respect to the one pose recorded with it. Rows are rendered in bands, each from the camera's
-pose at that time (`digs_warp.sim.shutter`): depth, mask and images are distorted together.
+pose at that time (`digs_warp.sim.camera.shutter`): depth, mask and images are distorted together.
 """
 
 from dataclasses import dataclass
@@ -10,7 +10,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from digs_warp.sim.rig import StereoRig
+from digs_warp.sim.camera.rig import StereoRig
 from digs_warp.sim.sensor.effects.protocol import Choice, choose_by_share
 from digs_warp.sim.sensor.facts import SceneFacts
 

@@ -10,8 +10,8 @@ from typing import ClassVar
 
 import numpy as np
 
-from digs_warp.camera import Intrinsics, pixel_centers
-from digs_warp.sim.rig import StereoRig
+from digs_warp.geometry.camera import Intrinsics, pixel_centers
+from digs_warp.sim.camera.rig import StereoRig
 from digs_warp.sim.sensor.color.protocol import EyeImages
 from digs_warp.sim.sensor.effects.protocol import Choice, choose_above
 from digs_warp.sim.sensor.facts import SceneFacts

@@ -7,7 +7,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from digs_warp.sim.rig import StereoRig
+from digs_warp.sim.camera.rig import StereoRig
 from digs_warp.sim.sensor.effects.protocol import Choice, choose_above
 from digs_warp.sim.sensor.facts import SceneFacts
 from digs_warp.sim.sensor.filters import enlarge_smoothly

@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from typing import ClassVar
 
-from digs_warp.sim.rig import StereoRig
+from digs_warp.sim.camera.rig import StereoRig
 from digs_warp.sim.sensor.effects.protocol import Choice, choose_by_share
 from digs_warp.sim.sensor.facts import SceneFacts
 

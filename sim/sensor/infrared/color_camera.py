@@ -4,7 +4,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from digs_warp.camera import Camera
+from digs_warp.geometry.camera import Camera
 from digs_warp.sim.sensor.blame import WRONG
 from digs_warp.sim.sensor.cause import Cause
 from digs_warp.sim.sensor.frame import FrameTruth, Sensed

@@ -6,7 +6,7 @@ are mostly brighter, prints are paler), and no mesh says how: luminance stands f
 
 import numpy as np
 
-from digs_warp.sim.rig import StereoRig
+from digs_warp.sim.camera.rig import StereoRig
 from digs_warp.sim.sensor.color.adaptation import LUMINANCE
 from digs_warp.sim.sensor.color.encoding import decode, encode
 from digs_warp.sim.sensor.color.image_noise import noise_sigma

@@ -17,7 +17,7 @@ import numpy as np
 import warp as wp
 
 from digs_warp.checks import check_shape
-from digs_warp.sim.rig import StereoRig
+from digs_warp.sim.camera.rig import StereoRig
 from digs_warp.sim.sensor.arrays import launch_rows
 
 wp.set_module_options({"enable_backward": False})

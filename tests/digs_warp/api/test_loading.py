@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import digs_warp as dw
-from digs_warp.interchange.splats.files import write_splat_file
+from digs_warp.formats.splats.files import write_splat_file
 from digs_warp.usd.writer import write_gaussians
 from reference.splat_scenes import random_gaussians
 

@@ -9,9 +9,9 @@ from digs_warp import cli
 from digs_warp.cli import EXIT_BAD_INPUT, EXIT_OK, EXIT_WRONG_USAGE, main
 from digs_warp.commands.reconstruct import Reconstruct
 from digs_warp.commands.run import Run
+from digs_warp.masks.config import SegmentConfig
+from digs_warp.poses.from_images.config import SfmConfig
 from digs_warp.record.run_log import RunLog
-from digs_warp.segment.config import SegmentConfig
-from digs_warp.sfm.config import SfmConfig
 from digs_warp.train.config import Stop, TrainConfig
 
 

@@ -8,9 +8,9 @@ import trimesh
 
 from digs_warp.cli import EXIT_BAD_INPUT, EXIT_OK, EXIT_WRONG_USAGE, main
 from digs_warp.data.gaussians import Gaussians
+from digs_warp.geometry.sh import C0
 from digs_warp.pipeline import scene_files
 from digs_warp.record.run_log import RunLog
-from digs_warp.sh import C0
 from digs_warp.usd.reader import read_scene
 from reference.splat_files import random_gaussians, shapes
 from reference.tiny_capture import write_tiny_capture
@@ -91,7 +91,7 @@ def test_up_turns_what_formats_without_axes_hold(
 
 
 def test_broken_rows_are_dropped_on_request(tmp_path: Path, gaussians: Gaussians, capsys) -> None:
-    from digs_warp.interchange.splats.ply import write_ply
+    from digs_warp.formats.splats.ply import write_ply
 
     gaussians.means[3] = np.nan
     write_ply(tmp_path / "a.ply", gaussians)

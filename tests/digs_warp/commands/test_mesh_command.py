@@ -8,16 +8,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from digs_warp.camera import Intrinsics
 from digs_warp.cli import EXIT_BAD_INPUT, EXIT_OK, EXIT_WRONG_USAGE, main
 from digs_warp.data.capture_writer import CaptureWriter, FrameImages
 from digs_warp.data.gaussians import Gaussians
-from digs_warp.film.camera_path import Subject, orbit
+from digs_warp.geometry.camera import Intrinsics
+from digs_warp.geometry.sh import sh_from_rgb
 from digs_warp.measure.surface_metrics import sample_surface
 from digs_warp.record.run_log import RunLog
-from digs_warp.sh import sh_from_rgb
+from digs_warp.show.film.camera_path import Subject, orbit
 from digs_warp.sim.config import SimulateConfig
-from digs_warp.sim.record import simulate
+from digs_warp.sim.record.record import simulate
 from digs_warp.splat.skin import REACH
 from digs_warp.surface.files import vertex_normals
 from digs_warp.surface.true_surface import read_true_surface

@@ -11,8 +11,8 @@ from digs_warp.cli import EXIT_BAD_INPUT, EXIT_OK, EXIT_WRONG_USAGE, main
 from digs_warp.data.capture import read_capture
 from digs_warp.data.capture_writer import CaptureWriter, FrameImages
 from digs_warp.data.rig import Rig
+from digs_warp.sim.camera.profiles import load_profile
 from digs_warp.sim.fit.textured_wall import PLACES, record_wall
-from digs_warp.sim.profiles import load_profile
 
 NOISE, FIELD = 3.0, 0.2
 

@@ -10,7 +10,7 @@ from digs_warp.checks import CaptureError
 from digs_warp.data.capture import read_capture
 from digs_warp.data.images import write_image
 from digs_warp.data.index_rules import CAMERA_MODELS, COEFFICIENTS
-from digs_warp.interchange.captures.formats import read_recording
+from digs_warp.formats.captures.formats import read_recording
 from reference.noise_capture import change_frame, change_index, write_capture
 
 CONVERT = "'digs-warp convert FOLDER --from nerfstudio --out CAPTURE' removes it"

@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from digs_warp.camera import Camera, Intrinsics, pixel_centers
 from digs_warp.checks import DigsError
-from digs_warp.geometry import look_at
+from digs_warp.geometry.camera import Camera, Intrinsics, pixel_centers
+from digs_warp.geometry.rigid import look_at
 from digs_warp.init.back_project import back_project
 from digs_warp.init.voxel import MAX_INDEX, VoxelSums
 from reference.init_twin import back_projected, voxel_means

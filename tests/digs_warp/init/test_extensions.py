@@ -6,11 +6,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from digs_warp.camera import Camera, Intrinsics, pixel_centers
 from digs_warp.checks import DigsError
 from digs_warp.data.capture import Capture
 from digs_warp.data.point_cloud import PointCloud
-from digs_warp.geometry import look_at, matrix_from_quat_xyzw
+from digs_warp.geometry.camera import Camera, Intrinsics, pixel_centers
+from digs_warp.geometry.rigid import look_at, matrix_from_quat_xyzw
 from digs_warp.init.config import InitConfig
 from digs_warp.init.normals import REACH, normals_from_depth
 from digs_warp.init.point_shapes import FLATNESS

@@ -21,11 +21,11 @@ from digs_warp.init.config import InitConfig
 from digs_warp.init.local_scales import MIN_MASKED, depth_at, local_scales
 from digs_warp.init.recipes import initial_points
 from digs_warp.init.scale import estimate_scale
+from digs_warp.sim.camera.shutter import Shutter
 from digs_warp.sim.config import SimulateConfig
-from digs_warp.sim.inputs import load_inputs
+from digs_warp.sim.record.inputs import load_inputs
+from digs_warp.sim.record.session import prepare_session
 from digs_warp.sim.sensor.frame import FrameTruth
-from digs_warp.sim.session import prepare_session
-from digs_warp.sim.shutter import Shutter
 from digs_warp.study.synthetic_sfm import (
     sfm_from_truth,
     with_disparity_offset,

@@ -7,6 +7,7 @@ import pytest
 
 from digs_warp.data.gaussians import FIELDS
 from digs_warp.data.point_cloud import PointCloud
+from digs_warp.geometry.sh import rgb_from_sh
 from digs_warp.init.seed_gaussians import (
     GUESSED_OPACITY,
     LEAST_OPACITY,
@@ -16,7 +17,6 @@ from digs_warp.init.seed_gaussians import (
     neighbor_scales,
     seed_gaussians,
 )
-from digs_warp.sh import rgb_from_sh
 
 
 def grid(side: int, spacing: float) -> np.ndarray:

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from scipy.spatial import KDTree  # pyright: ignore[reportAttributeAccessIssue]
 
-from digs_warp.camera import Camera, Intrinsics
 from digs_warp.data.point_cloud import PointCloud
-from digs_warp.geometry import look_at
+from digs_warp.geometry.camera import Camera, Intrinsics
+from digs_warp.geometry.rigid import look_at
 from digs_warp.init.seed_gaussians import seed_gaussians
 from digs_warp.init.seed_start import SCENE_SCALE_RATIO
 from digs_warp.init.shell import COUNT, shell_points, sphere

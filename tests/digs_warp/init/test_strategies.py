@@ -7,7 +7,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from digs_warp.camera import Camera
 from digs_warp.checks import DigsError
 from digs_warp.data.capture import Capture
 from digs_warp.data.frame import Frame
@@ -15,7 +14,8 @@ from digs_warp.data.images import write_image
 from digs_warp.data.layers import Layer
 from digs_warp.data.sfm_model import SfmModel
 from digs_warp.data.viewpoints import looked_at
-from digs_warp.geometry import look_at
+from digs_warp.geometry.camera import Camera
+from digs_warp.geometry.rigid import look_at
 from digs_warp.init.config import InitConfig
 from digs_warp.init.local_scales import local_scales
 from digs_warp.init.random_points import random_points

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from digs_warp.data.layers import Layer
+from digs_warp.geometry.sh import sh_basis
 from digs_warp.init.first_exposures import FirstExposures, log_factors
 from digs_warp.init.seen_colors import SeenColors, look_up
 from digs_warp.init.view_dependence import (
@@ -17,7 +18,6 @@ from digs_warp.init.view_dependence import (
     view_dependence,
 )
 from digs_warp.measure.color_gain import OFFSET
-from digs_warp.sh import sh_basis
 from reference.tiny_capture import RADIUS, ball, write_tiny_capture
 
 RNG = np.random.default_rng(0)

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from digs_warp.camera import Camera
+from digs_warp.geometry.camera import Camera
 from digs_warp.init.visibility import (
     DepthViews,
     agreement_of_views,

@@ -5,7 +5,7 @@ import pytest
 import warp as wp
 
 from digs_warp.device.image_planes import ImagePlanes
-from digs_warp.geometry import PixelBox, mask_box
+from digs_warp.geometry.rigid import PixelBox, mask_box
 from digs_warp.losses.regions import (
     blocks_of,
     grown,

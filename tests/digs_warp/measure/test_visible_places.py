@@ -3,8 +3,8 @@
 import numpy as np
 import trimesh
 
-from digs_warp.camera import Camera, Intrinsics
 from digs_warp.data.triangle_mesh import TriangleMesh
+from digs_warp.geometry.camera import Camera, Intrinsics
 from digs_warp.measure.visible_places import EDGE_ON, visible_places
 
 

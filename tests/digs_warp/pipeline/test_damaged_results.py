@@ -9,9 +9,9 @@ import pytest
 
 from digs_warp.data.capture import Capture
 from digs_warp.init.config import InitConfig
+from digs_warp.masks.config import SegmentConfig
 from digs_warp.pipeline.reconstruct import ReconstructConfig, reconstruct
 from digs_warp.record.manifest import Manifest
-from digs_warp.segment.config import SegmentConfig
 from digs_warp.train.config import Stop, TrainConfig
 from reference.tiny_capture import write_tiny_capture
 

@@ -11,13 +11,13 @@ import digs_warp as dw
 from digs_warp.data.capture import Capture
 from digs_warp.data.images import write_image
 from digs_warp.data.posed_frames import PosedFrames
-from digs_warp.geometry import matrix_from_rotation_vector, rigid
+from digs_warp.geometry.rigid import matrix_from_rotation_vector, rigid
 from digs_warp.pipeline.found_poses import depth_doubt
 from digs_warp.pipeline.front_end import front_end
 from digs_warp.pipeline.front_end_config import FrontEndConfig
 from digs_warp.poses.align import in_place
+from digs_warp.poses.from_images.config import SfmConfig
 from digs_warp.record.run_log import RunLog
-from digs_warp.sfm.config import SfmConfig
 from reference.optional import open3d_or_skip
 
 # Tiles side by side all round.

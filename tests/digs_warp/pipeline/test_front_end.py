@@ -14,14 +14,14 @@ from digs_warp.data.capture import Capture, read_capture
 from digs_warp.data.layers import Layer
 from digs_warp.data.posed_frames import PosedFrames
 from digs_warp.init.config import InitConfig
+from digs_warp.masks.config import SegmentConfig
 from digs_warp.pipeline.front_end import front_end
 from digs_warp.pipeline.front_end_config import FrontEndConfig
 from digs_warp.pipeline.prepared import Prepared
 from digs_warp.poses.align import in_place
+from digs_warp.poses.from_images.config import SfmConfig
+from digs_warp.poses.from_images.evaluate import camera_errors
 from digs_warp.record.run_log import RunLog
-from digs_warp.segment.config import SegmentConfig
-from digs_warp.sfm.config import SfmConfig
-from digs_warp.sfm.evaluate import camera_errors
 from reference.sfm_views import arc, record
 from reference.wrong_captures import other_focal
 

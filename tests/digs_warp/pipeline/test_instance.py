@@ -12,7 +12,7 @@ from digs_warp.cli import EXIT_BAD_INPUT, EXIT_OK, main
 from digs_warp.data.capture import read_capture
 from digs_warp.pipeline.reconstruction import Reconstruction
 from digs_warp.sim.config import SimulateConfig
-from digs_warp.sim.record import simulate
+from digs_warp.sim.record.record import simulate
 from digs_warp.splat.device import DeviceGaussians
 from digs_warp.splat.renderer import SplatRenderer
 from digs_warp.surface.true_surface import read_true_surface

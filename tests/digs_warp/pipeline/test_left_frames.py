@@ -14,13 +14,13 @@ from digs_warp.data.images import write_image
 from digs_warp.data.layers import Layer
 from digs_warp.data.posed_frames import PosedFrames
 from digs_warp.init.config import InitConfig
+from digs_warp.masks.config import SegmentConfig
 from digs_warp.pipeline.front_end import front_end
 from digs_warp.pipeline.front_end_config import FrontEndConfig
 from digs_warp.pipeline.left_frames import with_held_out
 from digs_warp.pipeline.reconstruct import ReconstructConfig, reconstruct
+from digs_warp.poses.from_images.config import SfmConfig
 from digs_warp.record.run_log import RunLog
-from digs_warp.segment.config import SegmentConfig
-from digs_warp.sfm.config import SfmConfig
 from digs_warp.train.config import Stop, TrainConfig
 from reference.sfm_views import arc, record
 from reference.trained_ball import assert_same_bits, interrupt

@@ -6,10 +6,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from digs_warp.camera import Camera, Intrinsics
 from digs_warp.data.frame import Frame
 from digs_warp.data.layers import Layer
 from digs_warp.data.posed_frames import PosedFrames
+from digs_warp.geometry.camera import Camera, Intrinsics
 from digs_warp.pipeline.measured_depth import MeasuredDepth, measured_depth
 from digs_warp.pipeline.mesh import extract_mesh
 from digs_warp.pipeline.reconstruction import Reconstruction

@@ -15,8 +15,8 @@ from digs_warp.data.layers import Layer
 from digs_warp.pipeline.known_distance import KnownDistance
 from digs_warp.pipeline.reconstruction import Reconstruction
 from digs_warp.record.files import read_json
-from digs_warp.report.facts.describe import describe
-from digs_warp.report.start_section import start_section
+from digs_warp.show.report.facts.describe import describe
+from digs_warp.show.report.start_section import start_section
 from reference.tiny_capture import write_tiny_capture
 
 QUICK: dict[str, Any] = {"iterations": 5, "sh_degree": 0}

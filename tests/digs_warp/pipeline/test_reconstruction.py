@@ -13,9 +13,9 @@ from digs_warp.checks import DigsError
 from digs_warp.data.capture import Capture
 from digs_warp.data.gaussians import FIELDS
 from digs_warp.init.config import InitConfig
+from digs_warp.masks.config import SegmentConfig
 from digs_warp.pipeline.reconstruct import ReconstructConfig, reconstruct
 from digs_warp.pipeline.reconstruction import Reconstruction
-from digs_warp.segment.config import SegmentConfig
 from digs_warp.train.config import Stop, TrainConfig
 from reference.tiny_capture import write_tiny_capture
 

@@ -10,7 +10,7 @@ from digs_warp.data.capture import Capture
 from digs_warp.init.config import InitConfig
 from digs_warp.pipeline.reconstruct import ReconstructConfig, reconstruct
 from digs_warp.pipeline.reconstruction import Reconstruction
-from digs_warp.sfm.config import SfmConfig
+from digs_warp.poses.from_images.config import SfmConfig
 from digs_warp.train.config import Stop, TrainConfig
 from reference.tiny_capture import READOUT_TIME, write_tiny_capture
 from reference.trained_ball import assert_same_bits, interrupt, score_of_perfect_views

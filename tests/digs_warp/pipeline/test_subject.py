@@ -11,12 +11,12 @@ from digs_warp.checks import DigsError
 from digs_warp.data.capture import Capture
 from digs_warp.data.layers import Layer
 from digs_warp.init.config import InitConfig
+from digs_warp.masks.config import SegmentConfig
 from digs_warp.pipeline.front_end import front_end
 from digs_warp.pipeline.front_end_config import FrontEndConfig
 from digs_warp.pipeline.prepared import Prepared
 from digs_warp.pipeline.subject import SubjectChoice, subject_of
 from digs_warp.record.run_log import RunLog, RunRecord
-from digs_warp.segment.config import SegmentConfig
 from reference.ball_capture import RADIUS, WALL_RADIUS, ball_views, write_capture
 
 CONFIG = FrontEndConfig(init=InitConfig(edge_filter=False), test_every=4)

@@ -16,9 +16,9 @@ from digs_warp.pipeline.front_end import front_end
 from digs_warp.pipeline.front_end_config import FrontEndConfig
 from digs_warp.pipeline.results import Results
 from digs_warp.poses.align import in_place
+from digs_warp.poses.from_images.config import SfmConfig
 from digs_warp.record.layout import RUN_RECORD
 from digs_warp.record.run_log import RunLog, RunRecord
-from digs_warp.sfm.config import SfmConfig
 from reference.optional import open3d_or_skip
 
 CONFIG = FrontEndConfig(sfm=SfmConfig(poses="rgbd"), test_every=4)

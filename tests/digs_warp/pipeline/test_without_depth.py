@@ -11,8 +11,8 @@ import digs_warp as dw
 from digs_warp.checks import DigsError
 from digs_warp.data.capture import Capture
 from digs_warp.data.layers import Layer
-from digs_warp.interchange.captures.formats import export_capture, read_recording
-from digs_warp.interchange.captures.to_capture import write_capture
+from digs_warp.formats.captures.formats import export_capture, read_recording
+from digs_warp.formats.captures.to_capture import write_capture
 from digs_warp.pipeline.reconstruction import Reconstruction
 from reference.tiny_capture import write_tiny_capture
 

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from digs_warp.geometry import invert_rigid, transform_points
+from digs_warp.geometry.rigid import invert_rigid, transform_points
 from digs_warp.poses.information import information
 from digs_warp.poses.views import View, view_of
 from reference.textured_plane import picture, ring_of_poses

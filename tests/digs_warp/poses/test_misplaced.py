@@ -11,17 +11,17 @@ import digs_warp as dw
 from digs_warp.data.capture import Capture
 from digs_warp.data.frame import Frame
 from digs_warp.data.layers import Layer
-from digs_warp.geometry import matrix_from_rotation_vector, rigid
+from digs_warp.geometry.rigid import matrix_from_rotation_vector, rigid
+from digs_warp.masks.agreed import agreed_masks
 from digs_warp.pipeline.front_end import front_end
 from digs_warp.pipeline.front_end_config import FrontEndConfig
 from digs_warp.poses.align import align
+from digs_warp.poses.from_images.config import SfmConfig
+from digs_warp.poses.from_images.perturb import perturbed_poses
 from digs_warp.poses.misplaced import mended
 from digs_warp.poses.refine import refine
 from digs_warp.poses.views import load_pictures
 from digs_warp.record.run_log import RunLog
-from digs_warp.segment.agreed import agreed_masks
-from digs_warp.sfm.config import SfmConfig
-from digs_warp.sfm.perturb import perturbed_poses
 
 WRONG = 5
 

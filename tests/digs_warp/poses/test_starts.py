@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from digs_warp.geometry import invert_rigid, look_at, matrix_from_rotation_vector, rigid
+from digs_warp.geometry.rigid import invert_rigid, look_at, matrix_from_rotation_vector, rigid
 from digs_warp.poses.agreement import disagreement
 from digs_warp.poses.chain import turn_deg
 from digs_warp.poses.features import Matches, features_of, matched

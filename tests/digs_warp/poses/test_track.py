@@ -5,11 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from digs_warp.camera import Camera
 from digs_warp.checks import DigsError
 from digs_warp.data.frame import Frame
 from digs_warp.data.layers import Layer
-from digs_warp.geometry import invert_rigid, matrix_from_rotation_vector, rigid
+from digs_warp.geometry.camera import Camera
+from digs_warp.geometry.rigid import invert_rigid, matrix_from_rotation_vector, rigid
 from digs_warp.poses.agreement import disagreement
 from digs_warp.poses.align import in_place
 from digs_warp.poses.chain import BROKEN, CERTAIN, CORRELATED, holds, measured_chain

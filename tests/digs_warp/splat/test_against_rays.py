@@ -9,10 +9,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from digs_warp.camera import Camera, Intrinsics, pixel_centers
 from digs_warp.data.gaussians import Gaussians
-from digs_warp.geometry import look_at, matrix_from_quat_xyzw
-from digs_warp.sh import sh_from_rgb
+from digs_warp.geometry.camera import Camera, Intrinsics, pixel_centers
+from digs_warp.geometry.rigid import look_at, matrix_from_quat_xyzw
+from digs_warp.geometry.sh import sh_from_rgb
 from digs_warp.splat.config import RasterOptions
 from digs_warp.splat.render import render
 

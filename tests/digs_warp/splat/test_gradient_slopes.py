@@ -10,7 +10,7 @@ from functools import cache
 import numpy as np
 import pytest
 
-from digs_warp.geometry import matrix_from_quat_xyzw
+from digs_warp.geometry.rigid import matrix_from_quat_xyzw
 from digs_warp.splat.alpha_cut import STEP_CUT
 from digs_warp.splat.backend import VectorizedBackend
 from digs_warp.splat.config import RasterOptions

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from digs_warp.camera import Intrinsics
 from digs_warp.checks import DigsError
 from digs_warp.data.gaussians import FIELDS, Gaussians
+from digs_warp.geometry.camera import Intrinsics
 from digs_warp.splat.config import RasterOptions
 from digs_warp.splat.device import DeviceGaussians
 from digs_warp.splat.render import SplatRenderer, render

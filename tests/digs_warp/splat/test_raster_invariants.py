@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 import warp as wp
 
-from digs_warp.camera import Camera
 from digs_warp.checks import DigsError
 from digs_warp.data.gaussians import FIELDS, Gaussians
+from digs_warp.geometry.camera import Camera
 from digs_warp.splat.backend import CooperativeBackend, RasterBackend
 from digs_warp.splat.camera_gradient import CameraGradient
 from digs_warp.splat.config import EXPECTED, RasterOptions

@@ -6,7 +6,7 @@ from functools import cache
 import numpy as np
 import pytest
 
-from digs_warp.camera import Camera
+from digs_warp.geometry.camera import Camera
 from digs_warp.splat.backend import RasterBackend
 from digs_warp.splat.config import RasterOptions
 from digs_warp.splat.device import DeviceGaussians

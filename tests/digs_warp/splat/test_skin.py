@@ -5,10 +5,10 @@ import pytest
 from scipy.optimize import brentq
 from scipy.spatial.transform import Rotation
 
-from digs_warp.camera import Camera, Intrinsics
 from digs_warp.checks import DigsError
 from digs_warp.data.gaussians import Gaussians
-from digs_warp.geometry import look_at
+from digs_warp.geometry.camera import Camera, Intrinsics
+from digs_warp.geometry.rigid import look_at
 from digs_warp.splat.config import EXPECTED, MEDIAN, RasterOptions
 from digs_warp.splat.device import DeviceGaussians
 from digs_warp.splat.renderer import SplatRenderer

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 import warp as wp
 
-from digs_warp.camera import Camera, Intrinsics
-from digs_warp.geometry import PixelBox, look_at
+from digs_warp.geometry.camera import Camera, Intrinsics
+from digs_warp.geometry.rigid import PixelBox, look_at
 from digs_warp.splat.bin_kernels import span_kernel
 from digs_warp.splat.config import EXTENT_SLACK
 from digs_warp.splat.device import DeviceGaussians

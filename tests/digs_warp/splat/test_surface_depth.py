@@ -2,10 +2,10 @@
 
 import numpy as np
 
-from digs_warp.camera import Camera, Intrinsics
 from digs_warp.data.gaussians import FIELDS, Gaussians
-from digs_warp.geometry import look_at
-from digs_warp.sh import sh_from_rgb
+from digs_warp.geometry.camera import Camera, Intrinsics
+from digs_warp.geometry.rigid import look_at
+from digs_warp.geometry.sh import sh_from_rgb
 from digs_warp.splat.config import EXPECTED, MEDIAN, RasterOptions
 from digs_warp.splat.device import DeviceGaussians
 from digs_warp.splat.renderer import SplatRenderer

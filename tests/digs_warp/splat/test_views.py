@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from digs_warp.camera import Camera
 from digs_warp.data.gaussians import Gaussians
 from digs_warp.device.image_planes import ImagePlanes
+from digs_warp.geometry.camera import Camera
 from digs_warp.splat.backend import RasterBackend
 from digs_warp.splat.device import DeviceGaussians
 from digs_warp.splat.render import SplatRenderer, render

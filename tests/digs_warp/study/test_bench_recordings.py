@@ -10,9 +10,9 @@ from digs_warp.checks import DigsError
 from digs_warp.data.capture import read_capture
 from digs_warp.data.images import encode_jpeg
 from digs_warp.data.posed_frames import PosedFrames
-from digs_warp.interchange.captures.formats import export_capture, read_recording
+from digs_warp.formats.captures.formats import export_capture, read_recording
 from digs_warp.sim.config import SimulateConfig
-from digs_warp.sim.record import simulate
+from digs_warp.sim.record.record import simulate
 from digs_warp.study import bench_recordings as bench
 from digs_warp.study.benchmarks import find_benchmark
 from digs_warp.study.real_recordings import (

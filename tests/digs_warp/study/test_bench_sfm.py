@@ -5,10 +5,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from digs_warp.camera import Camera
 from digs_warp.data.frame import Frame
 from digs_warp.data.images import write_image
 from digs_warp.data.layers import Layer
+from digs_warp.geometry.camera import Camera
 from digs_warp.study.bench_sfm import CHOICES, DEFAULT, run_case, sensors
 from digs_warp.study.sfm_photographs import (
     IDEAL,

@@ -6,7 +6,7 @@ import pytest
 
 from digs_warp.checks import DigsError
 from digs_warp.sim.config import SimulateConfig
-from digs_warp.sim.record import simulate
+from digs_warp.sim.record.record import simulate
 from digs_warp.study import bench_view
 from digs_warp.study.bench_view import Took
 from reference.tiny_capture import ball

@@ -5,10 +5,10 @@ from pathlib import Path
 import pytest
 
 from digs_warp.data.capture import Capture
-from digs_warp.interchange.captures.formats import export_capture
+from digs_warp.formats.captures.formats import export_capture
 from digs_warp.pipeline.reconstruct import ReconstructConfig
 from digs_warp.sim.config import SimulateConfig
-from digs_warp.sim.record import simulate
+from digs_warp.sim.record.record import simulate
 from digs_warp.study.engine.case import with_settings
 from digs_warp.study.engine.chain import run_case
 from digs_warp.study.real_recordings import RealRecording, few_frames

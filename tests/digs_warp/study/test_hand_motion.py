@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from digs_warp.sim.walk.settings import WalkSettings
+from digs_warp.sim.camera.walk.settings import WalkSettings
 from digs_warp.study.hand_motion import (
     RECORDED,
     TimedPoses,

@@ -6,11 +6,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from digs_warp.camera import Camera
 from digs_warp.data.frame import Frame
 from digs_warp.data.layers import Layer
 from digs_warp.data.sfm_model import scaled_pose
-from digs_warp.geometry import matrix_from_rotation_vector, rigid
+from digs_warp.geometry.camera import Camera
+from digs_warp.geometry.rigid import matrix_from_rotation_vector, rigid
 from digs_warp.study.pose_pixels import pose_pixels
 from reference.textured_plane import INTRINSICS, picture, ring_of_poses
 

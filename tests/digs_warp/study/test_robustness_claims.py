@@ -18,11 +18,11 @@ from digs_warp.init.config import InitConfig
 from digs_warp.init.recipes import initial_points
 from digs_warp.init.seed_gaussians import seed_gaussians
 from digs_warp.measure.scores import mean_score
+from digs_warp.sim.camera.shutter import Shutter
 from digs_warp.sim.config import SimulateConfig
-from digs_warp.sim.inputs import load_inputs
+from digs_warp.sim.record.inputs import load_inputs
+from digs_warp.sim.record.session import prepare_session
 from digs_warp.sim.sensor.frame import FrameTruth
-from digs_warp.sim.session import prepare_session
-from digs_warp.sim.shutter import Shutter
 from digs_warp.train import evaluate
 from digs_warp.train.config import Stop, TrainConfig
 from digs_warp.train.trainer import Trainer

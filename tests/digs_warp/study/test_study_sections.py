@@ -148,7 +148,7 @@ def test_laws_find_the_costs_that_made_the_seconds() -> None:
 
 
 def test_every_effect_is_measured_and_the_worst_comes_first() -> None:
-    from digs_warp.sim.sensor_plan import ALL_EFFECT_NAMES
+    from digs_warp.sim.record.sensor_plan import ALL_EFFECT_NAMES
 
     study = BY_NAME["robustness"]
     cases = study.cases(1, 1, 300)

@@ -9,14 +9,14 @@ import numpy as np
 import pytest
 import trimesh
 
-from digs_warp.camera import Camera, Intrinsics
 from digs_warp.checks import DigsError
 from digs_warp.data.gaussians import FIELDS, Gaussians
 from digs_warp.data.images import srgb_from_linear
 from digs_warp.data.triangle_mesh import TriangleMesh
-from digs_warp.film.camera_path import Subject, orbit
-from digs_warp.geometry import quat_xyzw_from_matrix
-from digs_warp.sh import C0
+from digs_warp.geometry.camera import Camera, Intrinsics
+from digs_warp.geometry.rigid import quat_xyzw_from_matrix
+from digs_warp.geometry.sh import C0
+from digs_warp.show.film.camera_path import Subject, orbit
 from digs_warp.splat.skin import REACH
 from digs_warp.surface.depth_views import DepthView, depth_views
 from digs_warp.surface.extract import Scene, extract_surface, remove_floaters, within_mask
@@ -223,7 +223,7 @@ def test_a_glb_is_y_up_with_linear_colors(tmp_path: Path) -> None:
 
 
 def test_other_readers_take_our_files(tmp_path: Path, mesh: TriangleMesh) -> None:
-    from digs_warp.sim.load import load_scene
+    from digs_warp.sim.scene.load import load_scene
 
     for name in ("a.glb", "a.ply"):
         write_mesh(tmp_path / name, mesh)

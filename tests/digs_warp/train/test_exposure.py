@@ -10,9 +10,9 @@ from digs_warp.data.capture import Frame
 from digs_warp.data.gaussians import Gaussians
 from digs_warp.data.images import linear_from_srgb, srgb_from_linear, to_uint8
 from digs_warp.data.layers import Layer
+from digs_warp.geometry.sh import C0
 from digs_warp.measure.color_gain import OFFSET, ColorGain
 from digs_warp.measure.scores import mean_score
-from digs_warp.sh import C0
 from digs_warp.splat.device import DeviceGaussians
 from digs_warp.study.engine.scores import psnr_with_one_gain
 from digs_warp.train.config import Rates, Stop, TrainConfig

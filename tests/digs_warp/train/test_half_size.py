@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from digs_warp.camera import Camera, Intrinsics
-from digs_warp.geometry import look_at
+from digs_warp.geometry.camera import Camera, Intrinsics
+from digs_warp.geometry.rigid import look_at
 from digs_warp.train.config import Density, Stop, TrainConfig
 from digs_warp.train.half_size import DENSE_STEPS, MIN_WIDTH_PX, half_size_steps, typical_width_px
 from reference.tiny_capture import ball

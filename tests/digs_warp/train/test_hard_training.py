@@ -5,10 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from digs_warp.camera import Camera, Intrinsics
 from digs_warp.data.frame import Frame
 from digs_warp.data.gaussians import FIELDS, Gaussians
-from digs_warp.geometry import look_at
+from digs_warp.geometry.camera import Camera, Intrinsics
+from digs_warp.geometry.rigid import look_at
 from digs_warp.train.config import Density, DensityStrategy, Rates, Stop, TrainConfig
 from digs_warp.train.trainer import Trainer
 from digs_warp.train.view_store import ViewStore, view_index

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 import warp as wp
 
-from digs_warp.camera import Camera, Intrinsics
 from digs_warp.data.gaussians import Gaussians
-from digs_warp.geometry import look_at
+from digs_warp.geometry.camera import Camera, Intrinsics
+from digs_warp.geometry.rigid import look_at
 from digs_warp.losses.depth import DepthTarget
 from digs_warp.splat.blur import Blur
 from digs_warp.splat.blur_renderer import BlurRenderer

@@ -5,11 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from digs_warp.camera import Camera, Intrinsics
 from digs_warp.checks import DigsError
 from digs_warp.data.camera_motion import CameraMotion, Exposure
 from digs_warp.data.frame import Frame
-from digs_warp.geometry import look_at, matrix_from_rotation_vector, rigid
+from digs_warp.geometry.camera import Camera, Intrinsics
+from digs_warp.geometry.rigid import look_at, matrix_from_rotation_vector, rigid
 from digs_warp.train.shutter import plan_shutter, with_motions
 
 K = Intrinsics(64, 48, 60.0, 60.0, 32.0, 24.0)

@@ -6,9 +6,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from digs_warp.camera import Camera, Intrinsics
 from digs_warp.data.capture import Capture
-from digs_warp.geometry import (
+from digs_warp.geometry.camera import Camera, Intrinsics
+from digs_warp.geometry.rigid import (
     invert_rigid,
     matrix_from_quat_xyzw,
     matrix_from_rotation_vector,

@@ -7,12 +7,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from digs_warp.camera import Intrinsics
 from digs_warp.checks import CaptureError, DigsError
 from digs_warp.data.capture import Capture, read_capture
 from digs_warp.data.frame import Frame
 from digs_warp.data.layers import Layer
-from digs_warp.geometry import mask_box
+from digs_warp.geometry.camera import Intrinsics
+from digs_warp.geometry.rigid import mask_box
 from digs_warp.train.config import Stop, TrainConfig
 from digs_warp.train.half_size import typical_width_px
 from digs_warp.train.silhouette import without_surround

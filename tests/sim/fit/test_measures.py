@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 from scipy.ndimage import gaussian_filter
 
-from digs_warp.camera import Intrinsics
+from digs_warp.geometry.camera import Intrinsics
+from digs_warp.sim.camera.profiles import load_profile
 from digs_warp.sim.fit.bias import bias, fit_line
 from digs_warp.sim.fit.depth_noise import noise
 from digs_warp.sim.fit.estimate import BLOCKS, Estimate, block_numbers, block_sums, jackknife, ratio
@@ -15,7 +16,6 @@ from digs_warp.sim.fit.image_noise import image_noise
 from digs_warp.sim.fit.plane import _median_distances, fit_plane
 from digs_warp.sim.fit.range_and_step import depth_range, disparity_step, limits
 from digs_warp.sim.fit.wall import Wall, make_pose
-from digs_warp.sim.profiles import load_profile
 from digs_warp.sim.sensor.color.encoding import decode, encode
 from digs_warp.sim.sensor.color.image_noise import ReadNoise, ShotNoise
 from digs_warp.sim.sensor.color.protocol import EyeImages

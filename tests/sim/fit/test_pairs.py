@@ -9,6 +9,7 @@ import pytest
 
 from digs_warp.checks import DigsError
 from digs_warp.data.images import write_image
+from digs_warp.sim.camera.profiles import load_profile
 from digs_warp.sim.fit.eye_noise import Eyes, eye_noise
 from digs_warp.sim.fit.fit_pair import (
     LEFT,
@@ -25,7 +26,6 @@ from digs_warp.sim.fit.pair_scores import BAD, RMS, excess_variance, scores
 from digs_warp.sim.fit.result import with_figures
 from digs_warp.sim.fit.sensing import ON_IMAGES
 from digs_warp.sim.fit.textured_wall import Place, photograph
-from digs_warp.sim.profiles import load_profile
 from digs_warp.sim.sensor.color.recorded import recorded_images
 from digs_warp.sim.sensor.effects.static_field import unit_field
 from reference.stereo_frames import broadband

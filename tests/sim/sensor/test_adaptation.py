@@ -10,12 +10,14 @@ from digs_warp.checks import CaptureError
 from digs_warp.data.capture import read_capture
 from digs_warp.data.images import linear_from_srgb
 from digs_warp.record.files import read_json, to_json
+from digs_warp.sim.camera.metering import MOMENTS, meter_walk
+from digs_warp.sim.camera.profiles import load_profile
 from digs_warp.sim.config import SimulateConfig
-from digs_warp.sim.frame_maker import FrameMaker
-from digs_warp.sim.inputs import load_inputs
-from digs_warp.sim.metering import MOMENTS, meter_walk
-from digs_warp.sim.profiles import load_profile
-from digs_warp.sim.record import simulate, simulate_in_memory
+from digs_warp.sim.record.frame_maker import FrameMaker
+from digs_warp.sim.record.inputs import load_inputs
+from digs_warp.sim.record.record import simulate, simulate_in_memory
+from digs_warp.sim.record.sensor_plan import SensorPlan, make_plan, plan_for_facts
+from digs_warp.sim.record.session import Session, prepare_session
 from digs_warp.sim.sensor.color import AUTO_EXPOSURE, WHITE_BALANCE
 from digs_warp.sim.sensor.color.adaptation import (
     LUMINANCE,
@@ -30,8 +32,6 @@ from digs_warp.sim.sensor.color.adaptation import (
 from digs_warp.sim.sensor.color.image_noise import ReadNoise, ShotNoise, read_sigma, shot_factor
 from digs_warp.sim.sensor.color.protocol import EyeImages
 from digs_warp.sim.sensor.facts import measure_facts
-from digs_warp.sim.sensor_plan import SensorPlan, make_plan, plan_for_facts
-from digs_warp.sim.session import Session, prepare_session
 from reference.file_hashes import file_hashes
 from reference.stereo_frames import flat, make_frame
 

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from digs_warp.sim.scene import Material
+from digs_warp.sim.scene.scene import Material
 from digs_warp.sim.sensor.blame import blame
 from digs_warp.sim.sensor.cause import Cause
 from digs_warp.sim.sensor.drift import NO_DRIFT, Drift

@@ -10,15 +10,18 @@ import pytest
 from scipy.linalg import expm
 from scipy.ndimage import map_coordinates
 
-from digs_warp.camera import Intrinsics, pixel_centers
 from digs_warp.data.capture import read_capture
+from digs_warp.geometry.camera import Intrinsics, pixel_centers
 from digs_warp.record.files import read_json
+from digs_warp.sim.camera.profiles import PROFILES, load_profile
+from digs_warp.sim.camera.rig import StereoRig
+from digs_warp.sim.camera.shutter import Shutter
 from digs_warp.sim.config import SimulateConfig
-from digs_warp.sim.frame_maker import FrameMaker
-from digs_warp.sim.inputs import load_inputs
-from digs_warp.sim.profiles import PROFILES, load_profile
-from digs_warp.sim.record import simulate
-from digs_warp.sim.rig import StereoRig
+from digs_warp.sim.record.frame_maker import FrameMaker
+from digs_warp.sim.record.inputs import load_inputs
+from digs_warp.sim.record.record import simulate
+from digs_warp.sim.record.sensor_plan import make_plan
+from digs_warp.sim.record.session import prepare_session
 from digs_warp.sim.sensor.blame import blame
 from digs_warp.sim.sensor.cause import Cause
 from digs_warp.sim.sensor.color import CALIBRATION_DRIFT
@@ -27,9 +30,6 @@ from digs_warp.sim.sensor.drift import NO_DRIFT, Drift
 from digs_warp.sim.sensor.facts import measure_facts
 from digs_warp.sim.sensor.frame import FrameTruth
 from digs_warp.sim.sensor.tiers import depth_of, sense
-from digs_warp.sim.sensor_plan import make_plan
-from digs_warp.sim.session import prepare_session
-from digs_warp.sim.shutter import Shutter
 from reference.stereo_frames import broadband, make_frame, make_rig
 
 LARGE = Drift(pitch_deg=-0.7, yaw_deg=1.1, roll_deg=0.9, focal=0.013, baseline=0.02)

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from digs_warp.data.images import srgb_from_linear
-from digs_warp.sim.profiles import load_profile
-from digs_warp.sim.rig import StereoRig
+from digs_warp.sim.camera.profiles import load_profile
+from digs_warp.sim.camera.rig import StereoRig
 from digs_warp.sim.sensor.color import COLOR_EFFECTS, PIXEL_EFFECTS
 from digs_warp.sim.sensor.color.adaptation import Adaptation
 from digs_warp.sim.sensor.color.encoding import decode, encode

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from digs_warp.checks import DigsError
-from digs_warp.sim.scene import Material
+from digs_warp.sim.scene.scene import Material
 from digs_warp.sim.sensor.facts import SceneFacts, measure_facts
 from digs_warp.sim.sensor.frame import FrameTruth, Motion
 from reference.stereo_frames import broadband, flat, make_frame, make_rig

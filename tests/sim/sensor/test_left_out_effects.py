@@ -5,16 +5,16 @@ from pathlib import Path
 
 import numpy as np
 
+from digs_warp.sim.camera.metering import meter_walk
 from digs_warp.sim.config import SimulateConfig
-from digs_warp.sim.frame_maker import FrameMaker, RenderedFrame
-from digs_warp.sim.inputs import load_inputs
-from digs_warp.sim.metering import meter_walk
+from digs_warp.sim.record.frame_maker import FrameMaker, RenderedFrame
+from digs_warp.sim.record.inputs import load_inputs
+from digs_warp.sim.record.sensor_plan import SensorPlan, make_plan
+from digs_warp.sim.record.session import Session, prepare_session
 from digs_warp.sim.sensor.color.recorded import recorded_images
 from digs_warp.sim.sensor.effects import EFFECTS
 from digs_warp.sim.sensor.planner import override
 from digs_warp.sim.sensor.tiers import sense
-from digs_warp.sim.sensor_plan import SensorPlan, make_plan
-from digs_warp.sim.session import Session, prepare_session
 from digs_warp.study.realism_scenes import places
 from digs_warp.study.scenes import OBJECT_SIZE
 

@@ -5,12 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from digs_warp.camera import Camera, Intrinsics
-from digs_warp.geometry import look_at
-from digs_warp.sim.environment import Environment
+from digs_warp.geometry.camera import Camera, Intrinsics
+from digs_warp.geometry.rigid import look_at
 from digs_warp.sim.render.protocol import CameraTrack
 from digs_warp.sim.render.raycast import RaycastRenderer
-from digs_warp.sim.scene import Material
+from digs_warp.sim.scene.environment import Environment
+from digs_warp.sim.scene.scene import Material
 from digs_warp.sim.sensor.color import AUTO_EXPOSURE, WHITE_BALANCE
 from digs_warp.sim.sensor.color.adaptation import Adaptation
 from digs_warp.sim.sensor.color.encoding import encode

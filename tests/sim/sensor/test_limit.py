@@ -5,10 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from digs_warp.sim.camera.profiles import PROFILES, load_profile
 from digs_warp.sim.config import SimulateConfig, Tier
-from digs_warp.sim.frame_maker import FrameMaker
-from digs_warp.sim.profiles import PROFILES, load_profile
-from digs_warp.sim.scene import Material
+from digs_warp.sim.record.frame_maker import FrameMaker
+from digs_warp.sim.scene.scene import Material
 from digs_warp.sim.sensor.cause import Cause
 from digs_warp.sim.sensor.effects import EFFECTS
 from digs_warp.sim.sensor.effects.protocol import Choice

@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from digs_warp.camera import Camera, pixel_centers
-from digs_warp.geometry import rigid
+from digs_warp.geometry.camera import Camera, pixel_centers
+from digs_warp.geometry.rigid import rigid
 from digs_warp.sim.sensor.motion import image_motion
 from reference.stereo_frames import make_rig
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from digs_warp.checks import DigsError
-from digs_warp.sim.profiles import load_profile
+from digs_warp.sim.camera.profiles import load_profile
 from digs_warp.sim.sensor.effects import EFFECTS
 from digs_warp.sim.sensor.facts import SceneFacts, measure_facts
 from digs_warp.sim.sensor.planner import format_plan, plan

@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pytest
 
-from digs_warp.sim.scene import Material
+from digs_warp.sim.scene.scene import Material
 from digs_warp.sim.sensor.right_eye import HIDDEN, SEEN, UNSURE
 from digs_warp.sim.sensor.right_eye import classify as classify_some
 from reference.right_eye_twin import classified

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from digs_warp.checks import DigsError
-from digs_warp.sim.profiles import load_profile
+from digs_warp.sim.camera.profiles import load_profile
 from digs_warp.sim.sensor.cause import Cause
 from digs_warp.sim.sensor.effects import AFTER_MATCHING, EFFECTS
 from digs_warp.sim.sensor.effects.protocol import Choice

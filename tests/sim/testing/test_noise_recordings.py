@@ -8,13 +8,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from digs_warp.camera import Intrinsics
 from digs_warp.checks import DigsError
 from digs_warp.data.about import About
 from digs_warp.data.capture import Capture, read_capture
 from digs_warp.data.capture_writer import CaptureWriter, FrameImages
 from digs_warp.data.layers import Layer
 from digs_warp.data.rig import InfraredPair, Rig
+from digs_warp.geometry.camera import Intrinsics
 from digs_warp.sim.testing import each
 from digs_warp.sim.testing.cache import CaptureCache
 from digs_warp.sim.testing.marker import read_marker

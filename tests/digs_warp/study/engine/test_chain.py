@@ -9,14 +9,14 @@ from typing import Any
 import numpy as np
 import pytest
 
-from digs_warp.camera import Camera
 from digs_warp.data.capture import Capture
 from digs_warp.data.posed_frames import PosedFrames
+from digs_warp.geometry.camera import Camera
 from digs_warp.init.config import InitConfig
 from digs_warp.init.recipes import initial_points
 from digs_warp.pipeline.reconstruct import ReconstructConfig
+from digs_warp.poses.from_images.config import SfmConfig
 from digs_warp.record.files import write_atomically
-from digs_warp.sfm.config import SfmConfig
 from digs_warp.study.engine.case import Case, with_settings
 from digs_warp.study.engine.chain import (
     NOTE,

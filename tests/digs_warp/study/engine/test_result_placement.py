@@ -8,7 +8,7 @@ import pytest
 from digs_warp.data.frame import Frame
 from digs_warp.data.gaussians import Gaussians
 from digs_warp.data.triangle_mesh import TriangleMesh
-from digs_warp.geometry import matrix_from_rotation_vector, rigid, transform_points
+from digs_warp.geometry.rigid import matrix_from_rotation_vector, rigid, transform_points
 from digs_warp.study.engine.placement import mesh_in_place, motion_to_truth, seen_in_place
 from reference.ball_capture import ball_views, write_capture
 from reference.splat_scenes import random_gaussians

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 import warp as wp
 
-from digs_warp.camera import Camera, Intrinsics
 from digs_warp.checks import DigsError
 from digs_warp.data.frame import Frame
-from digs_warp.geometry import look_at
+from digs_warp.geometry.camera import Camera, Intrinsics
+from digs_warp.geometry.rigid import look_at
 from digs_warp.train.config import TrainConfig
 from digs_warp.train.density.budget import bytes_per_splat, check_start, splat_cap
 from digs_warp.train.trainer import Trainer

@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from digs_warp.camera import pixel_centers
-from digs_warp.sim.scene import Material
+from digs_warp.geometry.camera import pixel_centers
+from digs_warp.sim.scene.scene import Material
 from digs_warp.sim.sensor.frame import FrameTruth
 from digs_warp.sim.sensor.virtual_image import curvature_along_rows, virtual_disparity
 from reference.stereo_frames import CountedRays, make_frame

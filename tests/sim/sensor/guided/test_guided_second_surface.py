@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.ndimage import gaussian_filter
 
-from digs_warp.sim.scene import Material
+from digs_warp.sim.scene.scene import Material
 from digs_warp.sim.sensor.drift import Drift
 from digs_warp.sim.sensor.effects import SECOND_SURFACE_NAMES
 from digs_warp.sim.sensor.frame import FrameTruth

@@ -7,8 +7,11 @@ import pytest
 from scipy.stats import spearmanr
 
 from digs_warp.checks import DigsError
+from digs_warp.sim.camera.shutter import Shutter
 from digs_warp.sim.config import SimulateConfig
-from digs_warp.sim.inputs import load_inputs
+from digs_warp.sim.record.inputs import load_inputs
+from digs_warp.sim.record.sensor_plan import SensorPlan, check_effects, plan_for_facts
+from digs_warp.sim.record.session import prepare_session
 from digs_warp.sim.sensor.color.recorded import recorded_images
 from digs_warp.sim.sensor.effects import EFFECTS
 from digs_warp.sim.sensor.facts import measure_facts
@@ -16,9 +19,6 @@ from digs_warp.sim.sensor.frame import FrameTruth
 from digs_warp.sim.sensor.guided.tier import sense_by_guided_matching
 from digs_warp.sim.sensor.scores import score
 from digs_warp.sim.sensor.tiers import Tier, sense
-from digs_warp.sim.sensor_plan import SensorPlan, check_effects, plan_for_facts
-from digs_warp.sim.session import prepare_session
-from digs_warp.sim.shutter import Shutter
 
 BLOCK = 20  # pixels; failures are compared per block
 

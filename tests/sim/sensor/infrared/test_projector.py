@@ -6,11 +6,12 @@ import numpy as np
 import pytest
 from scipy.spatial import KDTree  # pyright: ignore[reportAttributeAccessIssue]
 
-from digs_warp.camera import Camera, pixel_centers
-from digs_warp.sim.join import join_scenes
+from digs_warp.geometry.camera import Camera, pixel_centers
+from digs_warp.sim.camera.rig import StereoRig
+from digs_warp.sim.camera.shutter import Shutter
 from digs_warp.sim.render.raycast import RaycastRenderer
-from digs_warp.sim.rig import StereoRig
-from digs_warp.sim.scene import Material, Scene
+from digs_warp.sim.scene.join import join_scenes
+from digs_warp.sim.scene.scene import Material, Scene
 from digs_warp.sim.sensor.cause import Cause
 from digs_warp.sim.sensor.color import COLOR_EFFECTS, PIXEL_EFFECTS, PROJECTOR
 from digs_warp.sim.sensor.color.recorded import recorded_images
@@ -19,7 +20,6 @@ from digs_warp.sim.sensor.frame import FrameTruth, Sensed
 from digs_warp.sim.sensor.infrared.pair import in_three_channels, one_channel, with_dots
 from digs_warp.sim.sensor.infrared.pattern import DENSITY, FIELD_DEG, LEAST_DISTANCE
 from digs_warp.sim.sensor.tiers import Tier, sense
-from digs_warp.sim.shutter import Shutter
 from reference.infrared_scenes import (
     ROOM,
     WHITE,

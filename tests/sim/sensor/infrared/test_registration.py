@@ -5,14 +5,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from digs_warp.camera import Camera
-from digs_warp.sim.join import join_scenes
-from digs_warp.sim.scene import Scene
+from digs_warp.geometry.camera import Camera
+from digs_warp.sim.camera.shutter import Shutter
+from digs_warp.sim.scene.join import join_scenes
+from digs_warp.sim.scene.scene import Scene
 from digs_warp.sim.sensor.cause import Cause
 from digs_warp.sim.sensor.frame import FrameTruth, Sensed
 from digs_warp.sim.sensor.infrared.color_camera import ColorView, registered
 from digs_warp.sim.sensor.infrared.registration import sources_of
-from digs_warp.sim.shutter import Shutter
 from reference.infrared_scenes import WHITE, infrared_rig, still_session, wall
 from reference.plates import plate
 from reference.registration_twin import register

@@ -1,0 +1,96 @@
+"""Things that move: a frame sees through what another one saw standing there.
+
+Wrong depth looks the same: glass, mirrors, plain surfaces. But there the other frame explains the color: it
+shows what is really behind, and the pixel has its color. Something that moved has another color.
+"""
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from digs_warp.check.brightness import brightness_ratio
+from digs_warp.check.small_frames import SmallFrame, pixels_showing
+
+# The other frame sees through a point if all it measures around there is farther by this share ...
+FARTHER = 0.1
+
+# ... within this many thumbnail pixels: poses and edges of depth are not exact.
+AROUND = 2
+
+# Points at steps of depth within AROUND pixels, by this share, are left out: they may hang in the air.
+STEP = 0.1
+
+# The pixel is unlike what is behind it if it is brighter or darker by this [of 255] than all that the other
+# frame shows within AROUND pixels.
+UNLIKE = 20.0
+
+# Fewer points in common than this do not make a large share.
+FEW = 500
+
+
+def moved_share(frames: Mapping[int, SmallFrame], pairs: Sequence[tuple[int, int]]) -> float:
+    """Return the share of points that are gone in the other frame, 0 to 1: the mean over the pairs."""
+    shares = [
+        gone_share(frames[first], frames[second])
+        for pair in pairs
+        for first, second in (pair, pair[::-1])
+    ]
+    return float(np.mean(shares)) if shares else 0.0
+
+
+def gone_share(first: SmallFrame, second: SmallFrame) -> float:
+    """Return the share of points of the first frame that are gone in the second one, 0 to 1."""
+    rows, columns = np.nonzero(_solid(first.depth))
+    pixel, depth = pixels_showing(second.camera, first.points_at(rows, columns))
+    inside = pixel >= 0
+    nearest = _least_around(_known(second.depth)).reshape(-1)[pixel[inside]]
+    known = np.isfinite(nearest)
+    through = nearest[known] > (1 + FARTHER) * depth[inside][known]
+    if not through.any():
+        return 0.0
+    places = (each[inside][known][through] for each in (rows, columns))
+    gone = _unlike(first, second)[tuple(places)]
+    return np.count_nonzero(gone) / max(len(through), FEW)
+
+
+def _unlike(first: SmallFrame, second: SmallFrame) -> np.ndarray:
+    """Return where the first frame has another brightness than what the second one shows there.
+
+    Bool, (height, width); False where the second frame shows nothing.
+    """
+    rows, columns = np.nonzero(np.isfinite(second.depth))
+    pixel, _ = pixels_showing(first.camera, second.points_at(rows, columns))
+    ratio = brightness_ratio(first, second) or 1.0  # the exposure may differ
+    shown = pixel >= 0
+    brightness = (second.green[rows, columns][shown] / ratio).astype(np.float64)
+    darkest, brightest = np.full((2, first.depth.size), [[np.inf], [-np.inf]])
+    np.minimum.at(darkest, pixel[shown], brightness)  # fast, as both are float64
+    np.maximum.at(brightest, pixel[shown], brightness)
+    shape = first.depth.shape
+    darkest = _least_around(darkest.reshape(shape))
+    brightest = -_least_around(-brightest.reshape(shape))
+    unlike = (first.green < darkest - UNLIKE) | (first.green > brightest + UNLIKE)
+    return unlike & (brightest >= darkest)
+
+
+def _solid(depth: np.ndarray) -> np.ndarray:
+    """Return where the depth is known and steps nowhere near, (height, width) bool."""
+    nearest, farthest = _least_around(_known(depth)), -_least_around(_known(-depth))
+    return np.isfinite(nearest) & np.isfinite(farthest) & (farthest < (1 + STEP) * nearest)
+
+
+def _known(values: np.ndarray) -> np.ndarray:
+    """Return the values with -infinity where unknown, so that the least around there is."""
+    return np.where(np.isfinite(values), values, -np.inf)
+
+
+def _least_around(values: np.ndarray) -> np.ndarray:
+    """Return the least value within AROUND pixels, (height, width)."""
+    for axis in (0, 1):
+        values = np.moveaxis(values, axis, 0)
+        least = values.copy()  # five whole images are compared faster than windows of five values
+        for step in range(1, AROUND + 1):
+            np.minimum(least[step:], values[:-step], out=least[step:])
+            np.minimum(least[:-step], values[step:], out=least[:-step])
+        values = np.moveaxis(least, 0, axis)
+    return values

@@ -1,0 +1,190 @@
+"""The files of a COLMAP model, binary or text, as others wrote them; see https://colmap.github.io/format.html.
+
+COLMAP's own reader trusts the counts in binary files. This one believes only the bytes that are there.
+"""
+
+import struct
+from collections.abc import Iterator
+from dataclasses import dataclass
+from itertools import dropwhile, islice
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from digs_warp.checks import CaptureError, require_file
+from digs_warp.formats.captures.recorded_files import expecting
+from digs_warp.record.files import text_lines
+
+# COLMAP's camera models in the order of their numbers, and how many parameters they have.
+MODELS = {
+    **{"SIMPLE_PINHOLE": 3, "PINHOLE": 4, "SIMPLE_RADIAL": 4, "RADIAL": 5, "OPENCV": 8},
+    **{"OPENCV_FISHEYE": 8, "FULL_OPENCV": 12, "FOV": 5, "SIMPLE_RADIAL_FISHEYE": 4},
+    **{"RADIAL_FISHEYE": 5, "THIN_PRISM_FISHEYE": 12, "RAD_TAN_THIN_PRISM_FISHEYE": 16},
+}
+
+BYTES_PER_POINT_2D, BYTES_PER_TRACK_ENTRY = 24, 8
+
+
+@dataclass(frozen=True)
+class ModelCamera:
+    """A camera as COLMAP has it: the name of its model, its image size, its parameters in COLMAP's order."""
+
+    model: str
+    width: int
+    height: int
+    params: tuple[float, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class RegisteredImage:
+    """An image with a pose: camera from world, quaternion wxyz and translation, 7 numbers."""
+
+    name: str
+    camera_id: int
+    pose: np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
+class ColmapFiles:
+    """What the files of a model say.
+
+    Attributes:
+        cameras: by their number.
+        images: in the order of the file.
+        points: positions in the model's unit, shape (n, 3).
+        rgb: their colors, 0 to 255, shape (n, 3).
+    """
+
+    cameras: dict[int, ModelCamera]
+    images: list[RegisteredImage]
+    points: np.ndarray
+    rgb: np.ndarray
+
+
+def is_model(folder: Path) -> bool:
+    """Whether a folder holds the files of a model."""
+    return any(
+        (folder / f"cameras.{end}").is_file() and (folder / f"images.{end}").is_file()
+        for end in ("bin", "txt")
+    )
+
+
+def read_model_files(folder: Path) -> ColmapFiles:
+    """Read the model in a folder: the binary files, else the text files; points3D may be missing.
+
+    Raises:
+        CaptureError: a file is broken, or names a camera model that COLMAP does not have.
+    """
+    is_binary = (folder / "cameras.bin").is_file() and (folder / "images.bin").is_file()
+    end = "bin" if is_binary else "txt"
+    cameras = folder / f"cameras.{end}"
+    images = folder / f"images.{end}"
+    points = folder / f"points3D.{end}"
+    table = np.zeros((0, 6))
+    if points.is_file() and points.stat().st_size > 0:
+        with expecting(f"'{points}'", "points of a COLMAP model"):
+            rows = list(_binary_points(points) if is_binary else _text_points(points))
+            table = np.array(rows, dtype=np.float64).reshape(-1, 6)
+    with expecting(f"'{cameras}'", "cameras of a COLMAP model"):
+        found = dict(_binary_cameras(cameras) if is_binary else _text_cameras(cameras))
+    with expecting(f"'{images}'", "images of a COLMAP model"):
+        posed = list(_binary_images(images) if is_binary else _text_images(images))
+    return ColmapFiles(found, posed, table[:, :3], table[:, 3:])
+
+
+class _Bytes:
+    """A binary file, read from its start to its end."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self.data = require_file(path, "COLMAP file").read_bytes()
+        self.at = 0
+
+    def take(self, form: str) -> tuple[Any, ...]:
+        """Return the next values, little-endian."""
+        layout = struct.Struct(f"<{form}")
+        start = self.skip(layout.size)
+        return layout.unpack_from(self.data, start)
+
+    def skip(self, size: int) -> int:
+        """Go on by ``size`` bytes, and return where they begin."""
+        start = self.at
+        if start + size > len(self.data):
+            raise CaptureError(
+                f"'{self.path}': {len(self.data)} bytes, but more are announced; truncated or damaged, copy "
+                "or export it again"
+            )
+        self.at += size
+        return start
+
+    def text(self) -> str:
+        """Return the next text, which ends with a zero byte."""
+        end = self.data.index(0, self.at)
+        found = self.data[self.at : end].decode()
+        self.at = end + 1
+        return found
+
+    def items(self) -> Iterator[int]:
+        """Count the items that the next number announces."""
+        yield from range(self.take("Q")[0])
+
+
+def _binary_cameras(path: Path) -> Iterator[tuple[int, ModelCamera]]:
+    data, names = _Bytes(path), list(MODELS)
+    for _ in data.items():
+        number, model, width, height = data.take("IiQQ")
+        if not 0 <= model < len(names):
+            raise CaptureError(
+                f"'{path}': camera {number} has model {model}, expected 0 to {len(names) - 1}"
+            )
+        params = data.take(f"{MODELS[names[model]]}d")
+        yield number, ModelCamera(names[model], width, height, params)
+
+
+def _binary_images(path: Path) -> Iterator[RegisteredImage]:
+    data = _Bytes(path)
+    for _ in data.items():
+        _, *pose, camera = data.take("I7dI")
+        name = data.text()
+        data.skip(BYTES_PER_POINT_2D * data.take("Q")[0])
+        yield RegisteredImage(name, camera, np.array(pose))
+
+
+def _binary_points(path: Path) -> Iterator[tuple[float, ...]]:
+    data = _Bytes(path)
+    for _ in data.items():
+        _, *row, _, length = data.take("Q3d3BdQ")
+        data.skip(BYTES_PER_TRACK_ENTRY * length)
+        yield tuple(row)
+
+
+def _lines(path: Path) -> Iterator[str]:
+    """Yield all lines but comments; empty ones count: an image without points has one."""
+    for line in text_lines(path, "COLMAP file"):
+        if not line.startswith("#"):
+            yield line.strip()
+
+
+def _text_cameras(path: Path) -> Iterator[tuple[int, ModelCamera]]:
+    for line in filter(None, _lines(path)):
+        number, model, width, height, *params = line.split()
+        if model not in MODELS or len(params) != MODELS[model]:
+            expected = f"{MODELS[model]} parameters" if model in MODELS else ", ".join(MODELS)
+            raise CaptureError(
+                f"'{path}': camera {number} is {model} with {len(params)} parameters, expected {expected}"
+            )
+        yield int(number), ModelCamera(model, int(width), int(height), tuple(map(float, params)))
+
+
+def _text_images(path: Path) -> Iterator[RegisteredImage]:
+    lines = dropwhile(lambda line: not line, _lines(path))
+    # Every second line lists the points of the image before: hundreds of megabytes in a large model.
+    for line in filter(None, islice(lines, 0, None, 2)):
+        words = line.split(maxsplit=9)
+        yield RegisteredImage(words[9], int(words[8]), np.array(list(map(float, words[1:8]))))
+
+
+def _text_points(path: Path) -> Iterator[tuple[float, ...]]:
+    for line in filter(None, _lines(path)):
+        yield tuple(map(float, line.split(maxsplit=7)[1:7]))

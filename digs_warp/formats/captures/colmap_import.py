@@ -1,0 +1,181 @@
+"""COLMAP workspaces as recordings: photographs with poses and sparse points, through any usual lens.
+
+    images/...                                    the photographs
+    masks/NAME.png                                black outside of the object; may be missing
+    sparse/0/cameras.bin images.bin points3D.bin  or .txt; also in sparse/, colmap/sparse/0/ or beside
+
+Poses are camera from world, quaternions wxyz, pixel centers at +0.5 as here. COLMAP's unit of length is
+arbitrary unless the model was aligned to known places.
+"""
+
+import logging
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from digs_warp.checks import CaptureError
+from digs_warp.data.point_cloud import PointCloud
+from digs_warp.formats.captures.colmap_files import (
+    MODELS,
+    ColmapFiles,
+    ModelCamera,
+    RegisteredImage,
+    is_model,
+    read_model_files,
+)
+from digs_warp.formats.captures.lens import Lens, undistorted
+from digs_warp.formats.captures.recorded_files import is_readable
+from digs_warp.formats.captures.recording import RecordedFrame, Recording
+from digs_warp.geometry.camera import Intrinsics
+from digs_warp.geometry.rigid import invert_rigid, matrix_from_quat_xyzw, rigid
+from digs_warp.words import counted
+
+logger = logging.getLogger(__name__)
+
+# COLMAP keeps no times. So far apart, photographs are not taken for a film, of which the neighbors of a frame
+# tell how the camera moved (`digs_warp/train/shutter.py`).
+SECONDS_APART = 1.0
+
+# Where a model may lie in a workspace; "*" is the number of one of several models.
+MODEL_PLACES = ("", "sparse", "sparse/*", "colmap", "colmap/sparse/*", "distorted/sparse/*", "*")
+
+# How the parameters of a model follow each other: s is a focal length for both axes.
+PARAMETERS = {
+    "SIMPLE_PINHOLE": "s cx cy",
+    "PINHOLE": "fx fy cx cy",
+    "SIMPLE_RADIAL": "s cx cy k1",
+    "RADIAL": "s cx cy k1 k2",
+    "OPENCV": "fx fy cx cy k1 k2 p1 p2",
+    "FULL_OPENCV": "fx fy cx cy k1 k2 p1 p2 k3 k4 k5 k6",
+    "OPENCV_FISHEYE": "fx fy cx cy k1 k2 k3 k4",
+    "SIMPLE_RADIAL_FISHEYE": "s cx cy k1",
+    "RADIAL_FISHEYE": "s cx cy k1 k2",
+}
+BROWN, FISHEYE = ("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6"), ("k1", "k2", "k3", "k4")
+
+
+def read_colmap(folder: Path) -> Recording:
+    """Read a workspace of COLMAP: its images, the poses and the points of its largest model.
+
+    Raises:
+        CaptureError: no model, none of its images, or a camera model that we cannot undistort.
+    """
+    place, model = _largest_model(folder)
+    images = _image_folder(folder, place, model.images)
+    rows = sorted(model.images, key=lambda image: image.name)
+    found = [row for row in rows if is_readable(images / row.name)]
+    if len(found) < len(rows):
+        lost = next(row.name for row in rows if row not in found)
+        logger.warning(
+            "recording '%s': %s of the model are not in '%s' and are left out, the first is '%s'",
+            *(folder, counted(len(rows) - len(found), "image"), images, lost),
+        )
+    frames = [
+        _frame(number, row, model, place, images, images.parent / "masks")
+        for number, row in enumerate(found)
+    ]
+    return Recording(folder, tuple(frames), points=_points(model), poses_in_metres=False)
+
+
+def _largest_model(folder: Path) -> tuple[Path, ColmapFiles]:
+    places = {
+        place: None
+        for pattern in MODEL_PLACES
+        for place in (sorted(folder.glob(pattern)) if pattern else [folder])
+        if is_model(place)
+    }
+    if not places:
+        raise CaptureError(
+            f"recording '{folder}': no COLMAP model (cameras.bin and images.bin, or .txt) in it nor in "
+            "sparse/0; is this the right --from? Name the folder that holds images and sparse"
+        )
+    models = [(place, read_model_files(place)) for place in places]
+    place, model = max(models, key=lambda pair: len(pair[1].images))
+    if not model.images:
+        raise CaptureError(f"'{place}': the COLMAP model has no images; expected at least one")
+    if len(models) > 1:
+        logger.warning(
+            "recording '%s': %d models; reading the largest, '%s', with %s",
+            *(folder, len(models), place, counted(len(model.images), "image")),
+        )
+    return place, model
+
+
+def _image_folder(folder: Path, place: Path, images: Sequence[RegisteredImage]) -> Path:
+    """Return the folder to which the names of the images are relative."""
+    inside = [each for each in (place, *place.parents) if each.is_relative_to(folder)]
+    tried = [each / name for each in inside[::-1] for name in ("images", "input", "rgb", "")]
+    # A model beside the folder of images may have been named itself.
+    tried += [folder.parent / "images", folder.parent.parent / "images"]
+    for candidate in tried:
+        if any(is_readable(candidate / image.name) for image in images):
+            return candidate
+    raise CaptureError(
+        f"recording '{folder}': none of the model's images, such as '{images[0].name}', is in "
+        f"'{folder / 'images'}'; put the folder of images there"
+    )
+
+
+def _frame(
+    number: int,
+    row: RegisteredImage,
+    model: ColmapFiles,
+    place: Path,
+    images: Path,
+    masks: Path,
+) -> RecordedFrame:
+    where = f"'{place}', image '{row.name}'"
+    if row.camera_id not in model.cameras:
+        raise CaptureError(f"{where}: has camera {row.camera_id}, which the model does not have")
+    if ".." in Path(row.name).parts or Path(row.name).is_absolute():
+        raise CaptureError(f"{where}: leaves the folder of images; paths must stay inside")
+    k, lens = pinhole_and_lens(model.cameras[row.camera_id], where)
+    w, *xyz = row.pose[:4].tolist()
+    turn = np.array([*xyz, w])
+    if not (np.isfinite(row.pose).all() and np.linalg.norm(turn) > 0):
+        raise CaptureError(
+            f"{where}: pose {row.pose.tolist()}, expected a quaternion and a place, all finite"
+        )
+    mask = next(
+        (path for end in (".png", "") if (path := masks / f"{row.name}{end}").is_file()), None
+    )
+    return RecordedFrame(
+        image=images / row.name,
+        intrinsics=k,
+        time=SECONDS_APART * number,
+        world_from_cam=invert_rigid(rigid(matrix_from_quat_xyzw(turn), row.pose[4:])),
+        mask=mask,
+        view=undistorted(k, lens),
+    )
+
+
+def pinhole_and_lens(camera: ModelCamera, where: str) -> tuple[Intrinsics, Lens | None]:
+    """Return a camera of COLMAP as a pinhole camera and what bends its light.
+
+    Raises:
+        CaptureError: a model without a formula here, or parameters that are no camera.
+    """
+    if camera.model not in PARAMETERS:
+        known = ", ".join(name for name in MODELS if name in PARAMETERS)
+        raise CaptureError(
+            f"{where}: camera model {camera.model}, expected one of {known}; make pinhole images with "
+            "'colmap image_undistorter'"
+        )
+    values = dict(zip(PARAMETERS[camera.model].split(), camera.params, strict=True))
+    fx = values.get("fx", values.get("s", 0.0))
+    k = Intrinsics(
+        camera.width, camera.height, fx, values.get("fy", fx), values["cx"], values["cy"]
+    )
+    if not np.isfinite(camera.params).all():
+        raise CaptureError(f"{where}: camera parameters {camera.params}, expected finite numbers")
+    if "FISHEYE" in camera.model:
+        return k, Lens(tuple(values.get(name, 0.0) for name in FISHEYE), is_fisheye=True)
+    return k, Lens.brown(*(values.get(name, 0.0) for name in BROWN))
+
+
+def _points(model: ColmapFiles) -> PointCloud | None:
+    sound = np.isfinite(model.points).all(axis=1)
+    if not sound.any():
+        return None
+    return PointCloud(model.points[sound], np.clip(model.rgb[sound] / 255, 0, 1))

@@ -1,0 +1,176 @@
+"""nerfstudio's transforms.json as other programs write it: JPEG images, lens distortion, often no depth.
+
+Poses stay in nerfstudio's world, which ``applied_transform`` rotated to have z up; ``applied_scale`` is
+undone, because depth is in metres. See https://docs.nerf.studio/quickstart/data_conventions.html.
+"""
+
+import math
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from digs_warp.checks import CaptureError
+from digs_warp.data.images import image_size
+from digs_warp.data.index_rules import (
+    INDEX_NAME,
+    METRES_PER_FLOAT,
+    POINTS_KEY,
+    check_depth_unit,
+    check_section,
+    metres_per_unit,
+    read_lens,
+)
+from digs_warp.data.point_cloud import PointCloud
+from digs_warp.data.sparse_points import read_points
+from digs_warp.formats.captures.lens import Lens, undistorted
+from digs_warp.formats.captures.recorded_files import IMAGE_SUFFIXES, is_readable, missing
+from digs_warp.formats.captures.recording import RecordedFrame, Recording
+from digs_warp.geometry.camera import Intrinsics
+from digs_warp.geometry.rigid import OPENCV_FROM_OPENGL
+from digs_warp.record.fields import ABOVE_ZERO, Fields
+from digs_warp.record.files import read_json
+
+METRES_PER_UNIT = "metres per unit: 1 for float images, above 0 for 16-bit images, such as 0.001"
+DISTORTION_KEYS = ("k1", "k2", "p1", "p2", "k3", "k4")
+FULL_KEYS = (*DISTORTION_KEYS, "k5", "k6")
+FISHEYE_KEYS = ("k1", "k2", "k3", "k4")
+
+
+def read_nerfstudio(folder: Path) -> Recording:
+    """Read a folder with transforms.json.
+
+    Raises:
+        CaptureError: no usable index, a missing image, another unit of depth than its images have, or a lens
+            that needs more coefficients than we know.
+    """
+    index = read_json(folder / INDEX_NAME, "nerfstudio index")
+    entries = index.get("frames")
+    if not isinstance(entries, list) or not entries:
+        raise CaptureError(f"recording '{folder}': {INDEX_NAME} lists no frames")
+    ours = index.get("digs_warp")
+    if isinstance(ours, dict):
+        check_section(ours, f"recording '{folder}', digs_warp in {INDEX_NAME}")
+    shared = Fields(index, f"recording '{folder}', {INDEX_NAME}", CaptureError)
+    scale = shared.number("applied_scale", ABOVE_ZERO, default=1.0, what="a number above 0")
+    rows = [
+        replace(
+            Fields.of(entry, f"recording '{folder}', frame {i} of {INDEX_NAME}", CaptureError),
+            shared=index,
+        )
+        for i, entry in enumerate(entries)
+    ]
+    frames = tuple(_frame(folder, row, i, scale) for i, row in enumerate(rows))
+    rig = shared.section("digs_warp", optional=True).section("rig", optional=True)
+    baseline = rig.number("baseline", ABOVE_ZERO, default=None, what="metres above 0")
+    return Recording(
+        folder,
+        frames,
+        baseline=baseline,
+        points=_points(folder, shared, scale),
+        poses_in_metres=any(frame.depth is not None for frame in frames),
+    )
+
+
+def _points(folder: Path, shared: Fields, scale: float) -> PointCloud | None:
+    """Return the sparse points; an index may name a file that was not copied."""
+    name = shared.text(POINTS_KEY, "")
+    if not name or not is_readable(folder / name):
+        return None
+    cloud = read_points(folder / name)
+    return PointCloud(cloud.points_world / np.float32(scale), cloud.colors)
+
+
+def _frame(folder: Path, row: Fields, number: int, scale: float) -> RecordedFrame:
+    image = _image_path(folder, row.text("file_path"), row.where)
+    pose = _pose(row, scale)
+    k = _intrinsics(row, image)
+    view = undistorted(k, _lens(row))
+    return RecordedFrame(
+        image=image,
+        intrinsics=k,
+        time=row.number("time", default=row.number("timestamp", default=float(number))),
+        world_from_cam=pose,
+        depth=_optional(folder, row, "depth_file_path"),
+        depth_units_per_metre=_units_per_metre(row),
+        mask=_optional(folder, row, "mask_path"),
+        right=_optional(folder, row, "right_file_path"),
+        view=view,
+        right_view=view,
+    )
+
+
+def _pose(row: Fields, scale: float) -> np.ndarray | None:
+    """Return world from camera; None where the program that wrote it was lost: it is not finite."""
+    found = row.values.get("transform_matrix")
+    rows = found if isinstance(found, list) else []
+    values = [value for each in rows if isinstance(each, list) for value in each]
+    if any(isinstance(value, float) and not math.isfinite(value) for value in values):
+        return None
+    matrix = row.array("transform_matrix", (4, 4))
+    matrix[:3, 3] /= scale
+    return matrix @ OPENCV_FROM_OPENGL
+
+
+def _lens(row: Fields) -> Lens | None:
+    """Return what bends the light; refuse lenses with more coefficients than we know."""
+    lens = read_lens(dict(row.shared or {}), dict(row.values), row.where)
+    is_full = lens.model == "FULL_OPENCV"
+    keys = FISHEYE_KEYS if lens.is_fisheye else FULL_KEYS if is_full else DISTORTION_KEYS
+    if more := sorted(lens.coefficients.keys() - set(keys)):
+        raise CaptureError(
+            f"{row.where}: {lens.model} with {', '.join(more)}, expected only {', '.join(keys)}; "
+            "undistort the images first, for example with 'colmap image_undistorter'"
+        )
+    found = tuple(lens.coefficients.get(key, 0.0) for key in keys)
+    if lens.is_fisheye:
+        return Lens(found, is_fisheye=True)
+    if is_full:
+        return Lens.brown(*found)
+    # nerfstudio's k4 goes with the eighth power of the radius; OpenCV's is another.
+    return Lens(found[:5], eighth=found[5]) if any(found) else None
+
+
+def _units_per_metre(row: Fields) -> float:
+    """Return how many units of the depth image make a metre: ``depth_unit_scale_factor`` may say it."""
+    check_depth_unit({**(row.shared or {}), **row.values}, row.where)
+    depth = row.text("depth_file_path", "")
+    usual = metres_per_unit(depth)
+    given = row.number("depth_unit_scale_factor", ABOVE_ZERO, default=usual, what=METRES_PER_UNIT)
+    if usual == METRES_PER_FLOAT and given != usual:
+        raise CaptureError(
+            f"{row.where}: depth_unit_scale_factor is {given!r} for '{depth}', expected {METRES_PER_UNIT}"
+        )
+    return 1 / given
+
+
+def _intrinsics(row: Fields, image: Path) -> Intrinsics:
+    """Return the camera: from the frame's keys, the shared ones, or the field of view of synthetic scenes."""
+    size = (row.whole("w", 1), row.whole("h", 1)) if "w" in row else image_size(image)
+    if "fl_x" not in row and "camera_angle_x" in row:
+        angle = row.number("camera_angle_x", ABOVE_ZERO, math.pi, what="an angle below pi")
+        return Intrinsics.from_fov(*size, math.degrees(angle))
+    fx = row.number("fl_x", ABOVE_ZERO, what="pixels above 0")
+    return Intrinsics(
+        *size,
+        fx,
+        row.number("fl_y", ABOVE_ZERO, default=fx, what="pixels above 0"),
+        row.number("cx", default=size[0] / 2),
+        row.number("cy", default=size[1] / 2),
+    )
+
+
+def _image_path(folder: Path, name: str, where: str) -> Path:
+    path = folder / name
+    endings = ("", *IMAGE_SUFFIXES)
+    found = next((p for p in (Path(f"{path}{end}") for end in endings) if is_readable(p)), None)
+    if found is None:
+        raise CaptureError(f"{where}: {missing(folder, name)}")
+    return found
+
+
+def _optional(folder: Path, row: Fields, key: str) -> Path | None:
+    name = row.text(key, "")
+    if name and not is_readable(folder / name):
+        raise CaptureError(f"{row.where}, {key}: {missing(folder, name)}")
+    return folder / name if name else None

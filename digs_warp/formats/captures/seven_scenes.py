@@ -1,0 +1,156 @@
+"""7-Scenes, and data sets in its layout (3DMatch, RIO10, BundleFusion): three files for each frame.
+
+    frame-000000.color.png or .jpg
+    frame-000000.depth.png or .pgm    millimetres, 0 and 65535 unknown
+    frame-000000.pose.txt             4 x 4, world from camera, OpenCV axes; not finite where tracking failed
+    camera-intrinsics.txt             3 x 3, of color and depth; here or one folder above (3DMatch), or
+    info.txt, _info.txt               m_calibrationColorIntrinsic, ...DepthIntrinsic (BundleFusion, RIO10)
+
+7-Scenes itself has no such file: its images are those of a Kinect, not registered to each other, and the
+poses are those of the depth camera. Without a calibration, images of 640 x 480 pixels get the figures in
+common use for it. See https://www.microsoft.com/en-us/research/project/rgb-d-dataset-7-scenes/.
+"""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from digs_warp.checks import CaptureError
+from digs_warp.data.images import image_size
+from digs_warp.formats.captures.recorded_files import (
+    IMAGE_SUFFIXES,
+    expecting,
+    integer_centered_camera,
+    read_numbers,
+)
+from digs_warp.formats.captures.recording import (
+    MM_PER_METRE,
+    DepthCamera,
+    NumberedFiles,
+    Recording,
+)
+from digs_warp.geometry.camera import Intrinsics
+from digs_warp.geometry.rigid import invert_rigid
+from digs_warp.record.files import read_text
+
+CALIBRATION = "camera-intrinsics.txt"
+INFOS = ("info.txt", "_info.txt")
+DEPTH_SUFFIXES = (".png", ".pgm")
+
+# Depth images mark unknown pixels with 0 or with this.
+UNKNOWN = 65535
+
+# The page of the data set gives the first; the second is that of the Kinect's color camera.
+KINECT_SIZE = (640, 480)
+DEPTH_MATRIX = np.array([[585.0, 0, 320], [0, 585, 240], [0, 0, 1]])
+COLOR_MATRIX = np.array([[525.0, 0, 320], [0, 525, 240], [0, 0, 1]])
+
+# The color camera of a Kinect beside its depth camera [m]: the calibration that the Liris laboratory
+# published, as evaluations on 7-Scenes use it.
+COLOR_FROM_DEPTH = np.array(
+    [
+        [0.99996518012567637, 0.0026765126468950343, -0.0079041012313000904, -0.025558943178152542],
+        [-0.00274093112813167, 0.99996302803027592, -0.0081504520778013286, 0.00010109636268061706],
+        [0.0078819942130445332, 0.0081718328771890631, 0.99993554558014031, 0.0020318321729487039],
+        [0.0, 0.0, 0.0, 1.0],
+    ]
+)
+
+
+@dataclass(frozen=True, eq=False)
+class _Rig:
+    """The color camera, the depth camera where it is another, and depth units per metre."""
+
+    color: Intrinsics
+    depth: DepthCamera | None = None
+    units_per_metre: float = MM_PER_METRE
+
+
+def read_seven_scenes(folder: Path) -> Recording:
+    """Read one sequence, such as chess/seq-01.
+
+    Raises:
+        CaptureError: no frames, no calibration for images of another size, or broken poses.
+    """
+    images = _numbered(folder, "color", IMAGE_SUFFIXES)
+    if not images:
+        sequences = sorted(path.name for path in folder.glob("seq-*") if path.is_dir())
+        hint = (
+            f"name one of its sequences: {', '.join(sequences)}"
+            if sequences
+            else "is this the right --from?"
+        )
+        raise CaptureError(
+            f"recording '{folder}': no images frame-NUMBER.color.png or .jpg; {hint}"
+        )
+    files = NumberedFiles(folder, images, _numbered(folder, "depth", DEPTH_SUFFIXES))
+    depth_size = image_size(next(iter(files.depths.values()))) if files.depths else files.image_size
+    rig = _rig(folder, files.image_size, depth_size)
+    poses = {
+        number: _color_pose(path, rig)
+        for number, path in _numbered(folder, "pose", (".txt",)).items()
+    }
+    return files.recording(
+        rig.color,
+        poses,
+        depth_camera=rig.depth if files.depths else None,
+        depth_units_per_metre=dict.fromkeys(images, rig.units_per_metre),
+        depth_unknown=dict.fromkeys(images, UNKNOWN),
+    )
+
+
+def _numbered(folder: Path, kind: str, suffixes: tuple[str, ...]) -> dict[int, Path]:
+    """Return the files frame-NUMBER.KIND.SUFFIX by number, ascending."""
+    found = {}
+    for path in folder.glob(f"frame-*.{kind}.*"):
+        digits = path.name.removeprefix("frame-").partition(".")[0]
+        if path.suffix.lower() in suffixes and digits.isdecimal():
+            found[int(digits)] = path
+    return dict(sorted(found.items()))
+
+
+def _rig(folder: Path, size: tuple[int, int], depth_size: tuple[int, int]) -> _Rig:
+    """Return the cameras that a file gives, or those of the Kinect of 7-Scenes."""
+    for place in (folder, folder.parent):
+        if (path := place / CALIBRATION).is_file():
+            color = integer_centered_camera(read_numbers(path, (3, 3), "calibration"), size)
+            return _Rig(color)
+        for name in INFOS:
+            if (path := place / name).is_file():
+                return _rig_of_info(path, size, depth_size)
+    if size != KINECT_SIZE or depth_size != KINECT_SIZE:
+        raise CaptureError(
+            f"recording '{folder}': images of {size[0]}x{size[1]} pixels and no {CALIBRATION}; write "
+            "fx 0 cx, 0 fy cy, 0 0 1 into that file (first pixel center at 0, 0)"
+        )
+    depth = DepthCamera(integer_centered_camera(DEPTH_MATRIX, size), COLOR_FROM_DEPTH)
+    return _Rig(integer_centered_camera(COLOR_MATRIX, size), depth)
+
+
+def _rig_of_info(path: Path, size: tuple[int, int], depth_size: tuple[int, int]) -> _Rig:
+    """Return the cameras of a file of lines "name = values"; color and depth look from the same place."""
+    lines = (line.partition("=") for line in read_text(path, "calibration").splitlines())
+    values = {name.strip(): value.split() for name, _, value in lines}
+    with expecting(
+        f"'{path}'", "4 x 4 numbers for m_calibrationColorIntrinsic and ...DepthIntrinsic"
+    ):
+        color, depth = (
+            np.array(values[f"m_calibration{kind}Intrinsic"], dtype=np.float64).reshape(4, 4)
+            for kind in ("Color", "Depth")
+        )
+        units = float(values.get("m_depthShift", [MM_PER_METRE])[0])
+    if not units > 0:
+        raise CaptureError(f"'{path}': m_depthShift is {units}, expected units per metre above 0")
+    camera = DepthCamera(integer_centered_camera(depth, depth_size))
+    return _Rig(integer_centered_camera(color, size), camera, units)
+
+
+def _color_pose(path: Path, rig: _Rig) -> np.ndarray | None:
+    """Return world from color camera; None where tracking failed."""
+    pose = read_numbers(path, (4, 4), "pose")
+    if not np.isfinite(pose).all():
+        return None
+    if rig.depth is None or rig.depth.color_from_depth is None:
+        return pose
+    return pose @ invert_rigid(rig.depth.color_from_depth)

@@ -1,0 +1,249 @@
+"""A recording in another program's folder becomes a capture folder."""
+
+import logging
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from digs_warp.checks import CaptureError
+from digs_warp.data.about import About
+from digs_warp.data.capture import Capture
+from digs_warp.data.capture_writer import CaptureWriter, FrameImages
+from digs_warp.data.images import read_image
+from digs_warp.data.rig import Rig
+from digs_warp.formats.captures.frames import for_each_frame
+from digs_warp.formats.captures.matched_depth import matched_depth
+from digs_warp.formats.captures.recording import RecordedFrame, Recording
+from digs_warp.formats.captures.resample import register_depth, resample_depth
+from digs_warp.geometry.camera import Intrinsics
+from digs_warp.geometry.rigid import rigid
+from digs_warp.record.arrays import read_array
+from digs_warp.words import counted
+
+logger = logging.getLogger(__name__)
+
+# A rotation that was written with few digits is off by at most this much; more is no rotation.
+ROTATION_TOLERANCE = 1e-2
+
+# If more poses are broken, those that look sound are not trusted either.
+MOST_BROKEN = 0.25
+
+# A pinhole image of which its lens shows less than this is refused; less than nearly all draws a warning.
+LEAST_SEEN, NEARLY_ALL = 0.25, 0.995
+
+
+def write_capture(recording: Recording, form: str, folder: Path) -> Capture:
+    """Write the recording as a capture folder.
+
+    If some frames have a pose and others do not (tracking was lost), the others are left out with a warning.
+    If no frame has a pose, all get the identity, and the index says ``poses_known: false``: structure from
+    motion has to find them.
+
+    Raises:
+        DigsError: no frames, an image that cannot be read, or one of another size than its camera.
+    """
+    frames = _usable_frames(recording)
+    known = frames[0].world_from_cam is not None
+    _check_views(recording.folder, frames)
+    rig = None if recording.baseline is None else Rig(recording.baseline)
+    writer = CaptureWriter(folder, frames[0].intrinsics, rig)
+
+    def work(number: int, frame: RecordedFrame) -> None:
+        writer.write_frame(number, load_frame(frame, recording), frame.intrinsics)
+
+    for_each_frame(frames, "Converting", work)
+    for number, frame in enumerate(frames):
+        pose = np.eye(4) if frame.world_from_cam is None else frame.world_from_cam
+        own = None if frame.intrinsics == writer.intrinsics else frame.intrinsics
+        writer.add_pose(number, pose, frame.time - frames[0].time, own)
+    metric = known and recording.poses_in_metres
+    about = About(recorded_as=form, poses_known=known, poses_in_metres=metric)
+    return writer.finish(about, recording.points)
+
+
+def load_frame(frame: RecordedFrame, recording: Recording) -> FrameImages:
+    """Return the pixels of a frame as a capture has them: metres, NaN where unknown, no distortion."""
+    rgb, alpha = load_color(frame.image, "image", frame.file_camera)
+    mask = alpha if frame.mask is None else load_mask(frame.mask, frame.file_camera)
+    right = None
+    if frame.right is not None:
+        right_camera = frame.right_view.source if frame.right_view else frame.file_camera
+        right, _ = load_color(frame.right, "right image", right_camera)
+        right = right if frame.right_view is None else frame.right_view.apply(right)
+    depth = None
+    if frame.depth is not None:
+        depth = load_depth(frame.depth, frame.depth_units_per_metre, frame.depth_unknown)
+        depth = _registered(depth, frame, recording)
+    if frame.view is not None:
+        rgb = frame.view.apply(rgb)
+        mask = None if mask is None else frame.view.apply(mask)
+        depth = None if depth is None else frame.view.apply(depth, nearest=True)
+    confidence = None
+    if depth is None and right is not None and recording.baseline is not None:
+        depth, confidence = matched_depth(rgb, right, frame.intrinsics, recording.baseline)
+    return FrameImages(image=rgb, depth=depth, mask=mask, right=right, confidence=confidence)
+
+
+def load_color(path: Path, what: str, k: Intrinsics) -> tuple[np.ndarray, np.ndarray | None]:
+    """Return sRGB, (height, width, 3), uint8, and the alpha channel, (height, width), if there is one.
+
+    Raises:
+        CaptureError: more than 8 bits, or another size than that of the camera ``k``.
+    """
+    image = read_image(path, what)
+    _check_size(path, image, k)
+    if image.dtype != np.uint8:
+        raise CaptureError(f"{what} '{path}': {image.dtype}, expected 8 bits per channel")
+    rgb = np.repeat(image[..., :1], 3, axis=2) if image.shape[2] < 3 else image[..., :3]
+    alpha = np.ascontiguousarray(image[..., 3]) if image.shape[2] == 4 else None
+    return np.ascontiguousarray(rgb), alpha
+
+
+def load_mask(path: Path, k: Intrinsics) -> np.ndarray:
+    """Return a mask, 0 to 255, (height, width), uint8."""
+    pixels = read_image(path, "mask")
+    _check_size(path, pixels, k)
+    # Some programs write 0 and 1.
+    return pixels[..., 0].astype(np.uint8) * (255 if pixels.max() == 1 else 1)
+
+
+def _registered(depth: np.ndarray, frame: RecordedFrame, recording: Recording) -> np.ndarray:
+    """Return the depth at the pixels of the image file."""
+    k, camera = frame.file_camera, recording.depth_camera
+    if camera is None:
+        return resample_depth(depth, _scaled_to(k, depth, frame.depth), k)
+    if (found := depth.shape[::-1]) != (
+        size := (camera.intrinsics.width, camera.intrinsics.height)
+    ):
+        raise CaptureError(
+            f"depth '{frame.depth}': {found[0]}x{found[1]} pixels, expected {size[0]}x{size[1]} as that of "
+            "the first frame"
+        )
+    if camera.color_from_depth is None:
+        return resample_depth(depth, camera.intrinsics, k)
+    return register_depth(depth, camera.intrinsics, k, camera.color_from_depth)
+
+
+def load_depth(path: Path, units_per_metre: float, unknown: int = 0) -> np.ndarray:
+    """Return planar depth [m], (height, width), float32, NaN where 0, negative, NaN or infinite.
+
+    ``units_per_metre`` is for images of integers, and so is ``unknown``, a value that means the same as 0;
+    images of floats hold metres.
+    """
+    if path.suffix == ".npy":
+        pixels = read_array(path, "depth")
+        pixels = pixels.reshape(pixels.shape[0], pixels.shape[1], -1)
+    else:
+        pixels = read_image(path, "depth")
+    depth = pixels[..., 0].astype(np.float32)
+    if pixels.dtype.kind in "ui":
+        depth /= np.float32(units_per_metre)
+        depth[pixels[..., 0] == unknown] = np.nan
+    depth[~(np.isfinite(depth) & (depth > 0))] = np.nan
+    return depth
+
+
+def nearly_rigid(matrix: np.ndarray, where: str) -> np.ndarray:
+    """Return a (4, 4) pose with its rotation made exact.
+
+    Raises:
+        CaptureError: not finite, or not a rotation, even if few digits are allowed for.
+    """
+    matrix = np.asarray(matrix, dtype=np.float64)
+    if matrix.shape not in ((4, 4), (3, 4)) or not np.isfinite(matrix).all():
+        raise CaptureError(f"{where}: expected 4 x 4 finite numbers, found shape {matrix.shape}")
+    u, singular, vt = np.linalg.svd(matrix[:3, :3])
+    rotation = u @ vt
+    if np.abs(singular - 1.0).max() > ROTATION_TOLERANCE or np.linalg.det(rotation) < 0:
+        is_mirrored = np.abs(singular - 1.0).max() <= ROTATION_TOLERANCE
+        how = "they mirror" if is_mirrored else f"they stretch by {np.round(singular, 3)}"
+        raise CaptureError(
+            f"{where}: the upper left 3 x 3 numbers are no rotation: {how}. Write right-handed rotations "
+            "without a scale"
+        )
+    return rigid(rotation, matrix[:3, 3])
+
+
+def _usable_frames(recording: Recording) -> Sequence[RecordedFrame]:
+    """Return the frames with poses, or all if none has one, in order of time."""
+    if not recording.frames:
+        raise CaptureError(f"recording '{recording.folder}': no frames found in it")
+    frames = sorted(recording.frames, key=lambda frame: frame.time)
+    posed = [frame for frame in frames if frame.world_from_cam is not None]
+    if posed and len(posed) < len(recording.frames):
+        logger.warning(
+            "recording '%s': %d of %d frames have no pose and are left out",
+            *(recording.folder, len(recording.frames) - len(posed), len(recording.frames)),
+        )
+    return _with_sound_poses(recording.folder, posed) or frames
+
+
+def _with_sound_poses(folder: Path, posed: Sequence[RecordedFrame]) -> list[RecordedFrame]:
+    """Return the frames with exact rotations, without a few that have none; more are a mistake in all.
+
+    Raises:
+        CaptureError: the first broken pose, if a quarter of them is broken.
+    """
+    sound, broken = [], []
+    for frame in posed:
+        try:
+            pose = nearly_rigid(np.asarray(frame.world_from_cam), f"pose of '{frame.image}'")
+        except CaptureError as error:
+            broken.append(error)
+            continue
+        sound.append(replace(frame, world_from_cam=pose))
+    if len(broken) > MOST_BROKEN * len(posed):
+        raise broken[0]
+    if broken:
+        logger.warning(
+            "recording '%s': %s of %d with a broken pose left out, first %s",
+            *(folder, counted(len(broken), "frame"), len(posed), broken[0]),
+        )
+    return sound
+
+
+def _check_views(folder: Path, frames: Sequence[RecordedFrame]) -> None:
+    """Check that the recorded images fill the pinhole images that are made from them."""
+    views = {each for frame in frames for each in (frame.view, frame.right_view) if each}
+    seen = min((view.share_seen() for view in views), default=1.0)
+    if seen < LEAST_SEEN:
+        raise CaptureError(
+            f"recording '{folder}': the recorded images show {seen:.0%} of the pinhole images that are made "
+            f"from them, expected at least {LEAST_SEEN:.0%}; check the coefficients of the lens, or choose a "
+            "smaller --fov-deg"
+        )
+    if seen < NEARLY_ALL:
+        logger.warning(
+            "recording '%s': %.0f%% of the pinhole images lie outside of what the lens shows, and are black; "
+            "a smaller --fov-deg avoids it",
+            *(folder, 100 * (1 - seen)),
+        )
+
+
+def _check_size(path: Path, pixels: np.ndarray, k: Intrinsics) -> None:
+    height, width = pixels.shape[:2]
+    if (height, width) != (k.height, k.width):
+        on_its_side = (width, height) == (k.height, k.width)
+        mend = (
+            "; it lies on its side, as photographs do that have their turn in EXIF data: turn the pixels, "
+            "for example with 'mogrify -auto-orient'"
+            if on_its_side
+            else "; give the camera of these images, or images of this size"
+        )
+        raise CaptureError(
+            f"'{path}': {width}x{height} pixels, expected {k.width}x{k.height} as the recording's camera "
+            f"says{mend}"
+        )
+
+
+def _scaled_to(k: Intrinsics, depth: np.ndarray, path: Path | None) -> Intrinsics:
+    """The color camera at the size of the depth image."""
+    height, width = depth.shape
+    if abs(width * k.height - height * k.width) > max(k.width, k.height):
+        raise CaptureError(
+            f"depth '{path}': {width}x{height} pixels, another shape than the image's {k.width}x{k.height}; "
+            "export depth that is registered to the color image"
+        )
+    return k.resized(width, height)

@@ -1,0 +1,164 @@
+"""TUM RGB-D: images and 16-bit depth named by their time, with the poses in one text file.
+
+    rgb/0.000000.png  depth/0.000000.png   rgb.txt  depth.txt   time and name of each image
+    groundtruth.txt                        time tx ty tz qx qy qz qw: world from camera, OpenCV axes
+    calibration.txt                        fx fy cx cy, first pixel center at (0, 0); not part of the format
+
+See https://cvg.cit.tum.de/data/datasets/rgbd-dataset/file_formats.
+"""
+
+import logging
+from pathlib import Path
+
+import numpy as np
+
+from digs_warp.checks import CaptureError
+from digs_warp.data.capture import Capture
+from digs_warp.data.frame import Frame
+from digs_warp.data.images import image_size
+from digs_warp.formats.captures.frames import (
+    integer_centered,
+    the_one_camera,
+    write_colors_and_depths,
+)
+from digs_warp.formats.captures.recorded_files import (
+    expecting,
+    integer_centered_camera,
+    read_numbers,
+)
+from digs_warp.formats.captures.recording import RecordedFrame, Recording
+from digs_warp.formats.captures.same_moment import at_the_moments
+from digs_warp.geometry.camera import Intrinsics
+from digs_warp.geometry.rigid import matrix_from_quat_xyzw, quat_xyzw_from_matrix, rigid
+from digs_warp.record.files import read_text, write_atomically
+
+logger = logging.getLogger(__name__)
+
+DEPTH_UNITS_PER_METRE = 5000.0  # fixed by the format: a step of 0.2 mm, 13.1 m at most
+CALIBRATION = "calibration.txt"
+TRUTH = "groundtruth.txt"
+
+# Images and poses further apart in time [s] do not belong together (the benchmark's own limit).
+LARGEST_GAP = 0.02
+
+# fx, fy, cx, cy of the benchmark's cameras, by a part of the folder's name; used without calibration.txt.
+KNOWN_CAMERAS = {
+    "freiburg1": (517.3, 516.5, 318.6, 255.3),
+    "freiburg2": (520.9, 521.0, 325.1, 249.7),
+    "freiburg3": (535.4, 539.2, 320.1, 247.6),
+}
+
+
+def read_tum(folder: Path) -> Recording:
+    """Read the folder of a TUM RGB-D sequence; groundtruth.txt may be missing.
+
+    Raises:
+        CaptureError: lists are missing or broken, their times do not match, or no camera is known.
+    """
+    times, images = _read_list(folder, "rgb.txt")
+    depth_times, depths = _read_list(folder, "depth.txt")
+    pose_times, poses = _read_poses(folder / TRUTH)
+    depth_of = at_the_moments(
+        times, depth_times, LARGEST_GAP, f"'{folder / 'depth.txt'}'", "depth image"
+    )
+    pose_of: list[int | None] = [None] * len(times)
+    if poses:
+        pose_of = at_the_moments(times, pose_times, LARGEST_GAP, f"'{folder / TRUTH}'", "pose")
+    if without := depth_of.count(None):
+        logger.warning(
+            "recording '%s': %d of %d images have no depth of the same moment, to %g ms",
+            *(folder, without, len(times), 1e3 * LARGEST_GAP),
+        )
+    k = _intrinsics(folder, image_size(folder / images[0]))
+    frames = []
+    for time, image, depth, pose in zip(times, images, depth_of, pose_of, strict=True):
+        frames.append(
+            RecordedFrame(
+                image=folder / image,
+                intrinsics=k,
+                time=time,
+                world_from_cam=None if pose is None else poses[pose],
+                depth=None if depth is None else folder / depths[depth],
+                depth_units_per_metre=DEPTH_UNITS_PER_METRE,
+            )
+        )
+    return Recording(folder, tuple(frames))
+
+
+def _read_list(folder: Path, name: str) -> tuple[np.ndarray, list[str]]:
+    """Return times [s] and file names of a list."""
+    path = folder / name
+    if not path.is_file():
+        raise CaptureError(f"recording '{folder}': no {name} in it; is this the right --from?")
+    lines = read_text(path, "list of a recording").splitlines()
+    rows = [line.split() for line in lines if line.strip() and not line.startswith("#")]
+    if not rows:
+        raise CaptureError(f"'{path}': no lines, expected some of time and file name")
+    with expecting(f"'{path}'", "lines of time and file name"):
+        return np.array([float(row[0]) for row in rows]), [row[1] for row in rows]
+
+
+def _read_poses(path: Path) -> tuple[np.ndarray, list[np.ndarray]]:
+    if not path.is_file():
+        return np.zeros(0), []
+    rows = read_numbers(path, (-1, 8), "poses")
+    rotations = matrix_from_quat_xyzw(rows[:, 4:])
+    return rows[:, 0], [rigid(turn, row[1:4]) for turn, row in zip(rotations, rows, strict=True)]
+
+
+def _intrinsics(folder: Path, size: tuple[int, int]) -> Intrinsics:
+    if (folder / CALIBRATION).is_file():
+        values = read_numbers(folder / CALIBRATION, (4,), "calibration")
+    else:
+        known = [value for name, value in KNOWN_CAMERAS.items() if name in folder.resolve().name]
+        if not known:
+            raise CaptureError(
+                f"recording '{folder}': TUM RGB-D has no place for the camera; write 'fx fy cx cy' into its "
+                "calibration.txt (first pixel center at 0, 0)"
+            )
+        values = np.array(known[0])
+    fx, fy, cx, cy = values
+    matrix = np.array([[fx, 0, cx], [0, fy, cy], [0, 0, 1]])
+    return integer_centered_camera(matrix, size)
+
+
+def write_tum(capture: Capture, folder: Path) -> None:
+    """Write the capture in the format of the TUM RGB-D benchmark.
+
+    Raises:
+        CaptureError: no depth, two frames of the same microsecond, or cameras that differ.
+    """
+    k = integer_centered(the_one_camera(capture, "TUM RGB-D"))
+    stamps = [f"{frame.time:.6f}" for frame in capture.frames]
+    if len(set(stamps)) < len(stamps):
+        raise CaptureError(
+            f"{capture}: several frames share a time, which names the files in TUM "
+            "RGB-D; correct 'time' in transforms.json"
+        )
+
+    def paths(number: int) -> tuple[Path, Path]:
+        return folder / f"rgb/{stamps[number]}.png", folder / f"depth/{stamps[number]}.png"
+
+    write_colors_and_depths(capture, "TUM RGB-D", DEPTH_UNITS_PER_METRE, paths)
+    for name, title in (("rgb", "color images"), ("depth", "depth maps")):
+        lines = [f"# {title}", "# timestamp filename"]
+        lines += [f"{stamp} {name}/{stamp}.png" for stamp in stamps]
+        _write_lines(folder / f"{name}.txt", lines)
+    poses = [f"{stamp} {_pose(frame)}" for stamp, frame in zip(stamps, capture.frames, strict=True)]
+    header = ["# ground truth trajectory", "# timestamp tx ty tz qx qy qz qw"]
+    _write_lines(folder / TRUTH, header + poses)
+    calibration = [
+        "# fx fy cx cy; the center of the first pixel is (0, 0)",
+        f"{k.fx} {k.fy} {k.cx} {k.cy}",
+    ]
+    _write_lines(folder / CALIBRATION, calibration)
+
+
+def _pose(frame: Frame) -> str:
+    position = frame.camera.center_world
+    quaternion = quat_xyzw_from_matrix(frame.camera.world_from_cam[:3, :3])
+    return " ".join(f"{value:.9f}" for value in (*position, *quaternion))
+
+
+def _write_lines(path: Path, lines: list[str]) -> None:
+    write_atomically(path, ("\n".join(lines) + "\n").encode())

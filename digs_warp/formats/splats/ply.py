@@ -1,0 +1,152 @@
+"""Gaussians as PLY, in the layout of the 3D Gaussian splatting reference implementation (graphdeco).
+
+One ``vertex`` element, a row per Gaussian, float32: x y z, nx ny nz (zeros), f_dc_0..2, f_rest_0..,
+opacity, scale_0..2, rot_0..3; then, on request, red green blue in 8 bits. Scales are logarithms, opacities
+logits, quaternions wxyz and not normalized: the raw parameters, so that nothing is lost. ``f_rest`` is
+channel-major: all of red, then of green, then of blue; 0, 9, 24 or 45 of them for degrees 0 to 3.
+"""
+
+import logging
+from pathlib import Path
+
+import numpy as np
+
+from digs_warp.checks import DigsError
+from digs_warp.data.gaussians import Gaussians
+from digs_warp.data.images import to_uint8
+from digs_warp.data.ply_table import (
+    read_ply_header,
+    read_table,
+    write_vertices,
+)
+from digs_warp.formats.splats.rows import LARGEST_LOGIT
+from digs_warp.geometry.sh import C0, MAX_DEGREE, coefficient_count
+
+logger = logging.getLogger(__name__)
+
+POSITION = ("x", "y", "z")
+NORMAL = ("nx", "ny", "nz")
+COLOR = ("f_dc_0", "f_dc_1", "f_dc_2")
+OPACITY = ("opacity",)
+SCALES = ("scale_0", "scale_1", "scale_2")
+VERTEX_COLOR = ("red", "green", "blue")
+QUATERNION = ("rot_0", "rot_1", "rot_2", "rot_3")  # wxyz
+REST = "f_rest_{}"
+
+# Files of degree 4 exist; its 9 further coefficients a channel are left out with a warning.
+_DEGREE_OF_REST = {3 * ((degree + 1) ** 2 - 1): degree for degree in range(MAX_DEGREE + 2)}
+
+_WXYZ_FROM_XYZW = [3, 0, 1, 2]
+_XYZW_FROM_WXYZ = [1, 2, 3, 0]
+
+
+def read_ply(path: Path) -> Gaussians:
+    """Read Gaussians; binary files of either byte order and text, float or double properties.
+
+    Properties in any order; others than those of a Gaussian are ignored. Infinite opacity logits, which
+    other programs write for 0 and 1, become finite ones that mean the same. NaN and infinite values
+    elsewhere are kept: the caller decides about such rows.
+
+    Raises:
+        DigsError: not a PLY file of Gaussians, or truncated; says what was found and expected.
+    """
+    what = f"PLY '{path}'"
+    header = read_ply_header(path)
+    if any(element.name == "chunk" for element in header.elements):
+        raise DigsError(
+            f"{what}: a compressed PLY of SuperSplat; export it again as plain PLY, or as SPZ"
+        )
+    table = read_table(path, header, "vertex")
+    names = set(table.dtype.names or ())
+    missing = [
+        name for name in (*POSITION, *COLOR, *OPACITY, *SCALES, *QUATERNION) if name not in names
+    ]
+    if missing:
+        raise DigsError(
+            f"{what}: no property {', '.join(missing)}, so no Gaussians: a mesh or a point cloud? "
+            "Expected the PLY that 3D Gaussian splatting programs write"
+        )
+    logits = _columns(table, OPACITY, what)[:, 0]
+    infinite = np.isinf(logits)
+    logits[infinite] = np.copysign(LARGEST_LOGIT, logits[infinite])
+    return Gaussians(
+        means=_columns(table, POSITION, what),
+        log_scales=_columns(table, SCALES, what),
+        quats=_columns(table, QUATERNION, what)[:, _XYZW_FROM_WXYZ],
+        opacity_logits=logits,
+        sh=_read_sh(table, what),
+    )
+
+
+def holds_gaussians(path: Path) -> bool:
+    """Whether a PLY file has the colors of Gaussians, which meshes and point clouds do not have.
+
+    Raises:
+        DigsError: not a PLY file, or a broken header.
+    """
+    elements = read_ply_header(path).elements
+    return any(set(COLOR) <= element.columns.keys() for element in elements)
+
+
+def write_ply(path: Path, gaussians: Gaussians, vertex_colors: bool = False) -> None:
+    """Write Gaussians, binary little-endian: float32 exactly as in memory.
+
+    Args:
+        path: the file.
+        gaussians: of any degree.
+        vertex_colors: also write the color without view dependence as red, green and blue. Programs for
+            point clouds and meshes (Open3D, trimesh, MeshLab) show it; those for Gaussians that find
+            properties by name do not care, but a few expect rows of floats only.
+    """
+    rest = gaussians.sh.shape[1] - 1
+    names = [*POSITION, *NORMAL, *COLOR, *(REST.format(i) for i in range(3 * rest))]
+    names += [*OPACITY, *SCALES, *QUATERNION]
+    columns = [
+        gaussians.means,
+        np.zeros_like(gaussians.means),
+        gaussians.sh[:, 0],
+        gaussians.sh[:, 1:].transpose(0, 2, 1).reshape(len(gaussians), 3 * rest),
+        gaussians.opacity_logits[:, None],
+        gaussians.log_scales,
+        gaussians.quats[:, _WXYZ_FROM_XYZW],
+    ]
+    colors = VERTEX_COLOR if vertex_colors else ()
+    kinds = [(name, "<f4") for name in names] + [(name, "u1") for name in colors]
+    blocks = np.empty(len(gaussians), [("f4", "<f4", len(names)), ("u1", "u1", len(colors))])
+    blocks["f4"] = np.concatenate(columns, axis=1)
+    if vertex_colors:
+        blocks["u1"] = to_uint8(0.5 + C0 * gaussians.sh[:, 0])
+    write_vertices(path, blocks.view(kinds))
+
+
+def _columns(table: np.ndarray, names: tuple[str, ...], what: str) -> np.ndarray:
+    """Return the properties ``names`` side by side, shape (n, len(names)), float32."""
+    columns = np.empty((len(table), len(names)), dtype=np.float32)
+    for number, name in enumerate(names):
+        kind = table.dtype[name]
+        if kind.kind != "f":
+            raise DigsError(f"{what}: the property '{name}' holds {kind.name}, expected float")
+        with np.errstate(over="ignore"):  # doubles beyond float32 become infinite: a broken row
+            columns[:, number] = table[name]
+    return columns
+
+
+def _read_sh(table: np.ndarray, what: str) -> np.ndarray:
+    names = table.dtype.names or ()
+    count = sum(name.startswith("f_rest_") for name in names)
+    rest_names = tuple(REST.format(i) for i in range(count))
+    if count not in _DEGREE_OF_REST or any(name not in names for name in rest_names):
+        raise DigsError(
+            f"{what}: {count} properties f_rest_*, expected f_rest_0 to f_rest_8, _23 or _44 "
+            "(degree 1, 2 or 3), or none"
+        )
+    degree = _DEGREE_OF_REST[count]
+    if degree > MAX_DEGREE:
+        logger.warning("%s: colors of degree %d are read up to %d", what, degree, MAX_DEGREE)
+    used = coefficient_count(min(degree, MAX_DEGREE)) - 1
+    sh = np.empty((len(table), 1 + used, 3), dtype=np.float32)
+    sh[:, 0] = _columns(table, COLOR, what)
+    for channel in range(3):
+        first = channel * (count // 3)
+        sh[:, 1:, channel] = _columns(table, rest_names[first : first + used], what)
+    return sh

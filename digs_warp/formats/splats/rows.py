@@ -1,0 +1,114 @@
+"""What every splat file needs: axes, codes of opacities, checks for broken rows."""
+
+import logging
+from dataclasses import replace
+
+import numpy as np
+
+from digs_warp.checks import DigsError
+from digs_warp.data.gaussians import FIELDS, Gaussians
+from digs_warp.geometry.rigid import quat_multiply, quat_xyzw_from_matrix
+from digs_warp.geometry.sh import rotate_sh
+
+logger = logging.getLogger(__name__)
+
+# The logit of opacity 0 and 1, which files may hold and float32 cannot compute with: at 40 the logistic
+# function is 1 to the last bit of float32.
+LARGEST_LOGIT = 40.0
+
+# A standard deviation of 0 makes the covariance singular; this one is smaller than any splat [m].
+SMALLEST_SCALE = 1e-12
+
+# Half of the distance from the last step of an 8-bit opacity (0 and 255) to its neighbor's boundary:
+# between the end and this far from it every value has the same code.
+OPACITY_CODE_MARGIN = 0.25
+
+# Quarter turns around x, so that positions stay exact. Our world has z up.
+# x right, y up, z to the viewer (OpenGL, SPZ, USD): (x, y, z) -> (x, -z, y).
+WORLD_FROM_Y_UP = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
+# x right, y down, z forward (a camera, most scenes trained from COLMAP): (x, y, z) -> (x, z, -y).
+WORLD_FROM_Y_DOWN = WORLD_FROM_Y_UP.T
+
+# Which axis of a file points up -> the rotation that brings it into our world.
+WORLD_FROM_UP = {"z": np.eye(3), "y": WORLD_FROM_Y_UP, "-y": WORLD_FROM_Y_DOWN}
+
+
+def turned(gaussians: Gaussians, b_from_a: np.ndarray) -> Gaussians:
+    """Return the Gaussians of frame a in frame b, a rotation (3, 3); quaternions become unit ones.
+
+    A zero quaternion is no rotation. Values that are not finite stay so.
+    """
+    quats = gaussians.quats.astype(np.float64)
+    norms = np.linalg.norm(quats, axis=1, keepdims=True)
+    quats = np.where(norms == 0, (0.0, 0.0, 0.0, 1.0), quats / np.where(norms == 0, 1.0, norms))
+    with np.errstate(invalid="ignore", over="ignore"):
+        return replace(
+            gaussians,
+            means=gaussians.means @ b_from_a.T.astype(np.float32),
+            quats=quat_multiply(quat_xyzw_from_matrix(b_from_a), quats),
+            sh=rotate_sh(gaussians.sh, b_from_a),
+        )
+
+
+def logits_from_codes(codes: np.ndarray) -> np.ndarray:
+    """Return finite opacity logits, float32, of 8-bit opacities; encoded again they give the same codes."""
+    steps = np.clip(codes.astype(np.float64), OPACITY_CODE_MARGIN, 255 - OPACITY_CODE_MARGIN)
+    return (np.log(steps) - np.log(255 - steps)).astype(np.float32)
+
+
+def codes_from_logits(logits: np.ndarray) -> np.ndarray:
+    """Return opacities as 0..255, uint8, rounded to the nearest."""
+    return np.rint(255.0 / (1.0 + np.exp(-logits.astype(np.float64).clip(-700, 700)))).astype(
+        np.uint8
+    )
+
+
+def finite_rows(gaussians: Gaussians) -> np.ndarray:
+    """Return which Gaussians hold finite values only, shape (n,), bool."""
+    finite = np.ones(len(gaussians), dtype=bool)
+    for name in FIELDS:
+        values = np.isfinite(getattr(gaussians, name))
+        if not values.all():
+            finite &= values.all(axis=tuple(range(1, values.ndim)))
+    return finite
+
+
+def without_broken_rows(gaussians: Gaussians, what: str, drop_broken: bool) -> Gaussians:
+    """Return Gaussians whose values are all finite.
+
+    Args:
+        gaussians: as read.
+        what: names the file in messages.
+        drop_broken: leave out rows with NaN or infinite values, with a logged warning.
+
+    Raises:
+        DigsError: there are such rows, and they are not to be dropped.
+    """
+    finite = finite_rows(gaussians)
+    if finite.all():
+        return gaussians
+    broken = len(gaussians) - int(np.count_nonzero(finite))
+    found = f"{broken} of {len(gaussians)} Gaussians hold NaN or infinite values"
+    if not drop_broken:
+        raise DigsError(
+            f"{what}: {found} (the first is number {np.argmin(finite)}); "
+            "add --drop-broken to leave them out"
+        )
+    logger.warning("%s: %s; they are left out", what, found)
+    return gaussians.select(finite)
+
+
+def check_writable(gaussians: Gaussians, what: str) -> None:
+    """Raise a `DigsError` when Gaussians hold NaN or infinite values."""
+    finite = finite_rows(gaussians)
+    if not finite.all():
+        raise DigsError(
+            f"{what}: {np.count_nonzero(~finite)} of {len(gaussians)} Gaussians hold NaN or infinite "
+            f"values (the first is number {np.argmin(finite)}); nothing was written"
+        )
+
+
+def warn_of_loss(count: int, total: int, what: str, loss: str) -> None:
+    """Log that a format could not hold ``count`` of ``total`` Gaussians as they are."""
+    if count:
+        logger.warning("%s: %d of %d Gaussians %s", what, count, total, loss)

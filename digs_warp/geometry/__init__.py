@@ -1,0 +1,1 @@
+"""Vocabulary of space: rigid motions, pinhole cameras, spherical harmonics."""

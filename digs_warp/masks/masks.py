@@ -1,0 +1,211 @@
+"""Frames -> one mask file each, from whatever source the settings name; resumable."""
+
+import hashlib
+import json
+import logging
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+
+from digs_warp.checks import DigsError
+from digs_warp.data.frame import Frame, PixelSource
+from digs_warp.data.images import read_image, write_image
+from digs_warp.data.layers import Layer
+from digs_warp.device.parallel import default_threads
+from digs_warp.masks.config import SegmentConfig
+from digs_warp.masks.degrade import degrade_mask
+from digs_warp.masks.from_depth import mask_from_depth
+from digs_warp.masks.in_foreground import mask_in_foreground
+from digs_warp.masks.network import MaskNetwork, default_model_path, require_network
+from digs_warp.record.files import read_json, remove, to_json, write_atomically
+from digs_warp.record.manifest import is_kept
+from digs_warp.record.progress import progress
+
+logger = logging.getLogger(__name__)
+
+SETTINGS = "settings.json"
+
+# A mask that covers less or more of the image than this is worth a word.
+ALMOST_EMPTY, ALMOST_FULL = 0.001, 0.98
+
+# What each source reads of a frame.
+_INPUTS = {
+    "capture": (Layer.MASK,),
+    "instance": (Layer.MASK, Layer.INSTANCES),
+    "folder": (Layer.IMAGE,),
+    "isnet": (Layer.IMAGE,),
+    "isnet+depth": (Layer.IMAGE, Layer.DEPTH),
+    "depth": (Layer.IMAGE, Layer.DEPTH),
+    "degraded": (Layer.MASK,),
+}
+
+MaskOf = Callable[[int, Frame], np.ndarray]
+
+
+def segment(frames: Sequence[Frame], config: SegmentConfig, folder: Path) -> list[Path]:
+    """Return the mask file of every frame: 8 bits, of the frame's size, 0 surely not object, 255 surely.
+
+    New masks are written into ``folder`` as NAME.png. Those that are there already, made with the same
+    settings from the same files, are kept.
+
+    Args:
+        frames: with image, and with depth or mask where the source needs it.
+        config: the source and its settings.
+        folder: where masks are written; created when missing. 'capture' writes nothing.
+
+    Raises:
+        DigsError: a frame lacks what the source needs, a mask has another size than its image or not 8
+            or 16 bits, or the network is missing or cannot be loaded.
+    """
+    check_inputs(frames, config)
+    if config.source == "capture":
+        return [frame.path(Layer.MASK) for frame in frames]
+    paths = [folder / f"{frame.name}.png" for frame in frames]
+    _forget_other_masks(paths, _key(frames, config), folder)
+    missing = [number for number, path in enumerate(paths) if not is_kept(path)]
+    if missing:
+        _make(frames, paths, missing, _mask_maker(config), _workers(config))
+    return paths
+
+
+def with_masks(frames: Sequence[Frame], paths: Sequence[Path]) -> list[Frame]:
+    """Return the frames with other mask files."""
+    return [frame.with_layer(Layer.MASK, path) for frame, path in zip(frames, paths, strict=True)]
+
+
+def _make(
+    frames: Sequence[Frame],
+    paths: Sequence[Path],
+    missing: list[int],
+    mask_of: MaskOf,
+    workers: int,
+) -> None:
+    def work(number: int) -> float:
+        mask = mask_of(number, frames[number])
+        write_image(paths[number], mask)
+        return float(np.mean(mask > 127))
+
+    odd: dict[str, list[str]] = {"empty": [], "full": []}
+    with ThreadPoolExecutor(workers, thread_name_prefix="mask") as pool:
+        with progress(len(frames), "Masks", "frame", len(frames) - len(missing)) as bar:
+            for number, share in zip(missing, pool.map(work, missing), strict=True):
+                if share < ALMOST_EMPTY:
+                    odd["empty"].append(frames[number].name)
+                elif share > ALMOST_FULL:
+                    odd["full"].append(frames[number].name)
+                bar.update()
+    for what, names in odd.items():
+        if names:
+            logger.warning(
+                "masks: %d of %d are almost %s (the first is '%s'); look at them",
+                *(len(names), len(missing), what, names[0]),
+            )
+
+
+def _mask_maker(config: SegmentConfig) -> MaskOf:
+    if config.instance is not None:
+        return partial(_mask_of_instance, config.instance)
+    if config.runs_network:
+        network = MaskNetwork(config.mask_model or default_model_path(), default_threads())
+        if config.masks == "isnet+depth":
+            return lambda _, frame: mask_in_foreground(
+                network.mask, frame.load_image(), frame.load_depth()
+            )
+        return lambda _, frame: network.mask(frame.load_image())
+    if config.masks == "depth":
+        return lambda _, frame: mask_from_depth(frame.load_image(), frame.load_depth())
+    if config.masks == "degraded":
+        return lambda number, frame: degrade_mask(
+            frame.load_mask(), config.mask_error, (config.mask_seed, number)
+        )
+    assert config.mask_folder is not None
+    return partial(_mask_from_folder, config.mask_folder)
+
+
+def _workers(config: SegmentConfig) -> int:
+    # onnxruntime spreads one image over all cores.
+    return 1 if config.runs_network else default_threads()
+
+
+def _mask_of_instance(instance: int, _: int, frame: Frame) -> np.ndarray:
+    """Return the mask where the pixel's center shows one object; 0 elsewhere."""
+    return np.where(frame.load_instances() == instance, frame.load_mask(), np.uint8(0))
+
+
+def _mask_from_folder(folder: Path, _: int, frame: Frame) -> np.ndarray:
+    """Return NAME.png as 8 bits; a cut-out gives its alpha."""
+    path = folder / f"{frame.name}.png"
+    pixels = read_image(path, "mask")
+    k = frame.camera.intrinsics
+    if pixels.shape[:2] != (k.height, k.width):
+        raise DigsError(
+            f"mask '{path}': {pixels.shape[1]}x{pixels.shape[0]} pixels, expected {k.width}x{k.height} as "
+            "its image has; segment the images of this recording at their full size"
+        )
+    if pixels.dtype == np.uint16:
+        pixels = (pixels // 257).astype(np.uint8)
+    if pixels.dtype != np.uint8:
+        raise DigsError(f"mask '{path}': {pixels.dtype} pixels, expected 8 or 16 bits")
+    has_alpha = pixels.shape[2] in (2, 4)
+    return np.ascontiguousarray(pixels[..., -1 if has_alpha else 0])
+
+
+def check_source(config: SegmentConfig) -> None:
+    """Raise a `DigsError` when the network or the folder that the settings name is missing."""
+    if config.runs_network:
+        require_network(config.mask_model or default_model_path())
+    if config.mask_folder is not None and not config.mask_folder.is_dir():
+        raise DigsError(f"--mask-folder '{config.mask_folder}': no such folder. Check the path.")
+
+
+def check_inputs(frames: Sequence[Frame], config: SegmentConfig) -> None:
+    """Raise a `DigsError` when something that `segment` reads is missing."""
+    check_source(config)
+    for layer in _INPUTS[config.source]:
+        lacking = [frame.name for frame in frames if not frame.has(layer)]
+        if lacking:
+            raise DigsError(
+                f"masks: {len(lacking)} of {len(frames)} frames have no '{layer.value}' (the first is "
+                f"'{lacking[0]}'), which --masks {config.masks} needs; choose another source"
+            )
+    if config.mask_folder is not None:
+        lacking = [f.name for f in frames if not (config.mask_folder / f"{f.name}.png").is_file()]
+        if lacking:
+            raise DigsError(
+                f"masks: '{config.mask_folder}' lacks the masks of {len(lacking)} of {len(frames)} frames, "
+                f"the first is '{lacking[0]}.png'; masks are named like the frames"
+            )
+
+
+def _key(frames: Sequence[Frame], config: SegmentConfig) -> str:
+    """A hash of the settings and of the state of every file that a mask depends on."""
+    sources = [frame.layers[layer] for frame in frames for layer in _INPUTS[config.source]]
+    if config.mask_folder is not None:
+        sources += [config.mask_folder / f"{frame.name}.png" for frame in frames]
+    if config.runs_network:
+        model = config.mask_model or default_model_path()
+        sources += [model] if model.is_file() else []
+    return hashlib.sha256(to_json([config, list(map(_state, sources))]).encode()).hexdigest()
+
+
+def _state(source: PixelSource) -> list[str | int]:
+    """Return what changes when the pixels do: of a file its name, size and time."""
+    if isinstance(source, Path):
+        return [str(source.resolve()), source.stat().st_size, source.stat().st_mtime_ns]
+    return [hashlib.sha256(source.tobytes()).hexdigest()]
+
+
+def _forget_other_masks(paths: Sequence[Path], key: str, folder: Path) -> None:
+    """Delete masks that were made with other settings or from other files."""
+    note = folder / SETTINGS
+    try:
+        same = read_json(note, "mask settings").get("key") == key
+    except DigsError:  # none yet
+        same = False
+    if not same:
+        for path in paths:
+            remove(path)
+        write_atomically(note, json.dumps({"key": key}).encode())

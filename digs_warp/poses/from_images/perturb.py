@@ -1,0 +1,34 @@
+"""Random pose errors of a stated size: how much does everything after the poses depend on them?"""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from digs_warp.geometry.rigid import rigid
+
+
+def perturbed_poses(
+    world_from_cams: Sequence[np.ndarray],
+    rotation_error_deg: float,
+    translation_error: float,
+    seed: int,
+) -> list[np.ndarray]:
+    """Return the poses (4, 4), each turned and moved by an independent normal error.
+
+    Args:
+        world_from_cams: the poses, (4, 4) each.
+        rotation_error_deg: standard deviation of the rotation vector's components, about the camera's
+            center [degree].
+        translation_error: standard deviation of the center along each axis [m].
+        seed: the same seed gives the same directions at every size of the error.
+    """
+    from scipy.spatial.transform import Rotation
+
+    rng = np.random.default_rng(seed)
+    turns = rng.normal(size=(len(world_from_cams), 3)) * np.deg2rad(rotation_error_deg)
+    shifts = rng.normal(size=(len(world_from_cams), 3)) * translation_error
+    rotations = Rotation.from_rotvec(turns).as_matrix()
+    return [
+        rigid(pose[:3, :3] @ turn, pose[:3, 3] + shift)
+        for pose, turn, shift in zip(world_from_cams, rotations, shifts, strict=True)
+    ]

@@ -1,3 +1,0 @@
-"""The report of a reconstruction: one self-contained HTML file."""
-
-from digs_warp.report.page import write_report as write_report

@@ -1,0 +1,1 @@
+"""What a person looks at: the report, the interactive view, films along a path."""

@@ -1,0 +1,119 @@
+"""Facts about recordings, and about folders of many."""
+
+from pathlib import Path
+
+import numpy as np
+
+from digs_warp.data.capture import Capture, read_capture
+from digs_warp.data.frame import Frame
+from digs_warp.data.layers import Layer
+from digs_warp.data.recorded_object import RecordedObject
+from digs_warp.record import layout
+from digs_warp.record.fields import Fields
+from digs_warp.record.files import read_json
+from digs_warp.show.report.facts.words import Facts, extent_words, record_facts, sides_words
+from digs_warp.words import counted
+
+
+def of_capture(folder: Path) -> Facts:
+    """Frames, camera, rig, time span, layers, and a look at the first frame."""
+    capture = read_capture(folder)
+    first = capture.frames[0]
+    k = first.camera.intrinsics
+    span = capture.frames[-1].time - first.time
+    facts = {
+        "kind": "capture",
+        "length": f"{counted(len(capture), 'frame')} in {span:.1f} s",
+        "image size": f"{k.width} x {k.height}",
+        "field of view": f"{np.rad2deg(2 * np.arctan(k.width / 2 / k.fx)):.1f} degrees horizontally",
+        "baseline": _baseline(capture),
+        "layers": ", ".join(layer.label for layer in Layer if first.has(layer)),
+        "camera path": f"unknown; reconstruct with --poses sfm{' or rgbd' if capture.has_depth else ''}",
+    }
+    if capture.knows_poses:
+        facts["scale"] = str(capture.metric_scale)
+        facts["camera path"] = extent_words(
+            np.stack([f.camera.center_world for f in capture.frames]), capture.metric_scale.unit
+        )
+    if (points := capture.load_points()) is not None:
+        facts["sparse points"] = f"{len(points):,}"
+    return (
+        facts
+        | _of_object(folder)
+        | _of_objects(capture)
+        | _of_frame(first)
+        | _of_plausibility(capture)
+        | record_facts(folder)
+    )
+
+
+def _of_object(folder: Path) -> Facts:
+    """The size of a simulated object."""
+    words = recorded_object(folder)
+    return {"object size": words} if words else {}
+
+
+def _of_objects(capture: Capture) -> Facts:
+    """The objects of a recording of several, by their numbers."""
+    objects = capture.about.objects or ()
+    if len(objects) < 2:
+        return {}
+    named = (f"{i + 1} {each.name} ({sides_words(each.size)})" for i, each in enumerate(objects))
+    return {"objects": ", ".join(named)}
+
+
+def recorded_object(folder: Path) -> str | None:
+    """Return the size of the object of a simulated capture, and what was assumed about its file, in words."""
+    found = RecordedObject.find(folder)
+    if found is None:
+        return None
+    words = sides_words(found.size)
+    return words if found.up is None else f"{words}, {found.up} up in the file; {found.scale}"
+
+
+def _of_frame(frame: Frame) -> Facts:
+    facts: Facts = {}
+    if frame.has(Layer.MASK):
+        facts["object"] = f"{(frame.load_mask() > 127).mean():.1%} of the first image"
+    if frame.has(Layer.DEPTH):
+        depth = frame.load_depth()
+        known = np.isfinite(depth)
+        facts["depth"] = f"known at {known.mean():.1%} of the first image's pixels"
+        if known.any():
+            near, far = np.nanpercentile(depth, [1, 99])
+            facts["depth"] += f", {near:.3f} m to {far:.3f} m (1st to 99th percentile)"
+    return facts
+
+
+def _of_plausibility(capture: Capture) -> Facts:
+    """Whether depth, poses, focal length and masks fit together."""
+    from digs_warp.check.check import check_capture
+
+    found = check_capture(capture)
+    if found.doubts:
+        return {"doubts": " ".join(found.doubts)}
+    if found.agreement is None:
+        return {}
+    return {"agreement": f"{found.agreement.score:.0%} between neighboring frames; nothing odd"}
+
+
+def _baseline(capture: Capture) -> str:
+    if capture.rig is None:
+        return "none (one camera)"
+    eyes = "" if capture.rig.infrared is None else " (infrared pair)"
+    return f"{capture.rig.baseline * 1e3:.1f} mm{eyes}"
+
+
+def of_data_set(folder: Path) -> Facts:
+    """How many scenes there are, and which of them failed."""
+    path = folder / layout.DATA_SET
+    scenes = Fields(read_json(path, "data set summary"), f"data set summary '{path}'").sections(
+        "scenes", []
+    )
+    failed = [scene.text("name") for scene in scenes if scene.text("error")]
+    frames = sum(scene.whole("frames") for scene in scenes)
+    return {
+        "kind": "data set",
+        "length": f"{counted(len(scenes), 'scene')}, {counted(frames, 'frame')}",
+        "failed": ", ".join(failed) or "none",
+    } | record_facts(folder)

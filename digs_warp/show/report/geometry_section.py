@@ -1,0 +1,116 @@
+"""Where the cameras stood, and how far the surface is from the depth: charts and figures."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from digs_warp.data.frame import Frame
+from digs_warp.data.layers import Layer
+from digs_warp.data.posed_frames import PosedFrames
+from digs_warp.pipeline.reconstruction import Reconstruction
+from digs_warp.show.report.markup import chart, number, section, table
+from digs_warp.show.report.path_chart import path_chart
+from digs_warp.show.report.plots import Line, step_chart
+from digs_warp.splat.device import DeviceGaussians
+from digs_warp.train.adherence import MeasuredView, load_measured_views, signed_distances
+from digs_warp.train.shutter import NO_SHUTTER
+from digs_warp.words import counted
+
+BINS = 60
+
+# The histogram reaches to this percentile of the distances of the widest of its curves.
+SHOWN_PERCENT = 90.0
+
+
+@dataclass(frozen=True, eq=False)
+class _Errors:
+    """What was compared with what, and the differences [mm], shape (n,)."""
+
+    label: str
+    values: np.ndarray
+
+
+def geometry_section(result: Reconstruction, posed: PosedFrames) -> str:
+    """Return the section; without depth it has only the cameras.
+
+    Args:
+        result: with at least one Gaussian.
+        posed: the frames with the cameras that were used, at least one.
+    """
+    views = posed.held_out or posed.training
+    errors = _errors(result, views)
+    charts = [path_chart(posed.by_time, result)]
+    figures = ""
+    if errors:
+        charts.append(_histogram(errors))
+        headings = [
+            "Difference of depths",
+            "Pixels",
+            "Median",
+            "Median, unsigned",
+            "90 %, unsigned",
+        ]
+        figures = table(headings, [_row(each) for each in errors])
+    which = "held-out views" if posed.held_out else "views"
+    compared = f" Depths are compared in at most 8 {which}, where both are known." if errors else ""
+    return section(
+        "Cameras and depth" if errors else "Cameras",
+        f"{counted(len(posed.by_time), 'camera')}.{compared}",
+        f"<div class=charts>{''.join(charts)}</div>",
+        figures,
+    )
+
+
+def _errors(result: Reconstruction, frames: Sequence[Frame]) -> list[_Errors]:
+    """Return the differences that are known: of the surface and of the sensor."""
+    shutter = result.shutter or NO_SHUTTER
+    measured = load_measured_views(frames, shutter)
+    true = load_measured_views(frames, shutter, Layer.DEPTH_TRUE)
+    gaussians = DeviceGaussians.from_numpy(result.gaussians)
+    from_measured, from_true = signed_distances(gaussians, measured, true)
+    found = [
+        _Errors("surface - measured", 1e3 * from_measured),
+        _Errors("surface - true", 1e3 * from_true),
+        _Errors("measured - true", 1e3 * _sensor_errors(measured, true)),
+    ]
+    return [each for each in found if len(each.values)]
+
+
+def _sensor_errors(measured: Sequence[MeasuredView], true: Sequence[MeasuredView]) -> np.ndarray:
+    """Return measured minus true depth [m] where both are known."""
+    if len(measured) != len(true):  # not every frame has both
+        return np.zeros(0)
+    differences = [a.depth - b.depth for a, b in zip(measured, true, strict=True)]
+    found = np.concatenate([np.zeros(0), *(each.ravel() for each in differences)])
+    return found[np.isfinite(found)]
+
+
+def _histogram(errors: Sequence[_Errors]) -> str:
+    limit = max(float(np.percentile(np.abs(each.values), SHOWN_PERCENT)) for each in errors)
+    edges = np.linspace(-limit, limit, BINS + 1) if limit > 0 else np.linspace(-1.0, 1.0, BINS + 1)
+    lines = []
+    for each in errors:
+        counts = np.histogram(each.values, edges)[0]
+        share = 100.0 * counts / len(each.values)
+        lines.append(Line(each.label, edges.tolist(), share.tolist()))
+    svg = step_chart(lines, "difference [mm]", "share of pixels [%]")
+    alt = "Histogram of differences of depth: " + "; ".join(
+        f"{each.label}, median {np.median(each.values):.2f} mm" for each in errors
+    )
+    caption = (
+        "Surface: what the Gaussians show. Above 0: too far. What lies beyond the ends of the axis "
+        "is not drawn, but counted in the table."
+    )
+    return chart(svg, alt, caption)
+
+
+def _row(errors: _Errors) -> tuple[str, ...]:
+    sizes = np.abs(errors.values)
+    return (
+        errors.label,
+        f"{len(errors.values):,}",
+        number(float(np.median(errors.values)), 2, "mm"),
+        number(float(np.median(sizes)), 2, "mm"),
+        number(float(np.percentile(sizes, 90)), 2, "mm"),
+    )

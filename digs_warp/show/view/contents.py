@@ -1,0 +1,171 @@
+"""What a file or folder holds to be looked at: Gaussians, views, points, meshes."""
+
+import logging
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from digs_warp.checks import DigsError
+from digs_warp.data.capture import read_capture
+from digs_warp.data.frame import Frame
+from digs_warp.data.gaussians import Gaussians
+from digs_warp.data.index_rules import INDEX_NAME
+from digs_warp.data.point_cloud import PointCloud
+from digs_warp.data.triangle_mesh import TriangleMesh
+from digs_warp.pipeline.reconstruction import Reconstruction
+from digs_warp.pipeline.scene_files import UpAxis, read_scene
+from digs_warp.record import layout
+from digs_warp.show.view.sensed_points import sensed_points
+from digs_warp.surface.true_surface import read_true_surface
+from digs_warp.words import counted
+
+logger = logging.getLogger(__name__)
+
+# The stage of a finished training, and of Gaussians of which only this one is known.
+RESULT = "result"
+
+MESH_SUFFIXES = (".glb", ".gltf", ".obj", ".stl")
+
+
+@dataclass(frozen=True, eq=False)
+class Stage:
+    """Gaussians at one moment of the training; ``label`` says which."""
+
+    label: str
+    gaussians: Gaussians
+
+
+@dataclass(frozen=True, eq=False)
+class Contents:
+    """What one file or folder holds.
+
+    Attributes:
+        name: of the file or folder.
+        facts: what the page says about it, a line each.
+        stages: the Gaussians along the training, the result last; empty for captures and meshes.
+        frames: the views, in the order of time; empty where they are not known.
+        points: clouds by their names, such as "start".
+        meshes: surfaces by their names, such as "true surface".
+        recording: the folder of the recording; results of one recording share a world frame. None: not known.
+    """
+
+    name: str
+    facts: tuple[str, ...] = ()
+    stages: tuple[Stage, ...] = ()
+    frames: tuple[Frame, ...] = ()
+    points: dict[str, PointCloud] = field(default_factory=dict)
+    meshes: dict[str, TriangleMesh] = field(default_factory=dict)
+    recording: Path | None = None
+
+    def world_points(self) -> np.ndarray:
+        """Return points that say where it is and how large [m], shape (n, 3); never empty."""
+        if self.stages:
+            last = self.stages[-1].gaussians
+            seen = last.opacities >= 0.1
+            return last.means[seen] if seen.any() else last.means
+        surfaces = [mesh.points_world for mesh in self.meshes.values()]
+        surfaces += [cloud.points_world for cloud in self.points.values()]
+        centers = np.array([frame.camera.center_world for frame in self.frames])
+        return next(points for points in (*surfaces, centers) if len(points))
+
+
+def read_contents(path: Path, up: UpAxis = "z", drop_broken: bool = False) -> Contents:
+    """Read what ``path`` holds.
+
+    Args:
+        path: a capture, the folder of 'digs-warp reconstruct' or 'run', Gaussians of any supported file, or
+            a mesh.
+        up: the axis that points up in PLY and .splat files.
+        drop_broken: leave out a splat file's Gaussians that are not finite.
+
+    Raises:
+        DigsError: it is missing, broken, empty or none of these.
+    """
+    if not path.exists():
+        raise DigsError(f"'{path}': no such file or folder. Check the path.")
+    if (path / INDEX_NAME).is_file():
+        return _of_capture(path)
+    if path.suffix.lower() in MESH_SUFFIXES:
+        return _of_mesh(path)
+    return _of_reconstruction(path, read_scene(path, up, drop_broken))
+
+
+def _of_capture(folder: Path) -> Contents:
+    capture = read_capture(folder)
+    frames = capture.frames
+    if not capture.knows_poses:
+        raise DigsError(
+            f"capture '{folder}': it has no poses, so nothing can be placed; 'digs-warp reconstruct "
+            "--poses sfm' finds them: look at its folder"
+        )
+    sparse = capture.load_points()
+    points = {"points of the recording": sparse} if sparse is not None else {}
+    facts = (f"{counted(len(frames), 'frame')} of {frames[0].camera.intrinsics.width} px",)
+    return Contents(
+        folder.name,
+        facts,
+        frames=tuple(frames),
+        points=points | sensed_points(frames),
+        meshes=_true_surface(folder),
+        recording=folder.resolve(),
+    )
+
+
+def _of_mesh(path: Path) -> Contents:
+    from digs_warp.sim.scene.load import load_scene
+    from digs_warp.sim.scene.vertex_colors import srgb_vertex_colors
+
+    scene = load_scene(path)
+    mesh = TriangleMesh(scene.vertices, scene.faces, srgb_vertex_colors(scene))
+    return Contents(path.name, (counted(len(mesh), "triangle"),), meshes={"mesh": mesh})
+
+
+def _of_reconstruction(path: Path, result: Reconstruction) -> Contents:
+    if not len(result.gaussians):
+        raise DigsError(f"'{path}': it holds 0 Gaussians, nothing to show")
+    frames = [frame for frame, _ in result.frames.by_time] if result.frames else []
+    points = {"start": result.start.points} if result.start else {}
+    return Contents(
+        _name(path),
+        _facts(result),
+        tuple(_stages(result)),
+        tuple(frames),
+        points | sensed_points(frames),
+        _true_surface(result.capture) if result.capture else {},
+        result.capture.resolve() if result.capture else None,
+    )
+
+
+def _name(path: Path) -> str:
+    """Return the name of a folder; that of 'digs-warp run' and not 'reconstruction' inside it."""
+    path = path.resolve()
+    return path.parent.name if path.name == layout.RECONSTRUCTION else path.name
+
+
+def _stages(result: Reconstruction) -> Iterable[Stage]:
+    for iteration, gaussians in result.load_snapshots():
+        yield Stage(f"iteration {iteration}", gaussians)
+    yield Stage(RESULT, result.gaussians)
+
+
+def _facts(result: Reconstruction) -> tuple[str, ...]:
+    facts = [f"{counted(len(result.gaussians), 'Gaussian')}, degree {result.gaussians.sh_degree}"]
+    if result.scores.views:
+        mean = result.scores.mean
+        facts.append(f"held out: {mean.psnr_object:.2f} dB, SSIM {mean.ssim_object:.3f}")
+    if result.surface is not None:
+        facts.append(f"accuracy {1e3 * result.surface.accuracy:.2f} mm")
+    if result.adherence is not None:
+        facts.append(f"{1e3 * result.adherence:.2f} mm from the measured depth")
+    return tuple(facts)
+
+
+def _true_surface(capture: Path) -> dict[str, TriangleMesh]:
+    try:
+        mesh = read_true_surface(capture)
+    except DigsError as error:
+        logger.info("no true surface: %s", error)
+        return {}
+    return {} if mesh is None else {"true surface": mesh}

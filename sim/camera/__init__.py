@@ -1,0 +1,1 @@
+"""The handheld camera: its profiles, its rig, the walk and the shutter."""

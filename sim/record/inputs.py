@@ -1,0 +1,91 @@
+"""Loads what the settings of a recording name: object, surround and camera."""
+
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+
+from digs_warp.checks import DigsError
+from digs_warp.sim.camera.profiles import Profile, load_profile
+from digs_warp.sim.camera.reach import check_reach
+from digs_warp.sim.camera.rig import DEFAULT_FOV_DEG, StereoRig
+from digs_warp.sim.config import SimulateConfig
+from digs_warp.sim.scene.environment import Environment, load_environment, procedural_environment
+from digs_warp.sim.scene.object_turn import turn_objects
+from digs_warp.sim.scene.refinish import refinished
+from digs_warp.sim.scene.relight import relit
+from digs_warp.sim.scene.scene import Scene
+
+# Camera and image size without a profile: a quarter of the pixels of HD720, for speed.
+DEFAULT_PROFILE = "zed2-720"
+DEFAULT_WIDTH = 640
+DEFAULT_ASPECT = 16 / 9
+
+
+@dataclass(frozen=True, eq=False)
+class Inputs:
+    """What the settings name: everything that can fail because of a wrong path or value."""
+
+    scene: Scene
+    environment: Environment
+    profile: Profile
+    rig: StereoRig
+
+
+def load_inputs(config: SimulateConfig) -> Inputs:
+    """Return object, surround and camera.
+
+    Raises:
+        DigsError: a wrong path or figure, an object that is too large for the camera, or no OpenGL where the
+            settings ask for it.
+    """
+    if config.renderer == "gl":
+        from digs_warp.sim.render.gl import check_opengl
+
+        check_opengl()
+    profile = load_profile(config.profile or DEFAULT_PROFILE)
+    rig = rig_of(config)
+    with ThreadPoolExecutor(1, thread_name_prefix="environment") as beside:
+        loading = beside.submit(_load_environment, config)
+        scene = turn_objects(_load_object(config), config.object_turn)
+        check_reach(scene, rig, config.walk)
+        environment = loading.result()
+    return Inputs(refinished(scene, config.look), environment, profile, rig)
+
+
+def _load_environment(config: SimulateConfig) -> Environment:
+    if config.environment is None:
+        environment = procedural_environment()
+    else:
+        environment = load_environment(config.environment)
+    return relit(environment, config.look, environment.is_room)
+
+
+def _load_object(config: SimulateConfig) -> Scene:
+    size, up, unit = config.object_size, config.up, config.unit
+    falls = config.arrange == "drop"
+    if config.mesh is not None and not falls:
+        from digs_warp.sim.scene.load import load_scene
+
+        return load_scene(config.mesh, size, up, unit)
+    files = (config.mesh,) if config.mesh is not None else config.scene
+    if files:
+        from digs_warp.sim.scene.several import load_objects
+
+        return load_objects(files, config.seed, size, up, unit, falls)
+    if config.object_size is not None or (config.up, config.unit) != ("auto", "auto"):
+        raise DigsError(
+            "--object-size, --unit and --up tell how to read a mesh file; the built-in object has none. "
+            "Leave them out, or name a mesh with --mesh"
+        )
+    from digs_warp.sim.scene.procedural import procedural_scene
+
+    return procedural_scene()
+
+
+def rig_of(config: SimulateConfig) -> StereoRig:
+    """Return the camera at the image size that the settings name."""
+    profile = load_profile(config.profile or DEFAULT_PROFILE)
+    if config.profile is not None:
+        return profile.rig(config.width, config.height)
+    width = config.width or DEFAULT_WIDTH
+    height = config.height or max(1, round(width / DEFAULT_ASPECT))
+    return profile.rig(width, height, DEFAULT_FOV_DEG)

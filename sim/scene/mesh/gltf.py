@@ -1,0 +1,219 @@
+"""The JSON header of a glTF or GLB file, and checks before its geometry is read.
+
+trimesh silently ignores missing textures, compressed geometry and truncated files, so the header is checked
+first.
+"""
+
+import base64
+import struct
+from collections.abc import Iterable, Iterator
+from pathlib import Path
+from typing import Any
+from urllib.parse import unquote
+
+from digs_warp.bounds import GLTF_TEXT, JSON
+from digs_warp.checks import MeshError
+from digs_warp.record.fields import is_text, parse_json, shown
+from digs_warp.sim.scene.mesh.files_beside import UndecodableError, check_texture
+
+# glTF 2.0, section 4.4: 12 bytes of file header, 8 bytes of chunk header, the first chunk is JSON.
+GLB_MAGIC = b"glTF"
+GLB_HEADER = struct.Struct("<4sII")
+GLB_CHUNK = struct.Struct("<I4s")
+
+# Extensions that cannot be read but change geometry or textures, and how to avoid them.
+UNREADABLE_EXTENSIONS = {
+    "KHR_draco_mesh_compression": "export it without Draco compression",
+    "EXT_meshopt_compression": "export it without meshopt compression",
+    "KHR_texture_basisu": "export its textures as PNG or JPEG",
+    "EXT_mesh_gpu_instancing": "export it without GPU instancing",
+}
+
+# Of the parts that are read, what the standard defines as lists of objects, lists of names, texts, objects.
+OBJECT_LISTS = {
+    *("accessors", "buffers", "bufferViews", "images", "materials", "meshes", "nodes", "scenes"),
+    *("samplers", "textures"),
+}
+TEXT_LISTS = {"extensionsRequired", "extensionsUsed"}
+TEXTS = {"uri", "name", "mimeType"}
+OBJECTS = {
+    *(
+        "asset",
+        "extensions",
+        "pbrMetallicRoughness",
+        "baseColorTexture",
+        "metallicRoughnessTexture",
+    ),
+    *("normalTexture", "occlusionTexture", "emissiveTexture", "transmissionTexture"),
+    *("clearcoatTexture", "sheenColorTexture"),
+}
+
+
+def read_gltf_header(path: Path) -> dict[str, Any]:
+    """Return the JSON header of a .gltf or .glb file.
+
+    Raises:
+        MeshError: not glTF, truncated, or invalid JSON.
+    """
+    is_binary = path.suffix.lower() == ".glb"
+    if not is_binary:
+        GLTF_TEXT.check(f"mesh '{path}'", path.stat().st_size)
+    data = path.read_bytes()
+    text = _glb_json(path, data) if is_binary else data
+    if is_binary:
+        JSON.check(f"mesh '{path}'", len(text))
+    try:
+        header = parse_json(text)
+    except ValueError as error:
+        raise MeshError(
+            f"mesh '{path}': its JSON header is broken ({error}); copy or export the file again"
+        ) from error
+    if not isinstance(header, dict) or "asset" not in header:
+        raise MeshError(f"mesh '{path}': not glTF 2.0 (no 'asset' in its header); export it again")
+    _check_types(path, header)
+    _check_scene(path, header)
+    return header
+
+
+def _check_scene(path: Path, header: dict[str, Any]) -> None:
+    """Raise a `MeshError` for a file without a scene: by the specification it shows nothing."""
+    scenes, number = header.get("scenes"), header.get("scene", 0)
+    if not scenes:
+        meshes = len(header.get("meshes", []))
+        raise MeshError(
+            f"mesh '{path}': no scene in it (meshes: {meshes}), expected one that shows the object; "
+            "export it again as a scene"
+        )
+    if not (isinstance(number, int) and 0 <= number < len(scenes)):
+        raise MeshError(
+            f"mesh '{path}': scene {number!r} of {len(scenes)} is to be shown, expected 0 to "
+            f"{len(scenes) - 1}; export it again"
+        )
+
+
+def _check_types(path: Path, header: dict[str, Any]) -> None:
+    """Raise a `MeshError` where a part of the header has another type than in the standard."""
+    for name in OBJECT_LISTS & header.keys():
+        if not _is_list_of(dict, header[name]):
+            raise _wrong_type(path, name, header[name], "a list of objects")
+    for name in TEXT_LISTS & header.keys():
+        if not _is_list_of(str, header[name]):
+            raise _wrong_type(path, name, header[name], "a list of names")
+    places = [header]
+    for place in places:
+        for name, value in place.items():
+            if name in TEXTS and not is_text(value):
+                raise _wrong_type(path, name, value, "a text")
+            if (name in OBJECTS or name.startswith("KHR_")) and not isinstance(value, dict):
+                raise _wrong_type(path, name, value, "an object")
+            found = value if isinstance(value, list) else [value]
+            places += [item for item in found if isinstance(item, dict)]
+
+
+def _is_list_of(kind: type, value: Any) -> bool:
+    return isinstance(value, list) and all(isinstance(item, kind) for item in value)
+
+
+def _wrong_type(path: Path, name: str, value: Any, expected: str) -> MeshError:
+    return MeshError(
+        f"mesh '{path}': {name} in its header is {shown(value)}, expected {expected}; export it again"
+    )
+
+
+def _glb_json(path: Path, data: bytes) -> bytes:
+    if len(data) < GLB_HEADER.size + GLB_CHUNK.size:
+        raise MeshError(f"mesh '{path}': truncated, {len(data)} bytes; copy or export it again")
+    magic, version, length = GLB_HEADER.unpack_from(data)
+    if magic != GLB_MAGIC or version != 2:
+        raise MeshError(
+            f"mesh '{path}': starts with {magic!r}, version {version}, expected b'glTF', version 2; "
+            "is the suffix right?"
+        )
+    if len(data) < length:
+        raise MeshError(
+            f"mesh '{path}': truncated, {len(data)} of {length} bytes; copy or export it again"
+        )
+    start = GLB_HEADER.size + GLB_CHUNK.size
+    chunk_length, _ = GLB_CHUNK.unpack_from(data, GLB_HEADER.size)
+    return data[start : start + chunk_length]
+
+
+def glb_binary(path: Path) -> bytes:
+    """Return the second chunk of a GLB file: the buffer without a URI."""
+    data = path.read_bytes()
+    start = GLB_HEADER.size
+    length, _ = GLB_CHUNK.unpack_from(data, start)
+    start += GLB_CHUNK.size + length
+    length, _ = GLB_CHUNK.unpack_from(data, start)
+    return data[start + GLB_CHUNK.size : start + GLB_CHUNK.size + length]
+
+
+def check_gltf(path: Path, header: dict[str, Any]) -> None:
+    """Raise a `MeshError` if files beside ``path`` are missing or it needs an unsupported extension."""
+    for kind in ("buffers", "images"):
+        for entry in header.get(kind, []):
+            uri = entry.get("uri", "data:")
+            if not uri.startswith("data:") and not (path.parent / unquote(uri)).is_file():
+                raise MeshError(
+                    f"mesh '{path}': its {kind[:-1]} '{unquote(uri)}' is missing in "
+                    f"'{path.parent}'; copy the whole folder, or export one GLB file"
+                )
+    needed = {*header.get("extensionsRequired", []), *header.get("extensionsUsed", [])}
+    for extension, remedy in UNREADABLE_EXTENSIONS.items():
+        if extension in needed:
+            raise MeshError(f"mesh '{path}': uses {extension}, which cannot be read; {remedy}")
+
+
+def check_textures(path: Path, header: dict[str, Any], loaded: Iterable[Any]) -> None:
+    """Raise a `MeshError` if a base-color texture named in the header is not in ``loaded``.
+
+    Args:
+        path: for the message.
+        header: of the file.
+        loaded: the materials that trimesh made of it; it drops textures that it cannot decode.
+    """
+    promised = {
+        material.get("name"): "baseColorTexture" in material.get("pbrMetallicRoughness", {})
+        for material in header.get("materials", [])
+    }
+    for material in loaded:
+        name = getattr(material, "name", None)
+        if promised.get(name) and material.baseColorTexture is None:
+            raise MeshError(
+                f"mesh '{path}': the texture of material '{name}' cannot be decoded; "
+                "export it again with PNG or JPEG textures"
+            )
+
+
+def undecodable_images(path: Path, header: dict[str, Any]) -> Iterator[str]:
+    """Yield a sentence for every image that is damaged; trimesh leaves it out without a word.
+
+    For a base color that is an error, which `check_textures` raises; other maps are missed less.
+
+    Raises:
+        DigsError: an image is larger than `digs_warp.bounds.TEXTURE`.
+    """
+    for number, image in enumerate(header.get("images", [])):
+        what = f"image {number} '{image.get('name') or image.get('uri', '')[:40]}'"
+        try:
+            check_texture(what, image_bytes(path, header, image), decode=False)
+        except UndecodableError as error:
+            yield f"{error}; drawn without it"
+
+
+def image_bytes(path: Path, header: dict[str, Any], entry: dict[str, Any]) -> bytes:
+    """Return the file in one of the header's ``images``."""
+    if "uri" in entry:
+        return uri_bytes(path, entry["uri"])
+    view = header["bufferViews"][entry["bufferView"]]
+    buffer = header["buffers"][view["buffer"]]
+    data = uri_bytes(path, buffer["uri"]) if "uri" in buffer else glb_binary(path)
+    start = view.get("byteOffset", 0)
+    return data[start : start + view["byteLength"]]
+
+
+def uri_bytes(path: Path, uri: str) -> bytes:
+    """Return what a URI of the file at ``path`` holds: inline data, or another file."""
+    if uri.startswith("data:"):
+        return base64.b64decode(uri.partition(",")[2])
+    return (path.parent / unquote(uri)).read_bytes()

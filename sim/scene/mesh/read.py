@@ -1,0 +1,126 @@
+"""Reads a mesh file of any format: its usable triangles, in the frame of the file, and their materials."""
+
+import logging
+from io import BytesIO
+from itertools import chain
+from pathlib import Path
+from typing import Any
+
+from digs_warp.checks import DigsError, MeshError, require_file
+from digs_warp.sim.scene.mesh.files_beside import opacity_maps, ply_textures, resolver_beside
+from digs_warp.sim.scene.mesh.gltf import (
+    check_gltf,
+    check_textures,
+    read_gltf_header,
+    undecodable_images,
+)
+from digs_warp.sim.scene.mesh.gltf_extras import read_extras
+from digs_warp.sim.scene.mesh.gltf_plain import file_with_header, plain_header
+from digs_warp.sim.scene.mesh.gltf_unread import unmodeled_features
+from digs_warp.sim.scene.mesh.materials import materials_of_parts
+from digs_warp.sim.scene.mesh.normalize import drop_bad_faces
+from digs_warp.sim.scene.mesh.obj_polygons import cut_polygons
+from digs_warp.sim.scene.mesh.parts import Triangles, join_parts, parts_of_scene
+from digs_warp.sim.scene.mesh.promises import check_promises
+from digs_warp.sim.scene.scene import Material
+
+logger = logging.getLogger(__name__)
+
+# The axis that points up, by file format. glTF defines it; OBJ files mostly come from modelling programs
+# (y), STL and PLY files from printing and scanning (z).
+UP_AXIS_BY_SUFFIX = {".glb": "y", ".gltf": "y", ".obj": "y", ".ply": "z", ".stl": "z"}
+GLTF_SUFFIXES = (".glb", ".gltf")
+
+
+def read_triangles(path: Path) -> tuple[Triangles, tuple[Material, ...]]:
+    """Return the usable triangles in the frame of the file, and their materials.
+
+    Raises:
+        MeshError: missing, empty, truncated, unsupported, or without a single usable triangle.
+    """
+    suffix = _checked_suffix(path)
+    header = read_gltf_header(path) if suffix in GLTF_SUFFIXES else {}
+    check_gltf(path, header)
+    check_promises(path, header)
+    if suffix == ".ply" and len(names := ply_textures(path)) > 1:
+        logger.warning(
+            "mesh '%s': %d textures, drawn with '%s' alone", path.name, len(names), names[-1]
+        )
+    try:
+        for sentence in chain(unmodeled_features(header), undecodable_images(path, header)):
+            logger.warning("mesh '%s': %s", path.name, sentence)
+        plain = plain_header(path, header) if header else header
+        loaded = _read(path, _content(path, header, plain))
+        parts = parts_of_scene(loaded, linear_colors=suffix in GLTF_SUFFIXES)
+        check_textures(path, plain, (part.material for part in parts))
+        extras = read_extras(path, plain)
+        opacity = opacity_maps(path) if suffix == ".obj" else {}
+        materials, part_materials = materials_of_parts(parts, extras, opacity)
+    except (MeshError, ImportError):
+        raise
+    except DigsError as error:  # a texture beyond its bound
+        raise MeshError(f"mesh '{path}': {error}") from None
+    except Exception as error:  # trimesh's readers raise any kind of exception
+        raise MeshError(
+            f"mesh '{path}': cannot be read as {suffix[1:].upper()}, damaged or truncated "
+            f"({type(error).__name__}: {error}); copy or export it again"
+        ) from error
+    if not parts:
+        raise MeshError(
+            f"mesh '{path}': 0 faces, expected triangles; turn a point cloud into a mesh first"
+        )
+    return _usable(path, join_parts(parts, part_materials)), materials
+
+
+def _checked_suffix(path: Path) -> str:
+    """Check that a file exists, is not empty and has a known format; return its suffix in lower case."""
+    try:
+        require_file(path, "mesh")
+    except DigsError as error:
+        raise MeshError(str(error)) from None
+    suffix = path.suffix.lower()
+    if suffix not in UP_AXIS_BY_SUFFIX:
+        raise MeshError(
+            f"mesh '{path}': suffix '{path.suffix}', expected one of {', '.join(UP_AXIS_BY_SUFFIX)}; "
+            "convert it, for example with Blender"
+        )
+    return suffix
+
+
+def _content(path: Path, header: dict[str, Any], plain: dict[str, Any]) -> BytesIO | None:
+    """Return what trimesh is to read in place of a file; None: the file itself."""
+    if plain is not header:
+        return file_with_header(path, plain)
+    text = cut_polygons(path.read_bytes()) if path.suffix.lower() == ".obj" else None
+    return None if text is None else BytesIO(text)
+
+
+def _read(path: Path, content: BytesIO | None) -> Any:
+    """Return a file as a `trimesh.Scene`, vertices and faces as they are stored.
+
+    Args:
+        path: of the file.
+        content: taken for what the file holds; None: the file itself.
+    """
+    import trimesh
+
+    file_type, resolver = path.suffix[1:].lower(), resolver_beside(path)
+    log = trimesh.util.log
+    usual, log.disabled = log.disabled, True  # it shows tracebacks of what the resolver has said
+    try:
+        return trimesh.load_scene(
+            content or path, file_type=file_type, resolver=resolver, process=False
+        )
+    finally:
+        log.disabled = usual
+
+
+def _usable(path: Path, triangles: Triangles) -> Triangles:
+    total = len(triangles.faces)
+    triangles = drop_bad_faces(triangles, path.name)
+    if not len(triangles.faces):
+        raise MeshError(
+            f"mesh '{path}': none of its {total} faces is usable (no area, or vertices that are not "
+            "finite); repair or export it again"
+        )
+    return triangles

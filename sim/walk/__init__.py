@@ -1,1 +1,0 @@
-"""How a hand carries a camera around an object; start at `digs_warp.sim.walk.walk`."""

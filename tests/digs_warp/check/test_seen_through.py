@@ -1,0 +1,79 @@
+"""Masks of glass: depth measures what is behind it, and no other view may take a right mask away."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from digs_warp.check.mask_votes import AGREES, contradicted, mask_votes
+from digs_warp.check.seen_through import in_hull, seen_through
+from digs_warp.check.small_frames import SmallDepth
+from digs_warp.geometry.camera import Camera, Intrinsics, pixel_centers
+from digs_warp.geometry.rigid import look_at
+
+# Balls (center, radius) [m] before a wall at y = 0.5: one of glass, and what it stands on.
+GLASS = np.array([0.0, 0.0, 0.0]), 0.12
+FOOT = np.array([0.0, 0.0, -0.14]), 0.12
+WALL = 0.25
+
+
+def behind(rays: np.ndarray, eye: np.ndarray, ball: tuple[np.ndarray, float]) -> np.ndarray:
+    """How far along each ray, in its lengths, a ball is; infinity where it is not hit."""
+    away = eye - ball[0]
+    a, b = (rays**2).sum(axis=-1), rays @ away
+    root = b**2 - a * (away @ away - ball[1] ** 2)
+    return np.where(root > 0, (-b - np.sqrt(np.maximum(root, 0))) / a, np.inf)
+
+
+def lamp_seen_from(degrees: float, number: int) -> SmallDepth:
+    """What a camera on an arc measures: the foot, and the wall through the glass."""
+    angle = np.radians(degrees)
+    eye = np.array([np.sin(angle), -np.cos(angle), 0.35])
+    camera = Camera(Intrinsics.from_fov(96, 72, 40.0), look_at(eye, np.zeros(3), np.eye(3)[2]))
+    k = camera.intrinsics
+    px = pixel_centers(k.width, k.height)
+    rays = camera.unproject(px, np.ones(px.shape[:2])) - eye  # planar depth 1
+    foot = behind(rays, eye, FOOT)
+    wall = (WALL - eye[1]) / rays[..., 1]
+    return SmallDepth(
+        number=number,
+        camera=camera,
+        depth=np.minimum(foot, wall).astype(np.float32),
+        mask=np.isfinite(foot) | np.isfinite(behind(rays, eye, GLASS)),
+    )
+
+
+LAMP = [lamp_seen_from(degrees, n) for n, degrees in enumerate(np.linspace(-40, 40, 16))]
+
+
+def masked(number: int, mask: np.ndarray) -> Sequence[SmallDepth]:
+    return [replace(each, mask=mask) if each.number == number else each for each in LAMP]
+
+
+def test_no_right_mask_of_glass_is_contradicted() -> None:
+    votes = mask_votes(LAMP)
+    # Without a look for glass, some would be.
+    assert sum(each.agreement < AGREES for each in votes) == 6
+    assert contradicted(votes) == []
+
+
+def test_a_mask_with_wall_beside_the_glass_is_contradicted() -> None:
+    mask = LAMP[4].mask
+    assert mask is not None
+    assert contradicted(mask_votes(masked(4, mask | (np.arange(96) > 60)))) == [4]
+
+
+def test_a_pixel_is_explained_where_the_outline_of_the_others_has_something_before_it() -> None:
+    frame, others = LAMP[8], [*LAMP[:8], *LAMP[9:]]
+    assert frame.mask is not None
+    rows, columns = np.nonzero(np.isfinite(frame.depth))
+    found = np.zeros_like(frame.mask)
+    found[rows, columns] = seen_through(frame, rows, columns, others)
+    glass = frame.mask & (frame.depth > 1.1)
+    assert (found & glass).sum() > 0.95 * glass.sum()
+    assert (found & ~frame.mask).sum() < 0.05 * glass.sum()
+
+
+def test_the_hull_holds_the_object_and_not_the_wall() -> None:
+    points = np.array([GLASS[0], FOOT[0], [0.0, WALL, 0.0], [0.3, 0.0, 0.0]])
+    assert in_hull(points, LAMP).tolist() == [True, True, False, False]

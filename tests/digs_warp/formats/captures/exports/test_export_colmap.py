@@ -1,0 +1,201 @@
+"""Captures as COLMAP models, read back by pycolmap and by the rules of OpenSplat."""
+
+import struct
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from digs_warp.data.capture import Capture
+from digs_warp.data.images import read_image
+from digs_warp.data.layers import Layer
+from digs_warp.device.libraries import import_pycolmap
+from digs_warp.formats.captures.formats import export_capture
+from digs_warp.init.config import InitConfig
+from digs_warp.init.recipes import initial_points
+from reference.exported import exported, zoomed
+from reference.recorded import HEIGHT, WIDTH
+from reference.tiny_capture import RADIUS, write_tiny_capture
+
+
+@pytest.fixture(scope="module")
+def ball(tmp_path_factory: pytest.TempPathFactory) -> Capture:
+    """A capture with a surface, from which depth makes points."""
+    return write_tiny_capture(tmp_path_factory.mktemp("ball") / "capture", frames=10)
+
+
+@pytest.mark.parametrize("form", ["colmap", "colmap-text"])
+def test_pycolmap_sees_the_same_cameras(capture: Capture, form: str, tmp_path: Path) -> None:
+    model = import_pycolmap().Reconstruction(exported(capture, form, tmp_path) / "sparse/0")
+    assert model.num_cameras() == 1 and model.num_reg_images() == len(capture)
+    points = np.random.default_rng(1).uniform(-0.3, 0.3, (20, 3))
+    for frame in capture.frames:
+        image = model.find_image_with_name(f"{frame.name}.png")
+        expected, _ = frame.camera.project(points)
+        found = np.array([image.project_point(point) for point in points])
+        np.testing.assert_allclose(found, expected, atol=1e-9)
+        (camera,) = model.cameras.values()
+        assert (camera.width, camera.height) == (WIDTH, HEIGHT)
+
+
+@pytest.mark.parametrize("form", ["colmap", "colmap-text"])
+def test_the_points_are_those_that_our_own_start_takes(
+    ball: Capture, form: str, tmp_path: Path
+) -> None:
+    """Of the object, of the training frames, one per voxel."""
+    model = import_pycolmap().Reconstruction(exported(ball, form, tmp_path) / "sparse/0")
+    expected = initial_points(ball.split()[0], InitConfig())
+    found = [model.points3D[key] for key in sorted(model.points3D)]
+    np.testing.assert_allclose([p.xyz for p in found], expected.points_world, atol=1e-7)
+    np.testing.assert_allclose([p.color for p in found], 255 * expected.colors, atol=0.5001)
+    radii = np.linalg.norm([p.xyz for p in found], axis=1)
+    assert len(found) > 1000 and abs(radii - RADIUS).max() < 0.01
+
+
+@pytest.mark.parametrize("form", ["colmap", "colmap-text"])
+def test_tracks_name_training_images_that_show_the_point(
+    ball: Capture, form: str, tmp_path: Path
+) -> None:
+    model = import_pycolmap().Reconstruction(exported(ball, form, tmp_path) / "sparse/0")
+    names = {frame.name for frame in ball.split()[0]}
+    lengths = []
+    for number, point in model.points3D.items():
+        lengths.append(point.track.length())
+        for element in point.track.elements:
+            image = model.images[element.image_id]
+            assert Path(image.name).stem in names
+            seen = image.points2D[element.point2D_idx]
+            assert seen.point3D_id == number
+            projected = image.project_point(point.xyz)
+            assert projected is not None and (projected > 0).all()
+            np.testing.assert_allclose(seen.xy, projected, atol=1e-6)
+    assert 3 <= np.median(lengths) < len(names)  # no camera sees through the ball
+    assert model.compute_mean_reprojection_error() < 1e-6
+    observed = {Path(image.name).stem for image in model.images.values() if image.num_points3D}
+    assert observed == names
+
+
+def test_a_capture_without_masks_gets_points_of_the_whole_scene(
+    ball: Capture, tmp_path: Path
+) -> None:
+    bare = replace(
+        ball,
+        frames=tuple(
+            replace(frame, layers={k: v for k, v in frame.layers.items() if k != Layer.MASK})
+            for frame in ball.frames
+        ),
+    )
+    model = import_pycolmap().Reconstruction(exported(bare, "colmap", tmp_path) / "sparse/0")
+    assert not (tmp_path / "masks").exists()
+    assert model.num_points3D() > 1000
+
+
+def test_a_capture_without_depth_gets_no_points(ball: Capture, tmp_path: Path) -> None:
+    flat = replace(
+        ball,
+        frames=tuple(
+            replace(frame, layers={Layer.IMAGE: frame.layers[Layer.IMAGE]}) for frame in ball.frames
+        ),
+    )
+    model = import_pycolmap().Reconstruction(exported(flat, "colmap", tmp_path) / "sparse/0")
+    assert (model.num_points3D(), model.num_reg_images()) == (0, 10)
+
+
+def test_masks_without_the_object_are_a_warning(
+    ball: Capture, tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    empty = np.zeros_like(ball.frames[0].load_mask())
+    frames = tuple(frame.with_layer(Layer.MASK, empty) for frame in ball.frames)
+    export_capture(replace(ball, frames=frames), "colmap", tmp_path)
+    assert "exported without points to start from: initialization: no points in 8" in caplog.text
+
+
+@dataclass
+class Reader:
+    """Reads values as OpenSplat's readBinary does."""
+
+    data: bytes
+    position: int = 0
+
+    def __call__(self, kind: str) -> Any:
+        (value,) = struct.unpack_from("<" + kind, self.data, self.position)
+        self.position += struct.calcsize("<" + kind)
+        return value
+
+    def name(self) -> str:
+        end = self.data.index(b"\0", self.position)
+        text = self.data[self.position : end].decode()
+        self.position = end + 1
+        return text
+
+
+def read_as_opensplat(folder: Path) -> Iterator[np.ndarray]:
+    """Yield the points of a project folder, after the checks that OpenSplat makes of its three files."""
+    root = folder / "sparse/0"
+    cameras, images, points = (
+        Reader((root / f"{name}.bin").read_bytes()) for name in ("cameras", "images", "points3D")
+    )
+    ids = set()
+    for _ in range(cameras("Q")):
+        ids.add(cameras("I"))
+        assert cameras("i") in (0, 1, 2, 4)  # SIMPLE_PINHOLE, PINHOLE, SIMPLE_RADIAL, OPENCV
+        assert (folder / "images").is_dir() and cameras("Q") and cameras("Q")
+        for _ in range(4):
+            cameras("d")
+    for _ in range(images("Q")):
+        images("I")
+        for _ in range(7):
+            images("d")
+        assert images("I") in ids
+        assert (folder / "images" / images.name()).is_file()
+        for _ in range(images("Q")):
+            for kind in "ddQ":
+                images(kind)
+    for _ in range(points("Q")):
+        points("Q")
+        yield np.array([points("d") for _ in range(3)])
+        for kind in "BBBd":
+            points(kind)
+        for _ in range(points("Q")):
+            for kind in "II":
+                points(kind)
+    assert [r.position for r in (cameras, images, points)] == [
+        len(r.data) for r in (cameras, images, points)
+    ]
+
+
+def test_opensplat_reads_what_colmap_means_by_default(ball: Capture, tmp_path: Path) -> None:
+    found = list(read_as_opensplat(exported(ball, "colmap", tmp_path)))
+    expected = initial_points(ball.split()[0], InitConfig()).points_world
+    np.testing.assert_allclose(found, expected, atol=1e-7)
+
+
+def test_colmap_text_and_binary_are_the_same_model(capture: Capture, tmp_path: Path) -> None:
+    pycolmap = import_pycolmap()
+    text = pycolmap.Reconstruction(exported(capture, "colmap-text", tmp_path / "a") / "sparse/0")
+    binary = pycolmap.Reconstruction(exported(capture, "colmap", tmp_path / "b") / "sparse/0")
+    for key, image in text.images.items():
+        other = binary.images[key]
+        assert image.name == other.name
+        np.testing.assert_array_equal(
+            image.cam_from_world().matrix(), other.cam_from_world().matrix()
+        )
+    np.testing.assert_array_equal(text.cameras[1].params, binary.cameras[1].params)
+
+
+def test_colmap_keeps_a_camera_per_frame(capture: Capture, tmp_path: Path) -> None:
+    folder = exported(zoomed(capture), "colmap", tmp_path)
+    model = import_pycolmap().Reconstruction(folder / "sparse/0")
+    focal = [model.images[i].camera.params[0] for i in (1, 2, 3)]
+    assert focal == [19.0, 19.0, 30.0]
+
+
+def test_colmap_masks_stand_beside_their_images(capture: Capture, tmp_path: Path) -> None:
+    folder = exported(capture, "colmap", tmp_path)
+    for frame in capture.frames:
+        mask = read_image(folder / f"masks/{frame.name}.png.png")[..., 0]
+        np.testing.assert_array_equal(mask == 255, frame.load_mask() > 127)
+        assert set(np.unique(mask)) == {0, 255}

@@ -1,0 +1,153 @@
+"""What all exports have in common: lost depth, missing files, threads, and the command."""
+
+from dataclasses import replace
+from pathlib import Path
+from typing import get_args
+
+import numpy as np
+import pytest
+
+from digs_warp.checks import CaptureError, DigsError
+from digs_warp.commands.convert import CaptureFormat, Convert
+from digs_warp.data.capture import Capture
+from digs_warp.data.capture_writer import CaptureWriter, FrameImages
+from digs_warp.data.images import encode_jpeg, read_image
+from digs_warp.data.layers import Layer
+from digs_warp.formats.captures.formats import EXPORTERS, export_capture
+from digs_warp.formats.captures.frames import encode_depth
+from digs_warp.geometry.camera import Camera, Intrinsics
+from digs_warp.record.files import read_json
+from reference.exported import exported, with_last_frame, zoomed
+from reference.recorded import CAMERA, HEIGHT, WIDTH
+
+# The others need stereo pairs: test_export_middlebury.py.
+OF_ONE_EYE = [form for form in EXPORTERS if form not in ("kitti-stereo", "sceneflow", "middlebury")]
+
+
+@pytest.mark.parametrize("form", ["tum", "redwood"])
+def test_formats_of_one_camera_refuse_two(capture: Capture, form: str, tmp_path: Path) -> None:
+    with pytest.raises(CaptureError, match="2 different cameras"):
+        export_capture(zoomed(capture), form, tmp_path / "out")
+
+
+def test_depth_that_16_bits_cannot_hold_becomes_unknown() -> None:
+    depth = np.array([[np.nan, 0.0001, 1.0, 13.107, 13.1072]], dtype=np.float32)
+    units, lost = encode_depth(depth, 5000.0)
+    assert units.dtype == np.uint16
+    np.testing.assert_array_equal(units, [[0, 0, 5000, 65535, 0]])
+    assert lost == 1
+
+
+def test_lost_depth_is_told(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    writer = CaptureWriter(tmp_path / "capture", CAMERA)
+    depth = np.full((HEIGHT, WIDTH), 14.0, np.float32)
+    depth[0] = 2.0
+    image, mask = np.zeros((HEIGHT, WIDTH, 3), np.uint8), np.zeros((HEIGHT, WIDTH), np.uint8)
+    writer.write_frame(0, FrameImages(image=image, depth=depth, mask=mask))
+    writer.add_pose(0, np.eye(4), 0.0)
+    export_capture(writer.finish(), "tum", tmp_path / "out")
+    assert f"up to 13.11 m: {WIDTH * (HEIGHT - 1)} pixels" in caplog.text
+
+
+@pytest.mark.parametrize("form", ["tum", "redwood", "bop"])
+def test_missing_depth_is_named(capture: Capture, form: str, tmp_path: Path) -> None:
+    layers = {k: v for k, v in capture.frames[-1].layers.items() if k != Layer.DEPTH}
+    bare = with_last_frame(capture, layers=layers)
+    with pytest.raises(CaptureError, match="frame '0002': the capture has no 'depth_file_path'"):
+        export_capture(bare, form, tmp_path / "out")
+
+
+@pytest.mark.parametrize("form", OF_ONE_EYE)
+def test_one_pixel_of_one_frame_is_enough(form: str, tmp_path: Path) -> None:
+    writer = CaptureWriter(tmp_path / "capture", Intrinsics(1, 1, 1.0, 1.0, 0.5, 0.5))
+    pixel = FrameImages(
+        image=np.full((1, 1, 3), 7, np.uint8),
+        depth=np.ones((1, 1), np.float32),
+        mask=np.full((1, 1), 255, np.uint8),
+    )
+    writer.write_frame(0, pixel)
+    writer.add_pose(0, np.eye(4), 0.0)
+    export_capture(writer.finish(), form, tmp_path / "out")
+    images = [path for path in (tmp_path / "out").rglob("*.png") if "mask" not in str(path)]
+    depths = [path for path in images if path.parent.name == "depth"]
+    assert len(depths) == (0 if form.startswith("colmap") else 1)
+    (image,) = set(images) - set(depths)
+    np.testing.assert_array_equal(read_image(image), pixel.image)
+
+
+def test_images_of_other_types_become_png(capture: Capture, tmp_path: Path) -> None:
+    frame = capture.frames[-1]
+    (tmp_path / "photo.jpg").write_bytes(encode_jpeg(frame.load_image(), quality=100))
+    photo = with_last_frame(capture, layers={**frame.layers, Layer.IMAGE: tmp_path / "photo.jpg"})
+    folder = exported(photo, "redwood", tmp_path / "out")
+    found = read_image(folder / "color/00002.png")
+    np.testing.assert_array_equal(found, photo.frames[-1].load_image())
+
+
+def test_the_command_writes_into_the_folder_it_stands_in(
+    capture: Capture, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Convert(source=capture.folder, to="tum", out=Path(".")).execute()
+    assert (tmp_path / "groundtruth.txt").is_file()
+
+
+@pytest.mark.parametrize("form", list(EXPORTERS))
+def test_poses_that_are_unknown_are_not_exported(
+    capture: Capture, form: str, tmp_path: Path
+) -> None:
+    lost = replace(capture, about=replace(capture.about, poses_known=False))
+    with pytest.raises(CaptureError, match="no camera poses"):
+        export_capture(lost, form, tmp_path / "out")
+
+
+def test_unknown_formats_are_refused(capture: Capture, tmp_path: Path) -> None:
+    with pytest.raises(
+        DigsError, match="'ply': unknown; expected one of colmap, colmap-text, nerfstudio"
+    ):
+        export_capture(capture, "ply", tmp_path)
+
+
+def test_the_command_offers_every_format() -> None:
+    assert set(get_args(CaptureFormat)) == EXPORTERS.keys()
+
+
+def test_the_command_leaves_a_complete_folder_or_none(capture: Capture, tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    message = Convert(source=capture.folder, to="tum", out=out).execute()
+    assert "3 frames as tum" in message
+    assert read_json(out / "run.json", "record")["settings"]["to"] == "tum"
+    with pytest.raises(DigsError, match="not empty"):
+        Convert(source=capture.folder, to="bop", out=out).execute()
+    Convert(source=capture.folder, to="bop", out=out, overwrite=True).execute()
+    assert not (out / "rgb.txt").exists() and (out / "camera.json").exists()
+    bare = tmp_path / "bare"
+    writer = CaptureWriter(bare, CAMERA)
+    writer.write_frame(
+        0,
+        FrameImages(
+            image=np.zeros((HEIGHT, WIDTH, 3), np.uint8),
+            depth=np.ones((HEIGHT, WIDTH), np.float32),
+            mask=np.zeros((HEIGHT, WIDTH), np.uint8),
+        ),
+    )
+    writer.add_pose(0, np.eye(4), 0.0)
+    writer.finish()
+    (bare / "masks/0000.png").write_bytes(b"no image")
+    with pytest.raises(DigsError, match=r"masks/0000\.png"):
+        Convert(source=bare, to="bop", out=tmp_path / "broken").execute()
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["bare", "out"]
+
+
+def test_exports_do_not_depend_on_their_threads(capture: Capture, tmp_path: Path) -> None:
+    for form in OF_ONE_EYE:
+        first, second = (exported(capture, form, tmp_path / form / name) for name in "ab")
+        files = [path.relative_to(first) for path in sorted(first.rglob("*")) if path.is_file()]
+        assert files
+        for path in files:
+            assert (first / path).read_bytes() == (second / path).read_bytes()
+
+
+def test_cameras_of_the_module_are_not_symmetric(capture: Capture) -> None:
+    cameras: list[Camera] = [frame.camera for frame in capture.frames]
+    assert all(abs(c.world_from_cam - c.world_from_cam.T).max() > 0.1 for c in cameras)

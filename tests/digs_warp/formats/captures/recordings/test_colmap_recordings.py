@@ -1,0 +1,212 @@
+"""COLMAP's models, binary and as text, with and without lenses, and broken ones."""
+
+import logging
+import re
+import shutil
+import struct
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from digs_warp.bounds import TEXT
+from digs_warp.checks import CaptureError, DigsError
+from digs_warp.cli import main
+from digs_warp.data.capture import Capture, read_capture
+from digs_warp.data.images import read_image
+from digs_warp.formats.captures.formats import export_capture, read_recording
+from digs_warp.formats.captures.lens import Lens
+from digs_warp.train.shutter import with_motions
+from reference.recorded import converted
+
+
+@pytest.fixture(scope="module")
+def workspace(capture: Capture, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The small capture as COLMAP would have it, as text."""
+    folder = tmp_path_factory.mktemp("colmap") / "text"
+    export_capture(capture, "colmap-text", folder)
+    return folder
+
+
+@pytest.fixture
+def copy(workspace: Path, tmp_path: Path) -> Path:
+    return shutil.copytree(workspace, tmp_path / "workspace")
+
+
+@pytest.mark.parametrize("form", ["colmap", "colmap-text"])
+def test_exports_come_back_with_images_masks_poses_and_points(
+    capture: Capture, form: str, tmp_path: Path
+) -> None:
+    export_capture(capture, form, tmp_path / "colmap")
+    found = converted("colmap", tmp_path / "colmap", tmp_path / "capture")
+    assert found.knows_poses and len(found) == len(capture)
+    for frame, true in zip(found.frames, capture.frames, strict=True):
+        assert frame.camera.intrinsics == true.camera.intrinsics
+        np.testing.assert_allclose(
+            frame.camera.world_from_cam, true.camera.world_from_cam, atol=1e-12
+        )
+        np.testing.assert_array_equal(frame.load_image(), true.load_image())
+        np.testing.assert_array_equal(frame.load_mask(), true.load_mask())
+    points = found.load_points()
+    lines = (
+        (tmp_path / "colmap/sparse/0/points3D.txt").read_text().splitlines()[1:]
+        if (form == "colmap-text")
+        else []
+    )
+    assert points is not None and len(points) > 0
+    for row, line in zip(points.points_world, lines, strict=False):
+        np.testing.assert_allclose(row, np.array(line.split()[1:4], float), rtol=1e-6)
+
+
+def test_photographs_are_not_taken_for_a_film(copy: Path, tmp_path: Path) -> None:
+    found = converted("colmap", copy, tmp_path / "capture")
+    assert np.diff([frame.time for frame in found.frames]) == pytest.approx(1.0)
+    assert all(frame.exposure.motion is None for frame in with_motions(found.frames))
+
+
+@pytest.mark.parametrize(
+    ("camera", "lens"),
+    [
+        ("SIMPLE_PINHOLE 21 14 19 9.25 7.75", None),
+        ("SIMPLE_RADIAL 21 14 19 9.25 7.75 -0.1", Lens((-0.1, 0, 0, 0, 0, 0, 0, 0))),
+        ("OPENCV 21 14 19 23 9.25 7.75 -0.1 0.01 0.002 0.001",
+         Lens((-0.1, 0.01, 0.002, 0.001, 0, 0, 0, 0))),
+        ("FULL_OPENCV 21 14 19 23 9.25 7.75 -.1 .01 .002 .001 .003 .004 .005 .006",
+         Lens((-0.1, 0.01, 0.002, 0.001, 0.003, 0.004, 0.005, 0.006))),
+        ("OPENCV_FISHEYE 21 14 19 23 9.25 7.75 .1 .2 .3 .4", Lens((0.1, 0.2, 0.3, 0.4), True)),
+        ("RADIAL_FISHEYE 21 14 19 9.25 7.75 .1 .2", Lens((0.1, 0.2, 0, 0), True)),
+    ],
+)  # fmt: skip
+def test_cameras_of_all_usual_models_are_read(copy: Path, camera: str, lens: Lens | None) -> None:
+    (copy / "sparse/0/cameras.txt").write_text(f"1 {camera}\n")
+    frame = read_recording(copy, "colmap").frames[0]
+    k = frame.intrinsics
+    assert (k.fx, k.cx, k.cy) == (19, 9.25, 7.75) and k.fy in (19, 23)
+    assert (frame.view.lens if frame.view else None) == lens
+
+
+def test_a_field_of_view_can_be_chosen(copy: Path, tmp_path: Path) -> None:
+    camera = "1 OPENCV_FISHEYE 21 14 19 23 9.25 7.75 .01 .0 .0 .0\n"
+    (copy / "sparse/0/cameras.txt").write_text(camera)
+    out = tmp_path / "capture"
+    line = ["convert", str(copy), "--from", "colmap", "--out", str(out)]
+    assert main([*line, "--fov-deg", "40"]) == 0
+    k = read_capture(out).frames[0].camera.intrinsics
+    assert k.fx == pytest.approx(10.5 / np.tan(np.deg2rad(20))) and k.fy / k.fx == 23 / 19
+    view = read_recording(copy, "colmap").with_field_of_view(40).frames[0].view
+    assert view is not None
+    seen = read_capture(out).frames[0].load_image()
+    np.testing.assert_array_equal(seen, view.apply(read_image(copy / "images/0000.png")))
+
+
+def test_images_without_distortion_keep_their_field_of_view(
+    copy: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    line = ["convert", str(copy), "--from", "colmap", "--out", str(tmp_path / "c")]
+    assert main([*line, "--fov-deg", "40"]) == 1
+    assert "no lens distortion" in capsys.readouterr().err
+
+
+def test_images_may_have_several_sizes_and_cameras(copy: Path, tmp_path: Path) -> None:
+    from digs_warp.data.images import write_image
+
+    write_image(copy / "images/0001.png", np.full((20, 10, 3), 77, np.uint8))
+    shutil.rmtree(copy / "masks")
+    with (copy / "sparse/0/cameras.txt").open("a") as file:
+        file.write("2 PINHOLE 10 20 30 31 5 10\n")
+    path = copy / "sparse/0/images.txt"
+    path.write_text(path.read_text().replace(" 1 0001.png", " 2 0001.png"))
+    found = converted("colmap", copy, tmp_path / "capture")
+    sizes = [(f.camera.intrinsics.width, f.camera.intrinsics.height) for f in found.frames]
+    assert sizes == [(21, 14), (10, 20), (21, 14)]
+    assert found.frames[1].load_image().shape == (20, 10, 3)
+
+
+def test_images_that_are_not_there_are_left_out(
+    copy: Path, tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    (copy / "images/0001.png").unlink()
+    with caplog.at_level(logging.WARNING):
+        assert len(converted("colmap", copy, tmp_path / "capture")) == 2
+    assert "1 image of the model are not in" in caplog.text and "0001.png" in caplog.text
+
+
+def test_the_largest_of_several_models_is_read(
+    copy: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    shutil.copytree(copy / "sparse/0", copy / "sparse/1")
+    path = copy / "sparse/0/images.txt"
+    path.write_text("\n".join(path.read_text().splitlines()[:4]) + "\n")
+    with caplog.at_level(logging.WARNING):
+        assert len(read_recording(copy, "colmap").frames) == 3
+    assert "2 models; reading the largest" in caplog.text
+
+
+def edit(path: str, change: Callable[[str], str]) -> Callable[[Path], object]:
+    return lambda folder: (folder / path).write_text(change((folder / path).read_text()))
+
+
+CAMERAS, IMAGES, POINTS = (f"sparse/0/{name}.txt" for name in ("cameras", "images", "points3D"))
+BROKEN: dict[str, tuple[Callable[[Path], object], str]] = {
+    "unknown model": (edit(CAMERAS, lambda s: s.replace("PINHOLE", "PANORAMA")), "PANORAMA with 4"),
+    "no formula": (
+        edit(CAMERAS, lambda _: "1 FOV 21 14 19 19 9 7 0.9\n"),
+        "camera model FOV, expected one of",
+    ),
+    "few parameters": (
+        edit(CAMERAS, lambda _: "1 PINHOLE 21 14 19\n"),
+        "PINHOLE with 1 parameters, expected 4",
+    ),
+    "words": (edit(CAMERAS, lambda s: s.replace("21 14", "wide high")), "cameras of a COLMAP model"),
+    "other camera": (edit(IMAGES, lambda s: s.replace(" 1 0001", " 7 0001")), "has camera 7"),
+    "broken pose": (
+        edit(IMAGES, lambda s: re.sub(r"\n1 \S+", "\n1 nan", s, count=1)), "image '0000.png': pose"
+    ),
+    "no images": (edit(IMAGES, lambda _: "# none\n"), "has no images"),
+    "other size": (edit(CAMERAS, lambda s: s.replace("21 14", "640 480")), "expected 640x480"),
+    "points": (edit(POINTS, lambda s: s + "9 1 2\n"), "points of a COLMAP model"),
+    "outside": (edit(IMAGES, lambda s: s.replace("0001.png", "../images/0001.png")), "stay inside"),
+    "no folder": (lambda folder: (folder / "images").rename(folder / "photos"), "none of the model"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", BROKEN)
+def test_broken_workspaces_are_explained(copy: Path, tmp_path: Path, name: str) -> None:
+    spoil, message = BROKEN[name]
+    spoil(copy)
+    with pytest.raises(DigsError, match=message):
+        converted("colmap", copy, tmp_path / "capture")
+
+
+def test_a_large_model_in_text_is_read(copy: Path, tmp_path: Path) -> None:
+    path = copy / "sparse/0/images.txt"
+    comments, images = path.read_text().split("\n", 2)[:2], path.read_text().splitlines()[2::2]
+    points = " ".join(["1234.5 678.9 1"] * (TEXT.most // 45))
+    path.write_text("\n".join([*comments, *(f"{line}\n{points}" for line in images)]))
+    assert path.stat().st_size > TEXT.most
+    assert len(converted("colmap", copy, tmp_path / "capture")) == len(images) == 3
+
+
+def test_binary_files_that_promise_more_than_they_hold_are_refused(
+    capture: Capture, tmp_path: Path
+) -> None:
+    export_capture(capture, "colmap", tmp_path)
+    for name in ("cameras", "images", "points3D"):
+        path = tmp_path / f"sparse/0/{name}.bin"
+        whole = path.read_bytes()
+        for broken in (struct.pack("<Q", 2**63) + whole[8:], whole[:-3], whole[:5]):
+            path.write_bytes(broken)
+            with pytest.raises(CaptureError, match=f"{name}.bin"):
+                read_recording(tmp_path, "colmap")
+        path.write_bytes(whole)
+    assert len(read_recording(tmp_path, "colmap").frames) == 3
+
+
+def test_photographs_of_a_door_with_radial_distortion(sample_data: Path) -> None:
+    recording = read_recording(sample_data / "rgbd/lund_door_photos", "colmap")
+    first = recording.frames[0]
+    assert recording.points is not None and len(recording.points) == 11384
+    assert first.view is not None and first.view.lens is not None
+    assert first.view.lens.coefficients[0] == pytest.approx(-0.0337, abs=1e-4)
+    assert len(recording.frames) == 12 and first.intrinsics.width == 1296

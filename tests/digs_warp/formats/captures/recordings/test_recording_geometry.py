@@ -1,0 +1,114 @@
+"""Lenses, cameras in other places, and poses of few digits."""
+
+import cv2
+import numpy as np
+import pytest
+
+from digs_warp.checks import CaptureError
+from digs_warp.formats.captures.lens import Lens, PinholeView, undistorted
+from digs_warp.formats.captures.resample import register_depth, resample_depth
+from digs_warp.formats.captures.to_capture import nearly_rigid
+from digs_warp.geometry.camera import Camera, Intrinsics, pixel_centers
+from digs_warp.geometry.rigid import look_at
+
+
+def test_distortion_is_taken_out() -> None:
+    k = Intrinsics(200, 150, 160.0, 165.0, 97.0, 78.0)
+    coefficients = (-0.2, 0.05, 0.002, -0.001)
+    # A picture whose value at a pixel says where it lies, to a quarter of a pixel, seen through the lens.
+    centers = pixel_centers(200, 150)
+    ramp = np.clip(4 * centers[..., 0], 0, 255).astype(np.uint8)
+    view = undistorted(k, Lens(coefficients))
+    assert view is not None and view.target == k and view.share_seen() == 1
+    found = view.apply(ramp)
+    x, y = (centers[..., 0] - k.cx) / k.fx, (centers[..., 1] - k.cy) / k.fy
+    r2 = x**2 + y**2
+    k1, k2, p1, p2 = coefficients
+    distorted = x * (1 + k1 * r2 + k2 * r2**2) + 2 * p1 * x * y + p2 * (r2 + 2 * x**2)
+    expected = distorted * k.fx + k.cx
+    side = np.s_[15:-15, 8:45]  # where half a pixel in the lens's center would show
+    difference = found[side] / 4 - expected[side]
+    assert np.abs(difference).max() < 0.4 and abs(difference.mean()) < 0.02
+
+
+BROWN = (-0.3, 0.1, 0.002, -0.001, 0.01, 0.05, -0.02, 0.01)
+
+
+@pytest.mark.parametrize("lens", [Lens(BROWN), Lens((0.02, -0.01, 0.004, -0.001), is_fisheye=True)])
+def test_lenses_bend_light_as_opencv_says(lens: Lens) -> None:
+    rng = np.random.default_rng(0)
+    rays = np.concatenate([rng.uniform(-0.8, 0.8, (500, 2)), np.ones((500, 1))], axis=1)
+    nothing, coefficients = np.zeros(3), np.array(lens.coefficients)
+    module = cv2.fisheye if lens.is_fisheye else cv2
+    expected, _ = module.projectPoints(rays[:, None], nothing, nothing, np.eye(3), coefficients)
+    np.testing.assert_allclose(lens.distort(rays), expected[:, 0], atol=1e-12)
+
+
+def test_rays_that_a_lens_does_not_show_are_black_and_without_depth() -> None:
+    k = Intrinsics(60, 40, 30.0, 30.0, 30.0, 20.0)
+    # From r = 1 / sqrt(0.9) on, this polynomial runs backward: there it would show the image again.
+    folding = PinholeView(k, Lens((-0.3, 0.0, 0.0, 0.0)), k).with_field_of_view(150)
+    assert folding.target.cx == 30 and folding.target.fx == pytest.approx(
+        30 / np.tan(np.deg2rad(75))
+    )
+    image, depth = np.full((40, 60, 3), 200, np.uint8), np.full((40, 60), 2.0, np.float32)
+    seen, found = folding.apply(image), folding.apply(depth, nearest=True)
+    centers = (pixel_centers(60, 40) - [30, 20]) / folding.target.fx
+    far = np.hypot(*np.moveaxis(centers, -1, 0)) > 1 / np.sqrt(0.9)
+    assert (seen[far] == 0).all() and np.isnan(found[far]).all()
+    assert (seen[18:22, 28:32] == 200).all() and (found[18:22, 28:32] == 2).all()
+    assert 0 < folding.share_seen() < 0.5
+
+
+def test_depth_of_a_camera_beside_is_seen_from_the_color_camera() -> None:
+    depth_camera, color_camera = (
+        Intrinsics(40, 30, 40.0, 40.0, 20.0, 15.0),
+        Intrinsics(80, 60, 90.0, 90.0, 41.0, 29.0),
+    )
+    color_from_depth = np.eye(4)
+    color_from_depth[:3, 3] = [-0.1, 0.02, 0.05]
+    # A near square before a wall: it hides another part of the wall from the camera beside.
+    depth = np.full((30, 40), 2.0, np.float32)
+    depth[10:20, 15:25] = 1.0
+    depth[0, 0] = np.nan
+    found = register_depth(depth, depth_camera, color_camera, color_from_depth)
+    near = [(u - 20) / 40 - 0.1 for u in (15, 25)], [(v - 15) / 40 + 0.02 for v in (10, 20)]
+    left, right = (90 * x / 1.05 + 41 for x in near[0])
+    top, bottom = (90 * y / 1.05 + 29 for y in near[1])
+    u, v = np.moveaxis(pixel_centers(80, 60), -1, 0)
+    inside = (u > left) & (u < right) & (v > top) & (v < bottom)
+    np.testing.assert_allclose(found[inside], 1.05, rtol=1e-6)
+    assert set(np.unique(found[~inside & np.isfinite(found)]).tolist()) == {np.float32(2.05)}
+    # The shadow of the square, between its left edge here and that on the wall, has no depth.
+    shadow = (
+        (u > right) & (u < 90 * (2 * 5 / 40 - 0.1) / 2.05 + 41) & (v > top + 1) & (v < bottom - 1)
+    )
+    assert shadow.any() and np.isnan(found[shadow]).all()
+    # Not a hole elsewhere, although each pixel became more than four.
+    assert np.isfinite(found[5:50, 5:25]).all()
+
+
+def test_depth_of_another_camera_is_sought_along_the_same_ray() -> None:
+    rng = np.random.default_rng(3)
+    source = Intrinsics(40, 30, 50.0, 50.0, 20.0, 15.0)
+    target = Intrinsics(64, 48, 64.0, 66.0, 30.0, 25.0)
+    depth = rng.uniform(1, 2, (30, 40)).astype(np.float32)
+    found = resample_depth(depth, source, target)
+    camera = Camera(source, np.eye(4))
+    centers = pixel_centers(64, 48)
+    rays = Camera(target, np.eye(4)).unproject(centers, np.ones((48, 64)))
+    px, _ = camera.project(rays)
+    inside = (px >= 0).all(-1) & (px < [40, 30]).all(-1)
+    column, row = np.floor(px[inside]).astype(int).T
+    np.testing.assert_array_equal(found[inside], depth[row, column])
+    assert np.isnan(found[~inside]).all() and (~inside).any()
+
+
+def test_poses_of_few_digits_are_made_rigid_and_others_refused() -> None:
+    pose = look_at(np.array([1.0, 2.0, 0.5]), np.zeros(3), np.array([0.0, 0.0, 1.0]))
+    fixed = nearly_rigid(np.round(pose, 3), "pose")
+    np.testing.assert_allclose(fixed[:3, :3] @ fixed[:3, :3].T, np.eye(3), atol=1e-14)
+    np.testing.assert_allclose(fixed, pose, atol=2e-3)
+    for wrong in (pose * 1.5, pose @ np.diag([1, 1, -1, 1]), pose * np.nan):
+        with pytest.raises(CaptureError, match="pose"):
+            nearly_rigid(wrong, "pose")

@@ -1,0 +1,97 @@
+""".splat: 32 bytes a Gaussian, to the precision that the format has."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from digs_warp.checks import DigsError
+from digs_warp.formats.splats.dot_splat import ROW, read_dot_splat, write_dot_splat
+from digs_warp.geometry.sh import C0
+from reference.optional import open3d_or_skip
+from reference.splat_files import random_gaussians, shapes
+
+
+@pytest.mark.parametrize("count", [1, 200])
+def test_values_come_back_to_the_precision_of_the_format(tmp_path: Path, count: int) -> None:
+    g = random_gaussians(count, 0)
+    write_dot_splat(tmp_path / "a.splat", g)
+    assert (tmp_path / "a.splat").stat().st_size == 32 * count
+    read = read_dot_splat(tmp_path / "a.splat")
+    np.testing.assert_array_equal(read.means, g.means)
+    np.testing.assert_allclose(read.log_scales, g.log_scales, atol=1e-6)
+    np.testing.assert_allclose(read.opacities, g.opacities, atol=0.5 / 255 + 1e-6)
+    colors = np.clip(0.5 + C0 * g.sh[:, 0], 0, 1)
+    np.testing.assert_allclose(0.5 + C0 * read.sh[:, 0], colors, atol=0.5 / 255 + 1e-6)
+    unit = g.quats / np.linalg.norm(g.quats, axis=1, keepdims=True)
+    np.testing.assert_allclose(read.quats, unit, atol=1 / 128)
+    # A quaternion within 1/256 a component turns by at most 1/64; log-scales spread over 10.
+    np.testing.assert_allclose(shapes(read), shapes(g), atol=10 / 64)
+
+
+def test_reading_and_writing_again_changes_no_byte(tmp_path: Path) -> None:
+    write_dot_splat(tmp_path / "a.splat", random_gaussians(100, 0))
+    write_dot_splat(tmp_path / "b.splat", read_dot_splat(tmp_path / "a.splat"))
+    a, b = (np.fromfile(tmp_path / f"{name}.splat", ROW) for name in "ab")
+    for name in ("position", "rgba"):
+        np.testing.assert_array_equal(a[name], b[name])
+    np.testing.assert_allclose(a["scale"], b["scale"], rtol=2e-6)  # through log and exp
+
+
+def test_bytes_of_one_gaussian(tmp_path: Path) -> None:
+    """By hand: 1, 2, 3; e^0; dc 0 is gray 128; opacity 1/2; half a turn around x, wxyz."""
+    g = random_gaussians(1, 0)
+    g.means[:], g.log_scales[:], g.sh[:], g.opacity_logits[:] = (1, 2, 3), 0, 0, 0
+    g.quats[:] = (2, 0, 0, 0)
+    write_dot_splat(tmp_path / "a.splat", g)
+    data = (tmp_path / "a.splat").read_bytes()
+    np.testing.assert_array_equal(np.frombuffer(data[:24], "<f4"), [1, 2, 3, 1, 1, 1])
+    assert list(data[24:]) == [128, 128, 128, 128, 128, 255, 128, 128]
+
+
+def test_zero_scales_and_zero_quaternions_are_readable(tmp_path: Path) -> None:
+    row = np.zeros(1, ROW)
+    row["quaternion"] = 128
+    (tmp_path / "a.splat").write_bytes(row.tobytes())
+    read = read_dot_splat(tmp_path / "a.splat")
+    assert np.isfinite(read.log_scales).all()
+    np.testing.assert_array_equal(read.quats, 0)
+    assert read.opacities[0] < 1 / 255
+
+
+def test_lost_color_is_said(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    write_dot_splat(tmp_path / "a.splat", random_gaussians(2, 1))
+    assert "view-dependent" in caplog.text
+
+
+def test_refusals(tmp_path: Path) -> None:
+    path = tmp_path / "a.splat"
+    with pytest.raises(DigsError, match="0 Gaussians"):
+        write_dot_splat(path, random_gaussians(0, 0))
+    path.write_bytes(bytes(31))
+    with pytest.raises(DigsError, match="31 bytes, expected a multiple of 32"):
+        read_dot_splat(path)
+    path.write_bytes(b"")
+    with pytest.raises(DigsError, match="empty"):
+        read_dot_splat(path)
+    row = np.zeros(2, ROW)
+    row["scale"][1] = -1
+    path.write_bytes(row.tobytes())
+    with pytest.raises(DigsError, match="1 of 2 Gaussians have negative scales"):
+        read_dot_splat(path)
+
+
+def test_open3d_reads_the_same_values(tmp_path: Path) -> None:
+    """Another program's reader on our file."""
+    open3d = open3d_or_skip()
+    g = random_gaussians(20, 0)
+    write_dot_splat(tmp_path / "a.splat", g)
+    cloud = open3d.t.io.read_point_cloud(str(tmp_path / "a.splat"))
+    read = {name: cloud.point[name].numpy() for name in cloud.point}
+    ours = read_dot_splat(tmp_path / "a.splat")
+    np.testing.assert_array_equal(read["positions"], g.means)
+    np.testing.assert_allclose(read["scale"], ours.scales, rtol=1e-5)
+    np.testing.assert_allclose(read["f_dc"], ours.sh[:, 0], atol=1e-2)
+    unit = ours.quats / np.linalg.norm(ours.quats, axis=1, keepdims=True)
+    theirs = read["rot"] / np.linalg.norm(read["rot"], axis=1, keepdims=True)
+    np.testing.assert_allclose(theirs, unit[:, [3, 0, 1, 2]], atol=1e-2)

@@ -1,0 +1,223 @@
+"""PLY in the layout of 3D Gaussian splatting: exact both ways, every encoding, clear refusals."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import trimesh
+
+from digs_warp.checks import DigsError
+from digs_warp.data.gaussians import FIELDS, Gaussians
+from digs_warp.data.ply_table import read_ply_header
+from digs_warp.formats.splats.files import read_splat_file
+from digs_warp.formats.splats.ply import read_ply, write_ply
+from digs_warp.geometry.sh import C0
+from reference.optional import open3d_or_skip
+from reference.splat_files import random_gaussians
+
+
+def assert_equal(a: Gaussians, b: Gaussians) -> None:
+    for name in FIELDS:
+        np.testing.assert_array_equal(getattr(a, name), getattr(b, name), err_msg=name)
+
+
+@pytest.mark.parametrize("degree", range(4))
+@pytest.mark.parametrize("count", [0, 1, 50])
+def test_every_field_comes_back_exactly(tmp_path: Path, degree: int, count: int) -> None:
+    gaussians = random_gaussians(count, degree)
+    write_ply(tmp_path / "a.ply", gaussians)
+    assert_equal(read_ply(tmp_path / "a.ply"), gaussians)
+
+
+def test_layout_is_the_one_of_graphdeco(tmp_path: Path) -> None:
+    """Column by column, by the text of the layout: wxyz, red before green before blue."""
+    g = random_gaussians(2, 1)
+    write_ply(tmp_path / "a.ply", g)
+    header = read_ply_header(tmp_path / "a.ply")
+    rest = [f"f_rest_{i}" for i in range(9)]
+    names = ["x", "y", "z", "nx", "ny", "nz", "f_dc_0", "f_dc_1", "f_dc_2", *rest, "opacity"]
+    names += ["scale_0", "scale_1", "scale_2", "rot_0", "rot_1", "rot_2", "rot_3"]
+    assert list(header.elements[0].columns) == names
+    data = (tmp_path / "a.ply").read_bytes()[header.data_start :]
+    row = dict(zip(names, np.frombuffer(data, "<f4")[: len(names)], strict=True))
+    assert [row[f"rot_{i}"] for i in range(4)] == [g.quats[0, 3], *g.quats[0, :3]]
+    red, green, blue = (g.sh[0, 1:, channel].tolist() for channel in range(3))
+    assert [row[name] for name in rest] == [*red, *green, *blue]
+    assert row["opacity"] == g.opacity_logits[0]
+    assert row["nx"] == 0
+
+
+def rewritten(path: Path, encoding: str, kind: str) -> Path:
+    """The PLY file ``path`` again, in another encoding and number type, with a column more."""
+    header = read_ply_header(path)
+    names = list(header.elements[0].columns)
+    rows = np.frombuffer(path.read_bytes()[header.data_start :], "<f4").reshape(-1, len(names))
+    text = [f"ply\nformat {encoding} 1.0\ncomment by hand\nelement camera 1\nproperty uchar id"]
+    text += [f"element vertex {len(rows)}", "property uchar label"]
+    text += [f"property {kind} {name}" for name in names] + ["end_header\n"]
+    if encoding == "ascii":
+        lines = ["7"] + [" ".join(["3", *(f"{value:.9g}" for value in row)]) for row in rows]
+        body = ("\n".join(lines) + "\n").encode()
+    else:
+        order = "<" if "little" in encoding else ">"
+        number = {"float": "f4", "double": "f8"}[kind]
+        table = np.zeros(len(rows), dtype=[("label", "u1"), ("row", order + number, len(names))])
+        table["row"] = rows
+        body = b"\x07" + table.tobytes()
+    target = path.with_name(f"{encoding}-{kind}.ply")
+    target.write_bytes("\n".join(text).encode() + body)
+    return target
+
+
+@pytest.mark.parametrize("kind", ["float", "double"])
+@pytest.mark.parametrize("encoding", ["ascii", "binary_little_endian", "binary_big_endian"])
+def test_other_encodings_say_the_same(tmp_path: Path, encoding: str, kind: str) -> None:
+    gaussians = random_gaussians(5, 2)
+    write_ply(tmp_path / "a.ply", gaussians)
+    assert_equal(read_ply(rewritten(tmp_path / "a.ply", encoding, kind)), gaussians)
+
+
+def test_text_is_read_in_pieces_without_a_seam(tmp_path: Path) -> None:
+    gaussians = random_gaussians(5000, 0)
+    write_ply(tmp_path / "a.ply", gaussians)
+    assert_equal(read_ply(rewritten(tmp_path / "a.ply", "ascii", "float")), gaussians)
+
+
+def test_infinite_logits_mean_opaque_and_invisible(tmp_path: Path) -> None:
+    """The SPZ library writes them for the codes 255 and 0."""
+    gaussians = random_gaussians(2, 0)
+    gaussians.opacity_logits[:] = np.inf, -np.inf
+    write_ply(tmp_path / "a.ply", gaussians)
+    read = read_splat_file(tmp_path / "a.ply")
+    assert read.opacities[0] == 1.0
+    assert 0.0 <= read.opacities[1] < 1e-16
+
+
+def test_degree_four_is_read_up_to_three(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    gaussians = random_gaussians(3, 3)
+    write_ply(tmp_path / "a.ply", gaussians)
+    header = read_ply_header(tmp_path / "a.ply")
+    names = list(header.elements[0].columns)
+    rows = np.frombuffer((tmp_path / "a.ply").read_bytes()[header.data_start :], "<f4").reshape(
+        3, -1
+    )
+    columns = {name: rows[:, i] for i, name in enumerate(names) if not name.startswith("f_rest")}
+    wide = np.full((3, 3, 24), 9.0)
+    wide[:, :, :15] = gaussians.sh[:, 1:].transpose(0, 2, 1)
+    columns |= {f"f_rest_{i}": wide.reshape(3, 72)[:, i] for i in range(72)}
+    text = ["ply", "format binary_little_endian 1.0", "element vertex 3"]
+    text += [f"property float {name}" for name in columns] + ["end_header\n"]
+    body = np.column_stack(list(columns.values())).astype("<f4").tobytes()
+    (tmp_path / "b.ply").write_bytes("\n".join(text).encode() + body)
+    assert_equal(read_ply(tmp_path / "b.ply"), gaussians)
+    assert "degree 4" in caplog.text
+
+
+def broken(text: str, *replacements: tuple[str, str]) -> str:
+    for old, new in replacements:
+        assert old in text
+        text = text.replace(old, new)
+    return text
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ("ply\n", "plx\n", "not a PLY file"),
+        ("end_header", "end_headex", "end_header"),
+        ("vertex 3", "vertex 1000000000000", "1000000000000 rows of 68 bytes need"),
+        ("vertex 3", "vertex 99999999999999999999999", "expected a whole number"),
+        ("vertex 3", "vertex -3", "expected a whole number"),
+        ("vertex 3", "vertex 4", "truncated or damaged"),
+        ("vertex 3", "vertex 2", "truncated or damaged"),
+        ("element vertex", "element points", "no 'vertex' element; found points"),
+        ("float opacity", "float opaqueness", "no property opacity, so no Gaussians"),
+        ("float opacity", "uint opacity", "'opacity' holds uint32, expected float"),
+        ("float opacity", "complex opacity", "header line"),
+        ("float opacity", "list uchar int opacity", "holds lists"),
+        ("float scale_1", "float scale_0", "'scale_0' occurs twice"),
+        ("float nx", "float f_rest_0", "1 properties f_rest"),
+        ("format binary_little_endian 1.0\n", "", "no 'format' line"),
+        ("binary_little_endian", "binary_middle_endian", "header line 2"),
+        ("binary_little_endian", "ascii", "do not fit|expected 17 numbers"),
+        ("element vertex", "element chunk 0\nelement vertex", "SuperSplat"),
+        ("element vertex 3\n", "element vertex 3\nelement vertex 3\n", "no properties"),
+    ],
+)
+def test_damage_is_named(tmp_path: Path, old: str, new: str, message: str) -> None:
+    path = tmp_path / "a.ply"
+    write_ply(path, random_gaussians(3, 0))
+    header, _, body = path.read_bytes().partition(b"end_header\n")
+    text = broken((header + b"end_header\n").decode(), (old, new))
+    path.write_bytes(text.encode() + body)
+    with pytest.raises(DigsError, match=message) as error:
+        read_ply(path)
+    assert str(path) in str(error.value)
+
+
+def test_text_with_too_few_numbers_is_refused(tmp_path: Path) -> None:
+    write_ply(tmp_path / "a.ply", random_gaussians(3, 0))
+    path = rewritten(tmp_path / "a.ply", "ascii", "float")
+    words = path.read_bytes().split(b" ")
+    path.write_bytes(b" ".join(words[:-2]))
+    with pytest.raises(DigsError, match=r"numbers in each|do not fit"):
+        read_ply(path)
+
+
+def test_a_mesh_is_no_gaussians(tmp_path: Path) -> None:
+    path = tmp_path / "cloud.ply"
+    path.write_text(
+        "ply\nformat ascii 1.0\nelement vertex 1\nproperty float x\nproperty float y\n"
+        "property float z\nend_header\n0 0 0\n"
+    )
+    with pytest.raises(DigsError, match="a mesh or a point cloud"):
+        read_ply(path)
+
+
+def test_open3d_reads_the_same_values(tmp_path: Path) -> None:
+    """Another program's reader on our file; it says standard deviations and opacity logits."""
+    open3d = open3d_or_skip()
+    g = random_gaussians(20, 2)
+    write_ply(tmp_path / "a.ply", g)
+    cloud = open3d.t.io.read_point_cloud(str(tmp_path / "a.ply"))
+    read = {name: cloud.point[name].numpy() for name in cloud.point}
+    np.testing.assert_array_equal(read["positions"], g.means)
+    np.testing.assert_array_equal(read["opacity"].ravel(), g.opacity_logits)
+    np.testing.assert_allclose(read["scale"], g.scales, rtol=1e-6)
+    np.testing.assert_array_equal(read["rot"], g.quats[:, [3, 0, 1, 2]])
+    np.testing.assert_array_equal(read["f_dc"], g.sh[:, 0])
+    rest = read["f_rest"].reshape(20, 8, 3)
+    np.testing.assert_array_equal(rest, g.sh[:, 1:])
+
+
+@pytest.fixture
+def colored(tmp_path: Path) -> tuple[Path, np.ndarray]:
+    """A PLY with vertex colors, and the colors without view dependence, 0 to 255."""
+    gaussians = random_gaussians(40, 2)
+    gaussians.sh[:2, 0] = [-9.0, 0.0, 9.0]  # beyond what 8 bits hold
+    write_ply(tmp_path / "plain.ply", gaussians)
+    write_ply(tmp_path / "colored.ply", gaussians, vertex_colors=True)
+    return tmp_path / "colored.ply", (0.5 + C0 * gaussians.sh[:, 0]).clip(0.0, 1.0) * 255.0
+
+
+def test_vertex_colors_change_nothing_for_gaussians(colored: tuple[Path, np.ndarray]) -> None:
+    assert_equal(read_ply(colored[0]), read_ply(colored[0].with_name("plain.ply")))
+
+
+def test_open3d_shows_vertex_colors(colored: tuple[Path, np.ndarray]) -> None:
+    cloud = open3d_or_skip().io.read_point_cloud(str(colored[0]))
+    np.testing.assert_allclose(np.asarray(cloud.points), read_ply(colored[0]).means)
+    np.testing.assert_allclose(np.asarray(cloud.colors) * 255.0, colored[1], atol=0.5001)
+
+
+def test_trimesh_shows_vertex_colors(colored: tuple[Path, np.ndarray]) -> None:
+    cloud = trimesh.load(colored[0])
+    assert isinstance(cloud, trimesh.PointCloud)
+    np.testing.assert_allclose(cloud.vertices, read_ply(colored[0]).means)
+    np.testing.assert_allclose(cloud.colors[:, :3], colored[1], atol=0.5001)
+
+
+@pytest.mark.parametrize("count", [0, 1])
+def test_vertex_colors_of_few_gaussians(tmp_path: Path, count: int) -> None:
+    write_ply(tmp_path / "a.ply", random_gaussians(count, 0), vertex_colors=True)
+    assert_equal(read_ply(tmp_path / "a.ply"), random_gaussians(count, 0))

@@ -1,0 +1,181 @@
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose, assert_array_equal
+from scipy.spatial.transform import Rotation
+
+from digs_warp.checks import DigsError
+from digs_warp.geometry.camera import Camera, Intrinsics, pixel_centers
+from digs_warp.geometry.rigid import look_at, rigid
+
+# Nothing is centered, square or round.
+INTRINSICS = Intrinsics(641, 358, 510.3, 498.7, 301.2, 190.4)
+
+
+def random_camera(seed: int, intrinsics: Intrinsics = INTRINSICS) -> Camera:
+    rotation = Rotation.from_quat(np.random.default_rng(seed).normal(size=4)).as_matrix()
+    return Camera(intrinsics, rigid(rotation, np.random.default_rng(seed).normal(size=3)))
+
+
+def random_pixels(count: int) -> tuple[np.ndarray, np.ndarray]:
+    random = np.random.default_rng(0)
+    px = random.uniform((0, 0), (INTRINSICS.width, INTRINSICS.height), size=(count, 2))
+    return px, random.uniform(0.2, 8.0, size=count)
+
+
+def test_unproject_and_project_are_inverse():
+    px, depth = random_pixels(100)
+    for seed in range(5):
+        camera = random_camera(seed)
+        back_px, back_depth = camera.project(camera.unproject(px, depth))
+        assert_allclose(back_px, px, atol=1e-9)
+        assert_allclose(back_depth, depth, atol=1e-12)
+
+
+def test_projection_is_that_of_the_matrix_k():
+    camera = random_camera(3)
+    points = np.random.default_rng(1).normal(size=(4, 25, 3))
+    px, depth = camera.project(points)
+    points_cam = points @ camera.cam_from_world[:3, :3].T + camera.cam_from_world[:3, 3]
+    homogeneous = points_cam @ camera.intrinsics.matrix.T
+    assert px.shape == (4, 25, 2)
+    assert_allclose(px, homogeneous[..., :2] / homogeneous[..., 2:], rtol=1e-9)
+    assert_array_equal(depth, points_cam[..., 2])
+
+
+def test_depth_is_planar_not_radial():
+    camera = Camera(INTRINSICS, np.eye(4))
+    px, depth = random_pixels(50)
+    assert_allclose(camera.unproject(px, depth)[:, 2], depth)
+
+
+def test_right_of_the_image_is_right_of_the_camera_and_below_is_below():
+    camera = Camera(INTRINSICS, look_at(np.array([0, -2, 0]), np.zeros(3), np.array([0, 0, 1])))
+    (center, right, above), _ = camera.project(np.array([[0, 0, 0], [0.1, 0, 0], [0, 0, 0.1]]))
+    assert_allclose(center, (INTRINSICS.cx, INTRINSICS.cy), atol=1e-9)
+    assert right[0] > center[0]
+    assert_allclose(right[1], center[1], atol=1e-9)
+    assert above[1] < center[1]
+
+
+def test_points_behind_and_in_the_camera_have_depths_of_0_or_less():
+    camera = Camera(INTRINSICS, np.eye(4))
+    _, depth = camera.project(np.array([[0, 0, -1.0], [0, 0, 0], [0, 0, 1]]))
+    assert_array_equal(depth, (-1, 0, 1))
+
+
+def test_a_camera_shows_what_lies_in_front_of_it_and_inside_its_image():
+    camera, (px, depth) = random_camera(3), random_pixels(4)
+    width, height = INTRINSICS.width, INTRINSICS.height
+    assert camera.shows(px, depth).all()
+    assert not camera.shows(px, -depth).any()
+    rim = np.array([[0, 0], [width, 1], [1, height], [-1e-9, 1], [1, -1e-9], [np.nan, 1]])
+    assert camera.shows(rim, np.ones(6)).tolist() == [True, False, False, False, False, False]
+
+
+def test_center_and_inverse_agree_with_the_pose():
+    camera = random_camera(1)
+    assert_allclose(camera.cam_from_world @ camera.world_from_cam, np.eye(4), atol=1e-12)
+    assert_allclose(
+        camera.cam_from_world @ np.append(camera.center_world, 1), (0, 0, 0, 1), atol=1e-12
+    )
+
+
+def test_cropped_camera_sees_every_point_where_the_part_of_the_image_shows_it():
+    camera = Camera(Intrinsics(64, 48, 50.0, 52.0, 31.0, 25.0), np.eye(4))
+    part = camera.cropped(slice(10, 40), slice(7, 20))
+    points = np.array([[0.1, -0.2, 1.5], [-0.3, 0.4, 2.0]])
+    px, depth = camera.project(points)
+    part_px, part_depth = part.project(points)
+    np.testing.assert_allclose(part_px, px - [7, 10], atol=1e-12)
+    np.testing.assert_array_equal(part_depth, depth)
+    assert (part.intrinsics.width, part.intrinsics.height) == (13, 30)
+
+
+def test_resized_camera_sees_every_point_at_the_same_place_of_its_image():
+    camera = random_camera(2)
+    px, depth = random_pixels(50)
+    points = camera.unproject(px, depth)
+    for size in ((320, 180), (1282, 716), (1, 1)):
+        resized = camera.resized(*size)
+        resized_px, resized_depth = resized.project(points)
+        assert_allclose(resized_px / size, px / (INTRINSICS.width, INTRINSICS.height), atol=1e-9)
+        assert_allclose(resized_depth, depth)
+        assert (resized.intrinsics.width, resized.intrinsics.height) == size
+
+
+def test_resizing_back_gives_the_same_camera():
+    back = INTRINSICS.resized(100, 77).resized(INTRINSICS.width, INTRINSICS.height)
+    for name in ("fx", "fy", "cx", "cy"):
+        assert_allclose(getattr(back, name), getattr(INTRINSICS, name), rtol=1e-12)
+
+
+def test_field_of_view_spans_the_image_from_edge_to_edge():
+    intrinsics = Intrinsics.from_fov(800, 600, 70.0)
+    camera = Camera(intrinsics, np.eye(4))
+    edges = camera.unproject(np.array([[0.0, 300.0], [800.0, 300.0]]), np.ones(2))
+    cosine = edges[0] @ edges[1] / np.prod(np.linalg.norm(edges, axis=1))
+    assert_allclose(np.rad2deg(np.arccos(cosine)), 70.0)
+    assert intrinsics.fx == intrinsics.fy
+    assert (intrinsics.cx, intrinsics.cy) == (400, 300)
+
+
+def test_right_eye_sees_a_point_shifted_by_its_disparity():
+    left = random_camera(4)
+    right = left.shifted_right(0.12)
+    px, depth = random_pixels(50)
+    right_px, right_depth = right.project(left.unproject(px, depth))
+    assert_allclose(px[:, 0] - right_px[:, 0], INTRINSICS.fx * 0.12 / depth, rtol=1e-9)
+    assert_allclose(right_px[:, 1], px[:, 1], atol=1e-9)
+    assert_allclose(right_depth, depth)
+
+
+def test_shifting_leaves_the_left_camera_alone():
+    left = random_camera(5)
+    before = left.world_from_cam.copy()
+    left.shifted_right(0.5)
+    assert_array_equal(left.world_from_cam, before)
+
+
+def test_first_pixel_centre_is_at_half_and_the_last_half_before_the_edge():
+    centers = pixel_centers(5, 3)
+    assert centers.shape == (3, 5, 2)
+    assert_array_equal(centers[0, 0], (0.5, 0.5))
+    assert_array_equal(centers[2, 4], (4.5, 2.5))
+    assert_array_equal(centers[1, 3], (3.5, 1.5))
+    assert_allclose(centers.mean(axis=(0, 1)), (2.5, 1.5))
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"width": 0},
+        {"height": -3},
+        {"fx": 0.0},
+        {"fy": -500.0},
+        {"fx": np.nan},
+        {"fy": np.inf},
+        {"cx": np.nan},
+        {"cy": np.inf},
+    ],
+)
+def test_impossible_intrinsics_are_refused(change: dict[str, float]):
+    with pytest.raises(DigsError, match=r"camera: .*expected"):
+        replace(INTRINSICS, **change)
+
+
+@pytest.mark.parametrize(
+    "matrix",
+    [np.diag([1, 1, -1, 1.0]), np.diag([2, 2, 2, 1.0]), np.full((4, 4), np.nan), np.eye(3)],
+)
+def test_impossible_poses_are_refused(matrix: np.ndarray):
+    with pytest.raises(DigsError, match="not a rigid transform"):
+        Camera(INTRINSICS, matrix)
+
+
+def test_a_principal_point_outside_the_image_is_fine():
+    outside = replace(INTRINSICS, cx=-50.0, cy=900.0)
+    px, depth = random_pixels(10)
+    camera = random_camera(6, outside)
+    assert_allclose(camera.project(camera.unproject(px, depth))[0], px, atol=1e-9)

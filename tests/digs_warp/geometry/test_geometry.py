@@ -1,0 +1,167 @@
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose, assert_array_equal
+from scipy.spatial.transform import Rotation
+
+from digs_warp.geometry.rigid import (
+    OPENCV_FROM_OPENGL,
+    invert_rigid,
+    is_rigid,
+    look_at,
+    matrix_from_quat_xyzw,
+    quat_multiply,
+    quat_xyzw_from_matrix,
+    rigid,
+    transform_points,
+)
+
+
+def random_rigid(seed: int) -> np.ndarray:
+    rotation = Rotation.from_quat(np.random.default_rng(seed).normal(size=4)).as_matrix()
+    return rigid(rotation, np.random.default_rng(seed).normal(size=3))
+
+
+def test_inverse_undoes_and_chains_cancel():
+    points = np.random.default_rng(0).normal(size=(2, 5, 3))
+    b_from_a, c_from_b = random_rigid(1), random_rigid(2)
+    there = transform_points(b_from_a, points)
+    assert_allclose(transform_points(invert_rigid(b_from_a), there), points, atol=1e-12)
+    assert_allclose(
+        transform_points(c_from_b @ b_from_a, points), transform_points(c_from_b, there), atol=1e-12
+    )
+    assert_allclose(invert_rigid(b_from_a), np.linalg.inv(b_from_a), atol=1e-12)
+
+
+def test_transform_moves_points_as_written():
+    quarter_about_z = rigid(np.array([[0, -1, 0], [1, 0, 0], [0, 0, 1]]), np.array([10, 20, 30]))
+    assert_array_equal(transform_points(quarter_about_z, np.array([1.0, 2.0, 3.0])), [8, 21, 33])
+
+
+def test_opencv_and_opengl_axes_flip_each_other_back():
+    assert_array_equal(OPENCV_FROM_OPENGL @ OPENCV_FROM_OPENGL, np.eye(4))
+    assert is_rigid(OPENCV_FROM_OPENGL)
+
+
+def changed(row: int, column: int, value: float) -> np.ndarray:
+    matrix = np.eye(4)
+    matrix[row, column] = value
+    return matrix
+
+
+@pytest.mark.parametrize(
+    "matrix",
+    [
+        changed(0, 0, -1.0),  # mirror
+        changed(0, 0, 2.0),  # scale
+        changed(0, 1, 0.1),  # shear
+        changed(0, 0, np.nan),
+        changed(0, 3, np.inf),
+        changed(3, 0, 0.5),  # perspective
+        changed(3, 3, 2.0),
+        np.eye(3),
+        np.zeros((4, 4)),
+    ],
+)
+def test_what_is_not_rigid_is_recognized(matrix: np.ndarray):
+    assert not is_rigid(matrix)
+
+
+def test_rigid_transforms_are_recognized_also_after_rounding_to_float32():
+    for seed in range(10):
+        assert is_rigid(random_rigid(seed))
+        assert is_rigid(random_rigid(seed).astype(np.float32))
+
+
+def test_look_at_points_forward_keeps_the_horizon_level_and_up_is_up():
+    random = np.random.default_rng(0)
+    for _ in range(20):
+        eye, target = random.normal(size=3), random.normal(size=3)
+        up = np.array([0.0, 0.0, 1.0])
+        world_from_cam = look_at(eye, target, up)
+        assert is_rigid(world_from_cam, 1e-12)
+        right, down, forward = world_from_cam[:3, :3].T
+        assert_allclose(world_from_cam[:3, 3], eye)
+        assert_allclose(forward, (target - eye) / np.linalg.norm(target - eye), atol=1e-12)
+        assert_allclose(right @ up, 0.0, atol=1e-12)
+        assert down @ up < 0
+        # The target lies on the optical axis, in front.
+        in_cam = transform_points(invert_rigid(world_from_cam), target)
+        assert_allclose(in_cam, np.array([0, 0, np.linalg.norm(target - eye)]), atol=1e-12)
+
+
+def test_look_at_by_hand():
+    # From -y towards the origin: right is +x, down is -z.
+    world_from_cam = look_at(np.array([0, -2, 0]), np.zeros(3), np.array([0, 0, 1]))
+    assert_allclose(world_from_cam[:3, :3], [[1, 0, 0], [0, 0, 1], [0, -1, 0]], atol=1e-15)
+
+
+def test_look_at_without_a_direction_is_an_error():
+    up = np.array([0, 0, 1])
+    with pytest.raises(ValueError, match="same point"):
+        look_at(np.ones(3), np.ones(3), up)
+    with pytest.raises(ValueError, match="parallel"):
+        look_at(np.zeros(3), np.array([0, 0, -5]), up)
+
+
+def test_quaternions_agree_with_an_independent_implementation():
+    rotations = Rotation.from_quat(np.random.default_rng(0).normal(size=(200, 4)))
+    assert_allclose(
+        matrix_from_quat_xyzw(rotations.as_quat()), rotations.as_matrix(), rtol=0, atol=1e-12
+    )
+
+
+def test_matrix_and_quaternion_are_inverse_and_w_is_not_negative():
+    rotations = (
+        Rotation.from_quat(np.random.default_rng(1).normal(size=(200, 4)))
+        .as_matrix()
+        .reshape(2, 100, 3, 3)
+    )
+    quats = quat_xyzw_from_matrix(rotations)
+    assert quats.shape == (2, 100, 4)
+    assert (quats[..., 3] >= 0).all()
+    assert_allclose(np.linalg.norm(quats, axis=-1), 1.0, atol=1e-12)
+    assert_allclose(matrix_from_quat_xyzw(quats), rotations, atol=1e-12)
+
+
+def test_half_turns_survive():
+    # w = 0: the case in which naive formulas divide by zero.
+    half_turns = np.stack([np.diag(d) for d in ([1, -1, -1], [-1, 1, -1], [-1, -1, 1])])
+    assert_allclose(
+        matrix_from_quat_xyzw(quat_xyzw_from_matrix(half_turns)), half_turns, atol=1e-12
+    )
+
+
+def test_length_and_sign_of_a_quaternion_do_not_matter():
+    quats = np.random.default_rng(2).normal(size=(50, 4))
+    expected = matrix_from_quat_xyzw(quats)
+    for factor in (-1.0, 1e-30, 1e30):
+        assert_allclose(matrix_from_quat_xyzw(factor * quats), expected, atol=1e-12)
+
+
+def test_zero_quaternion_is_no_rotation():
+    quats = np.array([[0, 0, 0, 0], [0, 0, 1, 1]])
+    matrices = matrix_from_quat_xyzw(quats)
+    assert_array_equal(matrices[0], np.eye(3))
+    assert_allclose(matrices[1], [[0, -1, 0], [1, 0, 0], [0, 0, 1]], atol=1e-15)
+
+
+def test_product_rotates_by_the_second_then_by_the_first():
+    random = np.random.default_rng(3)
+    a, b = random.normal(size=(2, 30, 4))
+    assert_allclose(
+        matrix_from_quat_xyzw(quat_multiply(a, b)),
+        matrix_from_quat_xyzw(a) @ matrix_from_quat_xyzw(b),
+        atol=1e-12,
+    )
+
+
+def test_product_multiplies_lengths_and_broadcasts():
+    random = np.random.default_rng(4)
+    a, b = random.normal(size=4), random.normal(size=(30, 4))
+    assert_allclose(
+        np.linalg.norm(quat_multiply(a, b), axis=1),
+        np.linalg.norm(a) * np.linalg.norm(b, axis=1),
+    )
+    i, j, k = np.eye(4)[:3]
+    assert_array_equal(quat_multiply(i, j), k)
+    assert_array_equal(quat_multiply(j, i), -k)

@@ -1,0 +1,169 @@
+from math import factorial
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose, assert_array_equal
+from scipy.spatial.transform import Rotation
+from scipy.special import lpmv
+
+from digs_warp.geometry.sh import (
+    C0,
+    coefficient_count,
+    degree_from_count,
+    rgb_from_sh,
+    rotate_sh,
+    sh_basis,
+    sh_from_rgb,
+    sh_rotation,
+)
+
+
+def random_directions(count: int, seed: int = 0) -> np.ndarray:
+    directions = np.random.default_rng(seed).normal(size=(count, 3))
+    return directions / np.linalg.norm(directions, axis=1, keepdims=True)
+
+
+def random_rotation(seed: int) -> np.ndarray:
+    return Rotation.from_quat(np.random.default_rng(seed).normal(size=4)).as_matrix()
+
+
+def basis_from_legendre(directions: np.ndarray, degree: int) -> np.ndarray:
+    """Real spherical harmonics by their definition; `lpmv` holds the Condon-Shortley sign."""
+    z = directions[:, 2]
+    azimuth = np.arctan2(directions[:, 1], directions[:, 0])
+    columns = []
+    for band in range(degree + 1):
+        for m in range(-band, band + 1):
+            order = abs(m)
+            norm = (2 * band + 1) / (4 * np.pi) * factorial(band - order) / factorial(band + order)
+            wave = np.sin(order * azimuth) if m < 0 else np.cos(order * azimuth)
+            scale = np.sqrt(norm) * (np.sqrt(2) if m else 1.0)
+            columns.append(scale * lpmv(order, band, z) * wave)
+    return np.stack(columns, axis=1)
+
+
+def test_basis_is_orthonormal_on_the_sphere():
+    # Gauss-Legendre in z and equal steps in azimuth integrate polynomials up to degree 6 exactly.
+    z, weights = np.polynomial.legendre.leggauss(8)
+    azimuth = np.arange(16) * 2 * np.pi / 16
+    z, azimuth = (grid.ravel() for grid in np.meshgrid(z, azimuth, indexing="ij"))
+    ring = np.sqrt(1 - z * z)
+    directions = np.stack([ring * np.cos(azimuth), ring * np.sin(azimuth), z], axis=1)
+    basis = sh_basis(directions, 3)
+    gram = (basis * np.repeat(weights * 2 * np.pi / 16, 16)[:, None]).T @ basis
+    assert_allclose(gram, np.eye(16), atol=1e-12)
+
+
+@pytest.mark.parametrize("degree", range(4))
+def test_basis_is_that_of_the_legendre_functions_order_and_signs_included(degree: int):
+    directions = random_directions(100)
+    basis = sh_basis(directions, degree)
+    assert basis.shape == (100, coefficient_count(degree))
+    assert_allclose(basis, basis_from_legendre(directions, degree), atol=1e-12)
+
+
+def test_band_1_is_minus_y_z_minus_x():
+    c1 = np.sqrt(3 / (4 * np.pi))
+    assert_allclose(
+        sh_basis(np.eye(3), 1)[:, 1:], c1 * np.array([[0, 0, -1], [-1, 0, 0], [0, 1, 0]])
+    )
+
+
+def test_a_lower_degree_is_the_beginning_of_a_higher_one():
+    directions = random_directions(20)
+    for degree in range(3):
+        assert_array_equal(
+            sh_basis(directions, degree), sh_basis(directions, 3)[:, : (degree + 1) ** 2]
+        )
+
+
+def test_basis_keeps_leading_axes():
+    assert sh_basis(random_directions(6).reshape(2, 3, 3), 2).shape == (2, 3, 9)
+
+
+@pytest.mark.parametrize("degree", range(4))
+def test_count_and_degree_are_inverse(degree: int):
+    assert degree_from_count(coefficient_count(degree)) == degree
+
+
+@pytest.mark.parametrize("degree", [-1, 4, 1.5])
+def test_other_degrees_are_refused(degree):
+    with pytest.raises(ValueError, match="expected 0 to 3"):
+        coefficient_count(degree)
+
+
+@pytest.mark.parametrize("count", [0, 2, 15, 25])
+def test_other_counts_are_refused(count: int):
+    with pytest.raises(ValueError, match="expected 1, 4, 9 or 16"):
+        degree_from_count(count)
+
+
+def test_dc_shows_its_color_from_every_side():
+    colors = np.random.default_rng(0).uniform(size=(50, 3))
+    sh = sh_from_rgb(colors)[:, None, :]
+    assert_allclose(rgb_from_sh(sh, random_directions(50)), colors, atol=1e-12)
+
+
+def test_colors_are_clipped_at_0_only():
+    sh = np.array([[[-1.0, 0.0, 1.0]]]) / C0
+    assert_allclose(rgb_from_sh(sh, np.array([[0, 0, 1.0]])), [[0.0, 0.5, 1.5]])
+
+
+@pytest.mark.parametrize("degree", range(4))
+def test_turned_field_shows_along_the_turned_direction_what_it_showed_before(degree: int):
+    sh = np.random.default_rng(1).normal(size=(40, coefficient_count(degree), 3))
+    for seed in range(5):
+        rotation = random_rotation(seed)
+        directions = random_directions(40, seed)
+        assert_allclose(
+            rgb_from_sh(rotate_sh(sh, rotation), directions @ rotation.T),
+            rgb_from_sh(sh, directions),
+            atol=1e-12,
+        )
+
+
+def test_turning_twice_is_turning_by_the_product():
+    sh = np.random.default_rng(2).normal(size=(10, 16, 3))
+    first, second = random_rotation(1), random_rotation(2)
+    assert_allclose(
+        rotate_sh(rotate_sh(sh, first), second), rotate_sh(sh, second @ first), atol=1e-12
+    )
+
+
+def test_rotation_matrix_is_orthogonal_and_keeps_bands_apart():
+    mix = sh_rotation(random_rotation(3), 3)
+    assert_allclose(mix @ mix.T, np.eye(16), atol=1e-12)
+    bands = np.repeat(np.arange(4), [1, 3, 5, 7])
+    assert (mix[bands[:, None] != bands[None, :]] == 0).all()
+
+
+def test_no_turn_changes_no_bit():
+    sh = np.random.default_rng(3).normal(size=(10, 16, 3)).astype(np.float32)
+    assert_array_equal(rotate_sh(sh, np.eye(3)), sh)
+
+
+def test_a_quarter_turn_swaps_coefficients_of_bands_0_and_1_exactly():
+    sh = np.random.default_rng(4).normal(size=(10, 4, 3)).astype(np.float32)
+    sh[0, 2] = 0.0  # stays 0: no rounding noise of its neighbors may show
+    y_up = np.array([[1, 0, 0], [0, 0, 1], [0, -1, 0]])
+    assert_array_equal(rotate_sh(rotate_sh(sh, y_up), y_up.T), sh)
+    # Band 1 is (-y, z, -x): the new y is the old z, the new z is the old -y.
+    turned = rotate_sh(sh, y_up)
+    assert_array_equal(turned[:, [0, 3]], sh[:, [0, 3]])
+    assert_array_equal(turned[:, 1], -sh[:, 2])
+    assert_array_equal(turned[:, 2], sh[:, 1])
+
+
+@pytest.mark.parametrize("kind", [np.float32, np.float64])
+def test_rotation_keeps_number_type_and_input(kind: type):
+    sh = np.random.default_rng(5).normal(size=(3, 9, 3)).astype(kind)
+    before = sh.copy()
+    turned = rotate_sh(sh, random_rotation(0))
+    assert turned.dtype == kind
+    assert turned.shape == sh.shape
+    assert_array_equal(sh, before)
+    assert rotate_sh(np.ones((1, 4, 3), dtype=int), np.eye(3)).dtype == np.float64
+
+
+def test_rotation_of_nothing_is_nothing():
+    assert rotate_sh(np.zeros((0, 16, 3), dtype=np.float32), random_rotation(0)).shape == (0, 16, 3)

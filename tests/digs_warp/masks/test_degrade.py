@@ -1,0 +1,66 @@
+"""Spoilt masks: worse with strength, the same for the same seed, and harmless on masks without a border."""
+
+import numpy as np
+import pytest
+
+from digs_warp.masks.degrade import degrade_mask, smooth_noise
+from digs_warp.masks.score import intersection_over_union
+
+V, U = np.mgrid[:150, :200]
+DISK = np.clip(255 * (40.5 - np.hypot(U - 95, V - 70)), 0, 255).astype(np.uint8)
+
+
+def mean_overlap(strength: float) -> float:
+    return float(
+        np.mean(
+            [intersection_over_union(degrade_mask(DISK, strength, (s,)), DISK) for s in range(8)]
+        )
+    )
+
+
+def test_strength_zero_changes_nothing() -> None:
+    np.testing.assert_array_equal(degrade_mask(DISK, 0.0, (1,)), DISK)
+
+
+def test_more_strength_is_worse() -> None:
+    overlaps = [mean_overlap(strength) for strength in (0.25, 0.5, 1.0, 2.0, 4.0)]
+    assert overlaps == sorted(overlaps, reverse=True)
+    assert 0.85 < overlaps[2] < 0.96
+    assert overlaps[0] > 0.97
+
+
+def test_pieces_are_missing_and_others_leak() -> None:
+    spoilt = degrade_mask(DISK, 2.0, (3,))
+    assert np.count_nonzero((spoilt < 10) & (DISK > 245)) > 50
+    assert np.count_nonzero((spoilt > 245) & (DISK < 10)) > 50
+
+
+def test_errors_mean_the_same_at_every_resolution() -> None:
+    v, u = np.mgrid[:300, :400]
+    large = np.clip(255 * (81 - np.hypot(u - 190, v - 140)), 0, 255).astype(np.uint8)
+    overlap = [intersection_over_union(degrade_mask(large, 1.0, (s,)), large) for s in range(8)]
+    assert np.mean(overlap) == pytest.approx(mean_overlap(1.0), abs=0.03)
+
+
+def test_the_seed_decides() -> None:
+    np.testing.assert_array_equal(degrade_mask(DISK, 1.0, (0, 5)), degrade_mask(DISK, 1.0, (0, 5)))
+    assert (degrade_mask(DISK, 1.0, (0, 5)) != degrade_mask(DISK, 1.0, (0, 6))).any()
+
+
+@pytest.mark.parametrize("value", [0, 255])
+def test_empty_and_full_masks_are_possible(value: int) -> None:
+    spoilt = degrade_mask(np.full((40, 50), value, np.uint8), 1.0, (0,))
+    assert spoilt.shape == (40, 50)
+    assert spoilt.any() == bool(value)
+
+
+def test_a_mask_of_one_pixel_is_possible() -> None:
+    mask = np.zeros((40, 50), np.uint8)
+    mask[20, 30] = 255
+    assert degrade_mask(mask, 1.0, (0,)).shape == mask.shape
+
+
+def test_noise_is_smooth_and_of_about_unit_variance() -> None:
+    noise = smooth_noise((400, 400), 20.0, np.random.default_rng(0))
+    assert 0.6 < noise.std() < 1.1
+    assert np.abs(np.diff(noise, axis=0)).max() < 0.5

@@ -1,0 +1,143 @@
+"""Masks from depth: a ball before a wall, on a table, with holes, and cases in which nothing can be told."""
+
+import numpy as np
+import pytest
+
+from digs_warp.masks.from_depth import (
+    connected_pieces,
+    mask_from_depth,
+    object_by_depth,
+    without_enclosed_holes,
+)
+from digs_warp.masks.planes import far_edge, on_or_behind_main_plane
+from digs_warp.masks.score import intersection_over_union
+
+HEIGHT, WIDTH = 120, 160
+V, U = np.mgrid[:HEIGHT, :WIDTH].astype(np.float64)
+NEAR_DISK = np.hypot(U - 75, V - 58) < 32
+
+
+def photograph(inside: np.ndarray, seed: int = 0) -> np.ndarray:
+    """A red object before a green surround, with noise."""
+    rng = np.random.default_rng(seed)
+    color = np.where(inside[..., None], [190, 60, 50], [70, 130, 80])
+    return np.clip(color + rng.normal(0, 12, color.shape), 0, 255).astype(np.uint8)
+
+
+def ball_before(surround: np.ndarray) -> np.ndarray:
+    depth = surround.copy()
+    depth[NEAR_DISK] = 0.9 - 0.1 * np.sqrt(1 - (np.hypot(U - 75, V - 58)[NEAR_DISK] / 32) ** 2)
+    return depth.astype(np.float32)
+
+
+WALL = np.full((HEIGHT, WIDTH), 4.0)
+# A table that comes toward the camera at the bottom, seen as a plane: 1 / z is linear in the rows.
+TABLE = 1.0 / (0.3 + 0.5 * V / HEIGHT)
+ROUND_ROOM = 4.0 + 0.5 * np.cos(U / 25) * np.sin(V / 20)
+
+
+@pytest.mark.parametrize("surround", [WALL, TABLE, ROUND_ROOM], ids=["wall", "table", "room"])
+def test_the_ball_is_found(surround: np.ndarray) -> None:
+    mask = mask_from_depth(photograph(NEAR_DISK), ball_before(surround))
+    assert mask.dtype == np.uint8 and mask.shape == (HEIGHT, WIDTH)
+    truth = np.where(NEAR_DISK, 255, 0).astype(np.uint8)
+    assert intersection_over_union(mask, truth) > 0.97
+
+
+def test_colors_correct_borders_that_depth_has_wrong() -> None:
+    fattened = WALL.copy().astype(np.float32)
+    fattened[np.hypot(U - 75, V - 58) < 34] = 0.9
+    truth = np.where(NEAR_DISK, 255, 0).astype(np.uint8)
+    by_depth = np.where(object_by_depth(fattened), 255, 0).astype(np.uint8)
+    refined = mask_from_depth(photograph(NEAR_DISK), fattened)
+    assert intersection_over_union(by_depth, truth) < 0.9
+    assert intersection_over_union(refined, truth) > 0.97
+
+
+@pytest.mark.parametrize("share", [0.3, 0.6])
+def test_missing_depth_inside_the_object_is_filled(share: float) -> None:
+    depth = ball_before(WALL)
+    depth[np.random.default_rng(1).random(depth.shape) < share] = np.nan
+    truth = np.where(NEAR_DISK, 255, 0).astype(np.uint8)
+    assert intersection_over_union(mask_from_depth(photograph(NEAR_DISK), depth), truth) > 0.95
+
+
+def test_a_hole_stays_where_one_sees_through() -> None:
+    ring = NEAR_DISK & (np.hypot(U - 75, V - 58) > 12)
+    near, known = ring.copy(), np.ones_like(ring)
+    assert not without_enclosed_holes(near, known)[58, 75]
+    known[~ring & NEAR_DISK] = False  # nothing is known there: filled
+    assert without_enclosed_holes(near, known)[58, 75]
+
+
+def test_the_piece_in_the_middle_wins_over_a_larger_one_at_the_border() -> None:
+    depth = ball_before(WALL)
+    depth[90:, :] = 0.7  # an arm that reaches into the image
+    found = object_by_depth(depth)
+    assert found[58, 75] and not found[110, 20]
+
+
+def test_a_flat_side_of_the_object_is_no_wall() -> None:
+    depth = np.full((HEIGHT, WIDTH), np.nan, np.float32)
+    depth[20:100, 30:130] = 0.8  # the front of a box; of the room only a corner is known
+    depth[:10, :60] = 3.0
+    assert not on_or_behind_main_plane(depth)[60, 80]
+    assert object_by_depth(depth)[60, 80]
+
+
+def test_a_plane_is_found_among_outliers() -> None:
+    rng = np.random.default_rng(2)
+    depth = TABLE.astype(np.float32)
+    outliers = rng.random(depth.shape) < 0.3
+    depth[outliers] = rng.uniform(0.2, 0.5, np.count_nonzero(outliers))
+    accounted = on_or_behind_main_plane(depth)
+    assert accounted[~outliers].mean() > 0.99
+    assert accounted[outliers].mean() < 0.02
+
+
+def test_pieces_end_at_jumps_of_depth() -> None:
+    depth = np.array([[1.0, 1.02, 1.5, 1.51], [1.0, np.nan, 1.5, 1.0]])
+    labels = connected_pieces(depth, np.isfinite(depth))
+    assert labels[0, 0] == labels[0, 1] == labels[1, 0]
+    assert labels[0, 2] == labels[0, 3] == labels[1, 2]
+    assert len({int(labels[0, 0]), int(labels[0, 2]), int(labels[1, 3]), int(labels[1, 1])}) == 4
+
+
+@pytest.mark.parametrize(
+    "depth",
+    [
+        np.full((HEIGHT, WIDTH), np.nan, np.float32),
+        np.full((HEIGHT, WIDTH), 1.3, np.float32),
+        TABLE.astype(np.float32),
+    ],
+    ids=["no depth", "constant", "only a table"],
+)
+def test_where_nothing_stands_in_front_the_mask_is_empty(depth: np.ndarray) -> None:
+    assert not mask_from_depth(photograph(NEAR_DISK), depth).any()
+
+
+def test_one_known_pixel_does_no_harm() -> None:
+    depth = np.full((HEIGHT, WIDTH), np.nan, np.float32)
+    depth[60, 80] = 1.0
+    assert np.count_nonzero(mask_from_depth(photograph(NEAR_DISK), depth) > 127) <= 1
+
+
+def test_the_same_image_gives_the_same_mask() -> None:
+    image, depth = photograph(NEAR_DISK), ball_before(ROUND_ROOM)
+    np.testing.assert_array_equal(mask_from_depth(image, depth), mask_from_depth(image, depth))
+
+
+def test_a_table_before_a_far_room_is_neither_the_object_nor_all_there_is() -> None:
+    table = 1.0 / (
+        0.25 + 0.9 * V / HEIGHT
+    )  # inverse depth is linear in the image; 0.9 m at the near edge
+    slope = 4.0 + 3.0 * U / WIDTH + 0.3 * np.sin(V / 5.0)  # no plane
+    depth = np.where((V > 80) & (np.abs(U - 75) < 60), table, slope).astype(np.float32)
+    depth[NEAR_DISK] = 1.08  # as far as the table under it
+    noise = np.random.default_rng(0).normal(size=depth.shape)
+    depth = (depth * (1 + 0.004 * noise)).astype(np.float32)
+    assert 1.6 < far_edge(depth) < 4.0
+    assert far_edge(np.linspace(1.0, 5.0, 10_000).reshape(100, 100)) == np.inf
+    assert far_edge(np.full((4, 4), np.nan)) == np.inf
+    truth = np.where(NEAR_DISK, 255, 0).astype(np.uint8)
+    assert intersection_over_union(mask_from_depth(photograph(NEAR_DISK), depth), truth) > 0.95

@@ -1,0 +1,279 @@
+"""Mask sources, from frames to files: what is written, kept, and refused."""
+
+import os
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from digs_warp.checks import DigsError
+from digs_warp.data.frame import Frame
+from digs_warp.data.images import read_image, write_image
+from digs_warp.data.layers import Layer
+from digs_warp.masks.config import SegmentConfig
+from digs_warp.masks.masks import segment, with_masks
+from digs_warp.masks.network import (
+    MaskNetwork,
+    default_model_path,
+    mask_from_output,
+    network_input,
+)
+from digs_warp.masks.score import intersection_over_union
+from reference.tiny_capture import HEIGHT, WIDTH, write_tiny_capture
+from reference.tiny_network import write_network
+
+
+@pytest.fixture(scope="module")
+def frames(tmp_path_factory: pytest.TempPathFactory) -> list[Frame]:
+    return list(write_tiny_capture(tmp_path_factory.mktemp("masks") / "capture", frames=4).frames)
+
+
+def masks_of(paths: list[Path]) -> list[np.ndarray]:
+    return [read_image(path)[..., 0] for path in paths]
+
+
+def test_the_recordings_masks_are_taken_as_they_are(frames: list[Frame], tmp_path: Path) -> None:
+    paths = segment(frames, SegmentConfig(), tmp_path / "masks")
+    assert paths == [frame.path(Layer.MASK) for frame in frames]
+    assert not (tmp_path / "masks").exists()
+
+
+def test_depth_finds_the_ball(frames: list[Frame], tmp_path: Path) -> None:
+    paths = segment(frames, SegmentConfig(masks="depth"), tmp_path)
+    for frame, found in zip(frames, masks_of(paths), strict=True):
+        assert found.shape == (HEIGHT, WIDTH) and found.dtype == np.uint8
+        known = np.where(np.isfinite(frame.load_depth()), 255, 0)  # of the ball alone
+        assert intersection_over_union(found, known) > 0.98
+
+
+def test_new_masks_take_the_place_of_the_old(frames: list[Frame], tmp_path: Path) -> None:
+    paths = segment(frames, SegmentConfig(masks="depth"), tmp_path)
+    for frame, new, path in zip(frames, with_masks(frames, paths), paths, strict=True):
+        assert new.path(Layer.MASK) == path and frame.path(Layer.MASK) != path
+        np.testing.assert_array_equal(new.load_mask(), read_image(path)[..., 0])
+        assert new.path(Layer.IMAGE) == frame.path(Layer.IMAGE)
+
+
+def test_spoilt_masks_differ_from_frame_to_frame(frames: list[Frame], tmp_path: Path) -> None:
+    paths = segment(frames, SegmentConfig(masks="degraded", mask_error=2.0), tmp_path)
+    overlaps = [
+        intersection_over_union(found, frame.load_mask())
+        for frame, found in zip(frames, masks_of(paths), strict=True)
+    ]
+    assert all(0.3 < overlap < 0.98 for overlap in overlaps)
+    assert len(set(overlaps)) == len(overlaps)
+
+
+# What is there already
+
+
+def test_finished_masks_are_kept_and_missing_ones_made(frames: list[Frame], tmp_path: Path) -> None:
+    config = SegmentConfig(masks="degraded")
+    paths = segment(frames, config, tmp_path)
+    before = [path.read_bytes() for path in paths]
+    mark = np.full((HEIGHT, WIDTH), 7, np.uint8)
+    write_image(paths[0], mark)
+    paths[2].unlink()
+    assert segment(frames, config, tmp_path) == paths
+    np.testing.assert_array_equal(read_image(paths[0])[..., 0], mark)
+    assert [path.read_bytes() for path in paths[1:]] == before[1:]
+
+
+@pytest.mark.parametrize("change", ["settings", "input"])
+def test_masks_of_other_settings_or_files_are_made_anew(
+    frames: list[Frame], tmp_path: Path, change: str
+) -> None:
+    config = SegmentConfig(masks="degraded")
+    mark = np.full((HEIGHT, WIDTH), 7, np.uint8)
+    copy = tmp_path / "copy.png"
+    write_image(copy, frames[0].load_mask())
+    mine = [frames[0].with_layer(Layer.MASK, copy), *frames[1:]]
+    paths = segment(mine, config, tmp_path / "masks")
+    write_image(paths[0], mark)
+    if change == "settings":
+        config = replace(config, mask_error=0.5)
+    else:
+        os.utime(copy, (1.0, 1.0))
+    segment(mine, config, tmp_path / "masks")
+    assert (read_image(paths[0])[..., 0] != mark).any()
+
+
+def test_masks_are_made_again_when_pixels_in_memory_change(
+    frames: list[Frame], tmp_path: Path
+) -> None:
+    config = SegmentConfig(masks="degraded")
+    mine = [frame.with_layer(Layer.MASK, frame.load_mask()) for frame in frames]
+    paths = segment(mine, config, tmp_path)
+    before = [path.read_bytes() for path in paths]
+    mark = np.full((HEIGHT, WIDTH), 7, np.uint8)
+    write_image(paths[0], mark)
+    segment(mine, config, tmp_path)
+    np.testing.assert_array_equal(read_image(paths[0])[..., 0], mark)
+    mine[1] = mine[1].with_layer(Layer.MASK, np.zeros((HEIGHT, WIDTH), np.uint8))
+    segment(mine, config, tmp_path)
+    assert paths[0].read_bytes() == before[0] and paths[1].read_bytes() != before[1]
+
+
+# A folder of masks
+
+
+def in_folder(frames: list[Frame], folder: Path, pixels: np.ndarray) -> SegmentConfig:
+    for frame in frames:
+        write_image(folder / f"{frame.name}.png", pixels)
+    return SegmentConfig(masks="folder", mask_folder=folder)
+
+
+SOFT = np.linspace(0, 255, HEIGHT * WIDTH).astype(np.uint8).reshape(HEIGHT, WIDTH)
+
+
+@pytest.mark.parametrize(
+    "pixels",
+    [
+        SOFT,
+        np.repeat(SOFT[..., None], 3, axis=2),
+        np.dstack([SOFT[::-1], SOFT[::-1], SOFT[::-1], SOFT]),
+        SOFT.astype(np.uint16) * 257,
+    ],
+    ids=["gray", "RGB", "cut-out", "16 bits"],
+)
+def test_masks_of_a_folder_come_in_many_forms(
+    frames: list[Frame], tmp_path: Path, pixels: np.ndarray
+) -> None:
+    config = in_folder(frames, tmp_path / "theirs", pixels)
+    for found in masks_of(segment(frames, config, tmp_path / "ours")):
+        np.testing.assert_array_equal(found, SOFT)
+
+
+def test_a_mask_of_another_size_is_refused(frames: list[Frame], tmp_path: Path) -> None:
+    config = in_folder(frames, tmp_path / "theirs", SOFT[:, :40])
+    with pytest.raises(
+        DigsError, match=f"0000.png': 40x{HEIGHT} pixels, expected {WIDTH}x{HEIGHT}"
+    ):
+        segment(frames, config, tmp_path / "ours")
+
+
+def test_missing_masks_are_counted_and_named(frames: list[Frame], tmp_path: Path) -> None:
+    config = in_folder(frames, tmp_path / "theirs", SOFT)
+    for number in (1, 3):
+        (tmp_path / "theirs" / f"{number:04d}.png").unlink()
+    with pytest.raises(DigsError, match=r"lacks the masks of 2 of 4 frames.*'0001\.png'"):
+        segment(frames, config, tmp_path / "ours")
+
+
+@pytest.mark.parametrize(("value", "word"), [(0, "empty"), (255, "full")])
+def test_odd_masks_are_pointed_out(
+    frames: list[Frame], tmp_path: Path, value: int, word: str, caplog: pytest.LogCaptureFixture
+) -> None:
+    config = in_folder(frames, tmp_path / "theirs", np.full((HEIGHT, WIDTH), value, np.uint8))
+    segment(frames, config, tmp_path / "ours")
+    assert f"4 of 4 are almost {word} (the first is '0000')" in caplog.text
+
+
+# A network
+
+
+def test_the_network_gets_and_gives_what_rembg_would(tmp_path: Path) -> None:
+    rng = np.random.default_rng(0)
+    image = rng.integers(0, 200, (1024, 1024, 3), dtype=np.uint8)  # no resizing: every step by hand
+    network = MaskNetwork(write_network(tmp_path / "net.onnx"), threads=1)
+    red = image[..., 0] / image.max() - 0.485
+    pooled = red.reshape(512, 2, 512, 2).mean(axis=(1, 3))
+    expected = np.floor((pooled - pooled.min()) / np.ptp(pooled) * 255)
+    from PIL import Image
+
+    gray = Image.fromarray(expected.astype(np.uint8))
+    enlarged = np.asarray(gray.resize((1024, 1024), Image.Resampling.LANCZOS))
+    difference = np.abs(network.mask(image).astype(int) - enlarged)
+    assert difference.max() <= 1  # float32 inside, and a floor
+
+
+def test_the_network_sees_means_taken_off_and_the_brightest_value_as_one() -> None:
+    image = np.zeros((30, 50, 3), np.uint8)
+    image[...] = (50, 100, 80)
+    values = network_input(image)
+    assert values.shape == (1, 3, 1024, 1024) and values.dtype == np.float32
+    np.testing.assert_allclose(
+        values[0, :, 500, 500], np.array([0.5, 1.0, 0.8]) - [0.485, 0.456, 0.406], rtol=1e-6
+    )
+    assert np.isfinite(network_input(np.zeros((30, 50, 3), np.uint8))).all()
+
+
+def test_a_constant_answer_means_no_object() -> None:
+    mask = mask_from_output(np.full((8, 8), 0.3), 20, 10)
+    assert mask.shape == (10, 20) and not mask.any()
+
+
+def test_masks_by_the_network_are_written(frames: list[Frame], tmp_path: Path) -> None:
+    model = write_network(tmp_path / "net.onnx")
+    config = SegmentConfig(masks="isnet", mask_model=model)
+    for frame, found in zip(frames, masks_of(segment(frames, config, tmp_path / "m")), strict=True):
+        red = frame.load_image()[..., 0].astype(float)
+        assert found.shape == red.shape
+        assert np.corrcoef(found.ravel(), red.ravel())[0, 1] > 0.98
+
+
+def test_a_missing_network_is_said_where_to_get(
+    frames: list[Frame], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("U2NET_HOME", str(tmp_path))
+    with pytest.raises(DigsError, match=r"isnet-general-use\.onnx': no such file.*Download https"):
+        segment(frames, SegmentConfig(masks="isnet"), tmp_path / "m")
+
+
+def test_a_file_that_is_no_network_is_refused(tmp_path: Path) -> None:
+    broken = tmp_path / "net.onnx"
+    broken.write_bytes(b"no network")
+    with pytest.raises(DigsError, match="not a network that onnxruntime can load"):
+        MaskNetwork(broken, threads=1)
+
+
+def test_a_network_of_another_kind_is_refused(tmp_path: Path) -> None:
+    network = MaskNetwork(write_network(tmp_path / "net.onnx", channels=2), threads=1)
+    with pytest.raises(DigsError, match=r"shape \(1, 2, 512, 512\), expected \(1, 1"):
+        network.mask(np.zeros((20, 20, 3), np.uint8))
+
+
+def test_the_network_is_sought_where_rembg_keeps_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delenv("U2NET_HOME", raising=False)
+    monkeypatch.setenv("XDG_DATA_HOME", "/data")
+    assert default_model_path() == Path("/data/.u2net/isnet-general-use.onnx")
+    monkeypatch.setenv("U2NET_HOME", "/models")
+    assert default_model_path() == Path("/models/isnet-general-use.onnx")
+
+
+# Settings and frames that do not go together
+
+
+def test_a_frame_without_depth_needs_another_source(frames: list[Frame], tmp_path: Path) -> None:
+    bare = [*frames[:3], replace(frames[3], layers={Layer.IMAGE: frames[3].path(Layer.IMAGE)})]
+    with pytest.raises(DigsError, match=r"1 of 4 frames have no 'depth_file_path'.*'0003'"):
+        segment(bare, SegmentConfig(masks="depth"), tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("settings", "message"),
+    [
+        ({"masks": "folder"}, "--mask-folder"),
+        ({"mask_folder": Path("x")}, "--mask-folder"),
+        ({"mask_model": Path("x")}, "--masks isnet"),
+        ({"mask_error": -1.0}, "--mask-error"),
+        ({"mask_seed": -1}, "--seed"),
+    ],
+)
+def test_settings_that_contradict_each_other_are_refused(settings: dict, message: str) -> None:
+    with pytest.raises(DigsError, match=message):
+        SegmentConfig(**settings)
+
+
+@pytest.mark.parametrize(
+    ("a", "b", "expected"),
+    [
+        ([255, 255, 0, 0], [255, 0, 255, 0], 1 / 3),
+        ([0] * 4, [0] * 4, 1.0),
+        ([255] * 4, [0] * 4, 0.0),
+    ],
+)
+def test_overlap_is_shared_by_joined_area(a: list[int], b: list[int], expected: float) -> None:
+    overlap = intersection_over_union(np.array([a], np.uint8), np.array([b], np.uint8))
+    assert overlap == pytest.approx(expected)

@@ -1,0 +1,119 @@
+"""Alignment and pose errors against similarities that are known."""
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from digs_warp.checks import DigsError
+from digs_warp.data.frame import Frame
+from digs_warp.data.point_cloud import PointCloud
+from digs_warp.data.sfm_model import Observations, SfmModel
+from digs_warp.geometry.camera import Camera, Intrinsics
+from digs_warp.geometry.rigid import look_at, rigid
+from digs_warp.poses.from_images.evaluate import Similarity, pose_errors, umeyama
+
+INTRINSICS = Intrinsics.from_fov(64, 48, 60.0)
+
+
+def a_similarity(seed: int) -> Similarity:
+    rng = np.random.default_rng(seed)
+    rotation = Rotation.from_rotvec(rng.normal(size=3)).as_matrix()
+    return Similarity(float(rng.uniform(0.1, 10.0)), rotation, rng.normal(size=3))
+
+
+def orbit(count: int = 12) -> list[np.ndarray]:
+    angles = np.linspace(0.0, 2 * np.pi, count, endpoint=False)
+    eyes = [0.9 * np.array([np.cos(a), np.sin(a), 0.3 + 0.1 * np.sin(3 * a)]) for a in angles]
+    return [look_at(eye, np.zeros(3), np.array([0.0, 0.0, 1.0])) for eye in eyes]
+
+
+def frames_of(poses: list[np.ndarray]) -> list[Frame]:
+    return [Frame(f"{i:04d}", Camera(INTRINSICS, p), float(i), {}) for i, p in enumerate(poses)]
+
+
+def model_of(poses: list[np.ndarray], names: list[str]) -> SfmModel:
+    nothing = Observations(np.zeros(0), np.zeros(0), np.zeros((0, 2)))
+    cameras = tuple(Camera(INTRINSICS, pose) for pose in poses)
+    return SfmModel(
+        tuple(names), cameras, PointCloud(np.zeros((0, 3)), np.zeros((0, 3))), nothing, np.zeros(0)
+    )
+
+
+def seen_from_elsewhere(world_from_sfm: Similarity, pose: np.ndarray) -> np.ndarray:
+    """The pose in a frame that ``world_from_sfm`` turns, scales and moves into the world."""
+    center = (pose[:3, 3] - world_from_sfm.translation) @ world_from_sfm.rotation
+    return rigid(world_from_sfm.rotation.T @ pose[:3, :3], center / world_from_sfm.scale)
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_umeyama_finds_the_similarity(seed: int) -> None:
+    truth = a_similarity(seed)
+    points = np.random.default_rng(seed + 100).normal(size=(20, 3))
+    found = umeyama(points, truth.apply(points))
+    assert found.scale == pytest.approx(truth.scale, rel=1e-12)
+    np.testing.assert_allclose(found.rotation, truth.rotation, atol=1e-12)
+    np.testing.assert_allclose(found.translation, truth.translation, atol=1e-11)
+
+
+def test_umeyama_never_mirrors() -> None:
+    points = np.random.default_rng(0).normal(size=(20, 3))
+    found = umeyama(points, points * [1.0, 1.0, -1.0])
+    assert np.linalg.det(found.rotation) == pytest.approx(1.0)
+
+
+def test_umeyama_is_the_best_of_all_similarities_nearby() -> None:
+    rng = np.random.default_rng(3)
+    source = rng.normal(size=(30, 3))
+    target = a_similarity(1).apply(source) + 0.1 * rng.normal(size=(30, 3))
+    best = umeyama(source, target)
+
+    def cost(s: Similarity) -> float:
+        return float(((s.apply(source) - target) ** 2).sum())
+
+    for _ in range(50):
+        turn = Rotation.from_rotvec(1e-3 * rng.normal(size=3)).as_matrix()
+        scale = best.scale * (1 + 1e-3 * rng.normal())
+        other = Similarity(
+            scale, turn @ best.rotation, best.translation + 1e-3 * rng.normal(size=3)
+        )
+        assert cost(other) > cost(best)
+
+
+@pytest.mark.parametrize("points", [np.zeros((5, 3)), np.outer(np.arange(5.0), [1.0, 2.0, 3.0])])
+def test_points_on_a_line_are_refused(points: np.ndarray) -> None:
+    with pytest.raises(DigsError, match="on one line"):
+        umeyama(points, points)
+
+
+def test_an_exact_model_has_no_errors_and_tells_the_scale() -> None:
+    poses, world_from_sfm = orbit(), a_similarity(7)
+    model = model_of(
+        [seen_from_elsewhere(world_from_sfm, p) for p in poses], [f.name for f in frames_of(poses)]
+    )
+    errors = pose_errors(model, frames_of(poses))
+    assert errors.centers_m.max() < 1e-12
+    assert errors.rotations_deg.max() < 1e-6
+    assert errors.sfm_per_metre == pytest.approx(1.0 / world_from_sfm.scale)
+
+
+def test_errors_are_in_metres_and_degrees() -> None:
+    poses = orbit(40)
+    wrong = [pose.copy() for pose in poses]
+    wrong[5][:3, 3] += [0.004, 0.0, 0.0]
+    wrong[9][:3, :3] = (
+        wrong[9][:3, :3] @ Rotation.from_rotvec([0.0, np.deg2rad(2.0), 0.0]).as_matrix()
+    )
+    names = [frame.name for frame in frames_of(poses)]
+    errors = pose_errors(model_of(wrong, names), frames_of(poses))
+    assert np.argmax(errors.centers_m) == 5
+    assert errors.centers_m[5] == pytest.approx(0.004, rel=0.15)  # the alignment takes a share
+    assert np.argmax(errors.rotations_deg) == 9
+    assert errors.rotations_deg[9] == pytest.approx(2.0, rel=0.05)
+
+
+def test_frames_are_found_by_their_names() -> None:
+    poses = orbit()
+    frames = frames_of(poses)
+    some = [7, 1, 4, 10]
+    model = model_of([poses[i] for i in some], [frames[i].name for i in some])
+    assert pose_errors(model, frames).centers_m.max() < 1e-12

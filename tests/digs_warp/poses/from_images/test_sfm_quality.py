@@ -1,0 +1,101 @@
+"""What the quality report says of models that are made by hand, and which models are refused."""
+
+import logging
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from digs_warp.checks import DigsError
+from digs_warp.data.point_cloud import PointCloud
+from digs_warp.data.sfm_model import Observations, SfmModel
+from digs_warp.geometry.camera import Camera, Intrinsics
+from digs_warp.geometry.rigid import look_at
+from digs_warp.poses.from_images.quality import (
+    SfmQuality,
+    check_agreement,
+    check_completeness,
+    check_motion,
+    measure_quality,
+)
+
+UP = np.array([0.0, 0.0, 1.0])
+GOOD = SfmQuality(
+    images=100, registered=100, models=1, points=5000, observations_per_image=200.0,
+    track_length=4.0, reprojection_error_px=0.2, ray_angle_deg=10.0,
+)  # fmt: skip
+
+
+def model_from(eyes: np.ndarray, points: np.ndarray) -> SfmModel:
+    """Every camera looks along x and sees every point."""
+    intrinsics = Intrinsics.from_fov(640, 480, 60.0)
+    cameras = tuple(Camera(intrinsics, look_at(eye, eye + [1.0, 0.0, 0.0], UP)) for eye in eyes)
+    who, what = np.meshgrid(np.arange(len(eyes)), np.arange(len(points)), indexing="ij")
+    px = np.concatenate([camera.project(points)[0] for camera in cameras])
+    return SfmModel(
+        tuple(f"{i:04d}" for i in range(len(eyes))),
+        cameras,
+        PointCloud(points, np.zeros_like(points)),
+        Observations(who.ravel(), what.ravel(), px),
+        np.arange(len(points), dtype=np.float32),
+    )
+
+
+POINTS = np.array([[2.0, y, z] for y in (-0.3, 0.0, 0.3) for z in (-0.3, 0.3)])
+
+
+def test_the_numbers_are_those_of_the_model() -> None:
+    model = model_from(np.array([[0.0, -1.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 0.5]]), POINTS)
+    quality = measure_quality(model, images=5, models=2)
+    assert (quality.images, quality.registered, quality.models, quality.points) == (5, 3, 2, 6)
+    assert quality.observations_per_image == 6
+    assert quality.track_length == 3
+    assert quality.reprojection_error_px == pytest.approx(2.5)
+
+
+def test_two_rays_meet_at_their_angle() -> None:
+    model = model_from(
+        np.array([[0.0, -1.0, 0.0], [0.0, 1.0, 0.0]]), np.array([[1.0, 0.0, 0.0]] * 3)
+    )
+    assert measure_quality(model, 2, 1).ray_angle_deg == pytest.approx(90.0, abs=1e-3)
+
+
+def test_all_images_in_one_model_pass_without_a_word(caplog: pytest.LogCaptureFixture) -> None:
+    with caplog.at_level(logging.WARNING):
+        check_completeness(GOOD, min_registered=1.0)
+    assert caplog.text == ""
+
+
+def test_a_few_images_less_are_a_warning(caplog: pytest.LogCaptureFixture) -> None:
+    with caplog.at_level(logging.WARNING):
+        check_completeness(replace(GOOD, registered=93, models=2), min_registered=0.9)
+    assert "93 of 100 images" in caplog.text
+
+
+def test_a_split_model_says_how_many_images_and_what_to_try() -> None:
+    split = replace(GOOD, registered=48, models=3)
+    with pytest.raises(
+        DigsError, match=r"largest of 3 models holds 48 of 100.*--min-registered 0\.48"
+    ):
+        check_completeness(split, min_registered=0.9)
+
+
+def test_given_poses_that_fit_nothing_are_refused() -> None:
+    check_agreement(GOOD)
+    with pytest.raises(DigsError, match="share only 30 points"):
+        check_agreement(replace(GOOD, points=30, observations_per_image=0.6))
+
+
+def test_cameras_on_a_straight_line_are_refused() -> None:
+    eyes = np.stack([np.zeros(9), np.linspace(-0.5, 0.5, 9), np.zeros(9)], axis=1)
+    with pytest.raises(DigsError, match="straight line"):
+        check_motion(model_from(eyes, POINTS))
+    eyes[:, 2] = 0.05 * np.linspace(-1, 1, 9) ** 2  # a hand is never as straight
+    check_motion(model_from(eyes, POINTS))
+
+
+def test_cameras_that_only_turned_are_refused() -> None:
+    eyes = 0.005 * np.random.default_rng(0).normal(size=(9, 3))
+    with pytest.raises(DigsError, match="turned on the spot"):
+        check_motion(model_from(eyes, POINTS))
+    check_motion(model_from(20 * eyes, POINTS))

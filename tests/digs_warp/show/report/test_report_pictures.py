@@ -1,0 +1,40 @@
+"""The pictures of the report: color scales, small images, and the object on white."""
+
+import numpy as np
+import pytest
+
+from digs_warp.show.report.pictures import ColorScale, depth_scale, error_scale, over_white, shrink
+
+
+def test_missing_values_are_gray_and_the_ends_of_a_scale_saturate() -> None:
+    scale = ColorScale("x", 1.0, 2.0, "viridis")
+    colors = scale.paint(np.array([[np.nan, 0.0, 1.0, 2.0, 99.0]]))[0]
+    assert colors[0].tolist() == [128, 128, 128]
+    assert colors[1].tolist() == colors[2].tolist() == [68, 1, 84]  # viridis begins in dark violet
+    assert colors[3].tolist() == colors[4].tolist() == [253, 231, 37]  # and ends in yellow
+    assert scale.gradient(2) == ["rgb(68 1 84)", "rgb(253 231 37)"]
+
+
+@pytest.mark.parametrize(
+    "values", [np.zeros(0), np.full(5, np.nan), np.full(5, 1.25), np.array([0.5, 1.0, np.nan])]
+)
+def test_scales_of_any_values_have_a_range(values: np.ndarray) -> None:
+    depths, errors = depth_scale(values), error_scale(values)
+    assert 0 <= depths.low < depths.high
+    assert errors.low == -errors.high < 0
+
+
+def test_shrinking_keeps_the_mean_and_small_images() -> None:
+    image = np.random.default_rng(0).integers(0, 256, (40, 60, 3), dtype=np.uint8)
+    small = shrink(image, 20)
+    assert small.shape == (13, 20, 3)
+    np.testing.assert_allclose(small.mean(), image[:39, :60].mean(), atol=0.5)
+    assert shrink(image, 60) is image
+    assert shrink(image[:1], 20).shape == (1, 60, 3)
+
+
+def test_the_object_stands_on_white() -> None:
+    image = np.full((1, 3, 3), 100, dtype=np.uint8)
+    found = over_white(image, np.array([[0, 255, 128]], dtype=np.uint8))
+    assert found[0, :, 0].tolist() == [255, 100, round(100 * 128 / 255 + 127)]
+    assert over_white(image, None) is image

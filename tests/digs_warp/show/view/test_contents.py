@@ -1,0 +1,93 @@
+"""What a page shows of each kind of file and folder."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from digs_warp.checks import DigsError
+from digs_warp.data.capture import Capture
+from digs_warp.pipeline.reconstruction import Reconstruction
+from digs_warp.show.view.camera_views import load_picture, pictures_of
+from digs_warp.show.view.contents import read_contents
+from digs_warp.show.view.sensed_points import NAME
+from digs_warp.train.snapshots import save_snapshot
+from reference.report_folder import write_capture, write_reconstruction
+from reference.tiny_capture import ball
+
+
+@pytest.fixture
+def capture(tmp_path: Path) -> Capture:
+    return write_capture(tmp_path / "capture")
+
+
+def test_a_capture_has_its_views_and_its_depth(capture: Capture) -> None:
+    contents = read_contents(capture.folder)
+    assert contents.name == "capture"
+    assert len(contents.frames) == len(capture)
+    cloud = contents.points[NAME]
+    # Depth of 1 to 1.3 m on the disc and 4 m around it, seen from a circle of 1 m.
+    assert len(cloud) > 1000
+    away = np.linalg.norm(cloud.points_world - [0, 0, 0.3], axis=1)
+    assert 0 < away.min() and away.max() < 6
+    assert contents.stages == ()
+
+
+def test_a_reconstruction_has_its_start_and_every_snapshot(
+    capture: Capture, tmp_path: Path
+) -> None:
+    folder = tmp_path / "reconstruction"
+    write_reconstruction(folder, capture)
+    for iteration in (0, 100):
+        save_snapshot(folder, iteration, ball())
+    contents = read_contents(folder)
+    assert [stage.label for stage in contents.stages] == ["iteration 0", "iteration 100", "result"]
+    assert "start" in contents.points
+    assert NAME in contents.points
+    assert len(contents.frames) == len(capture)
+    assert contents.name == tmp_path.name  # of the run, not 'reconstruction'
+    assert any("dB" in fact for fact in contents.facts)
+
+
+def test_gaussians_of_any_file(tmp_path: Path) -> None:
+    from digs_warp.pipeline.scene_files import write_scene_file
+
+    ours = ball()
+    for name in ("a.ply", "b.spz", "c.usdz", "d.npz"):
+        target = tmp_path / "elsewhere" / name
+        write_scene_file(target, Reconstruction(gaussians=ours), Path("ball"))
+        contents = read_contents(target)
+        assert [len(stage.gaussians) for stage in contents.stages] == [len(ours)]
+        assert contents.frames == ()
+
+
+def test_a_mesh(tmp_path: Path) -> None:
+    import trimesh
+
+    trimesh.creation.box((0.1, 0.2, 0.3)).export(tmp_path / "box.stl")
+    mesh = read_contents(tmp_path / "box.stl").meshes["mesh"]
+    assert np.allclose(sorted(np.ptp(mesh.points_world, axis=0)), [0.1, 0.2, 0.3], atol=1e-4)
+
+
+def test_what_cannot_be_shown_is_told(tmp_path: Path) -> None:
+    with pytest.raises(DigsError, match="no such file or folder"):
+        read_contents(tmp_path / "nothing")
+    (tmp_path / "notes.txt").write_text("hello")
+    with pytest.raises(DigsError, match=r"notes\.txt"):
+        read_contents(tmp_path / "notes.txt")
+    ball().select(slice(0, 0)).save(tmp_path / "empty.npz")
+    with pytest.raises(DigsError, match="0 Gaussians"):
+        read_contents(tmp_path / "empty.npz")
+
+
+def test_the_pictures_in_the_cameras(capture: Capture) -> None:
+    frames = tuple(capture.frames)
+    assert pictures_of(frames) == ["photograph", "measured depth", "nothing"]
+    photo = load_picture(frames[0], "photograph")
+    depth = load_picture(frames[0], "measured depth")
+    assert photo is not None and depth is not None
+    assert np.array_equal(photo, frames[0].load_image())
+    assert (depth[:, :5] == 255).all()  # nothing was measured there
+    assert (depth[:, 5:] != 255).any(axis=-1).all()
+    assert load_picture(frames[0], "nothing") is None
+    assert load_picture(frames[0], "why depth is missing") is None

@@ -1,0 +1,161 @@
+"""Camera profiles against published figures, and custom ones from YAML."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from digs_warp.checks import DigsError
+from digs_warp.sim.camera.profiles import IMAGE_FIGURES, PROFILES, RIG_FIGURES, load_profile
+from reference.zed2 import zed2_like
+
+
+@pytest.mark.parametrize(
+    ("name", "depth", "disparity", "tolerance"),
+    [
+        ("zed2-2k", 1.0, 127.7, 0.05),
+        ("zed2-2k", 5.0, 25.5, 0.05),
+        ("zed2-720", 0.5, 127.7, 0.05),
+        ("zed2-720", 3.0, 21.3, 0.05),
+        ("d435", 0.168, 126.0, 0.5),
+        ("oak-d", 0.7, 95.0, 0.5),
+    ],
+)
+def test_disparities_are_the_published_ones(
+    name: str, depth: float, disparity: float, tolerance: float
+) -> None:
+    rig = load_profile(name).rig()
+    assert rig.focal_baseline / depth == pytest.approx(disparity, abs=tolerance)
+
+
+@pytest.mark.parametrize(("depth", "sigma_mm"), [(1.0, 3.8), (2.0, 15.0), (3.0, 34.0)])
+def test_d435_noise_follows_the_vendors_rule(depth: float, sigma_mm: float) -> None:
+    rig = load_profile("d435").rig()
+    sigma = depth**2 * rig.disparity_sigma / rig.focal_baseline
+    assert 1000 * sigma == pytest.approx(sigma_mm, rel=0.02)
+
+
+def test_the_search_range_agrees_with_the_nearest_depth() -> None:
+    for name in ("d435", "oak-d"):
+        rig = load_profile(name).rig()
+        assert rig.largest_disparity == pytest.approx(rig.focal_baseline / rig.min_depth, rel=0.01)
+    zed = load_profile("zed2-2k").rig()
+    assert zed.largest_disparity == pytest.approx(425.6, abs=0.05)
+
+
+def test_shutter_read_out_is_the_published_one() -> None:
+    readout = {name: load_profile(name).rig().readout_time for name in PROFILES}
+    assert readout["zed2-2k"] == pytest.approx(0.0556)
+    assert readout["zed2-720"] == pytest.approx(0.0184)
+    assert readout["d435"] == 0
+
+
+@pytest.mark.parametrize("name", PROFILES)
+def test_every_figure_has_an_origin_and_a_note(name: str) -> None:
+    profile = load_profile(name)
+    assert profile.name == name
+    assert set(profile.figures) == set(IMAGE_FIGURES) | set(RIG_FIGURES)
+    for figure in profile.figures.values():
+        assert figure.origin in ("measured", "vendor", "tuned") and figure.note
+
+
+def test_resized_rigs_see_the_same_angle() -> None:
+    full, small = (load_profile("zed2-2k").rig(*size) for size in ((2208, 1242), (552, None)))
+    assert (small.intrinsics.width, small.intrinsics.height) == (552, 310)
+    assert small.intrinsics.fx == pytest.approx(full.intrinsics.fx / 4)
+    assert small.baseline == full.baseline
+
+
+def test_an_angle_of_view_can_be_asked_for() -> None:
+    assert load_profile("zed2-720").rig(640, 360, 60.0) == zed2_like(640, 360)
+
+
+CUSTOM = """
+title: stereo head of the lab
+base: d435
+figures:
+  baseline: {value: 0.2, origin: measured, note: calibration of 3 May}
+  window: {value: 9, origin: tuned}
+"""
+
+
+def custom(tmp_path: Path, content: str) -> Path:
+    path = tmp_path / "head.yaml"
+    path.write_text(content, encoding="utf-8")
+    return path
+
+
+def test_a_custom_profile_changes_its_base(tmp_path: Path) -> None:
+    profile = load_profile(custom(tmp_path, CUSTOM))
+    assert (profile.name, profile.title) == ("head", "stereo head of the lab")
+    assert profile.figures["baseline"].origin == "measured"
+    rig = profile.rig()
+    assert (rig.baseline, rig.window) == (0.2, 9)
+    assert rig.disparity_step == PROFILES["d435"].rig().disparity_step
+
+
+@pytest.mark.parametrize(
+    ("written", "value"),
+    [("2e-05", 2e-5), ("1E3", 1000.0), ("5.e-2", 0.05), (".5e1", 5.0), ("+3e+0", 3.0)],
+)
+def test_numbers_may_have_an_exponent(tmp_path: Path, written: str, value: float) -> None:
+    """YAML 1.1, which PyYAML reads, wants a point and a sign in them, and takes the rest for texts."""
+    content = f"figures: {{exposure_time: {{value: {written}, origin: measured}}}}"
+    assert load_profile(custom(tmp_path, content)).figures["exposure_time"].value == value
+
+
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [
+        ("figures: {baseline: {value: '2e-05', origin: tuned}}", "expected {value: number"),
+        ("figures: {baseline: {value: 2e-05m, origin: tuned}}", "expected {value: number"),
+        ("figures: {baseline: {value: 2e-05_, origin: tuned}}", "expected {value: number"),
+        ("- a list", "expected a mapping, found list"),
+        ("figures: [1]", "expected a mapping with 'figures'"),
+        ("figures: {: :", "not readable as YAML"),
+        ("base: kinect\nfigures: {}", "base 'kinect', expected one of zed2-2k"),
+        ("figures: {sharpness: {value: 1, origin: tuned}}", r"unknown figures \['sharpness'\]"),
+        ("figures: {baseline: 0.2}", "found 0.2, expected {value: number"),
+        ("figures: {baseline: {value: [1]}}", "expected {value: number"),
+        ("base: [zed2-2k]\nfigures: {}", "base .*, expected one of zed2-2k"),
+        ("figures: {" * 3000, "levels of brackets"),
+        ("figures: {baseline: {value: wide, origin: tuned}}", "expected {value: number"),
+        ("figures: {baseline: {value: 0.2, origin: guessed}}", "origin 'guessed', expected one of"),
+    ],
+)
+def test_bad_profiles_are_refused(tmp_path: Path, content: str, message: str) -> None:
+    with pytest.raises(DigsError, match=message):
+        load_profile(custom(tmp_path, content))
+
+
+def test_a_baseline_of_zero_is_refused(tmp_path: Path) -> None:
+    flat = CUSTOM.replace("value: 0.2", "value: 0")
+    with pytest.raises(DigsError, match=r"baseline \[m\]: 0.0, expected .* above 0"):
+        load_profile(custom(tmp_path, flat)).rig()
+
+
+def test_an_unknown_profile_is_refused_with_the_known_ones(tmp_path: Path) -> None:
+    with pytest.raises(DigsError, match="profile 'kinect': not known; expected one of zed2-2k"):
+        load_profile("kinect")
+    with pytest.raises(DigsError, match="no such file"):
+        load_profile(tmp_path / "missing.yaml")
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [{"window": 4}, {"vignetting": 1.5}, {"static_field": -0.1}, {"unit": -1}]
+    + [
+        {"full_well": 0.0},
+        {"rotation_drift": float("nan")},
+        {"focal_drift": -0.1},
+        {"disparity_sigma": float("inf")},
+    ],
+)
+def test_impossible_figures_are_refused(changes: dict[str, float]) -> None:
+    with pytest.raises(DigsError, match=f"rig: {next(iter(changes))}"):
+        replace(zed2_like(64, 48), **changes)
+
+
+def test_rigs_are_values() -> None:
+    assert isinstance(hash(zed2_like(64, 48)), int)
+    assert zed2_like(64, 48) == zed2_like(64, 48) != zed2_like(64, 49)

@@ -1,0 +1,183 @@
+"""The shutter: rows at their times, exposures over theirs, against the geometry of a turning camera."""
+
+from collections.abc import Callable
+from functools import partial
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from digs_warp.data.images import linear_from_srgb
+from digs_warp.geometry.camera import Camera, Intrinsics
+from digs_warp.geometry.rigid import look_at, rigid
+from digs_warp.sim.camera.shutter import BandedRays, Shutter, ShutteredEye
+from digs_warp.sim.render.protocol import Renderer, exposure_by_views
+from digs_warp.sim.render.raycast import RaycastRenderer
+from digs_warp.sim.scene.environment import Environment
+from digs_warp.sim.scene.scene import Material
+from reference.plates import plate
+
+K = Intrinsics.from_fov(160, 120, 50.0)
+UP = np.array([0.0, 0.0, 1.0])
+POSE = look_at(np.array([0.0, -2.0, 0.0]), np.zeros(3), UP)
+SEED = np.random.SeedSequence(3)
+TURN = 1.5  # [rad/s] about the camera's down axis
+READOUT, EXPOSURE = 0.04, 0.03  # [s]
+
+
+@pytest.fixture(scope="module")
+def renderer() -> Renderer:
+    """A tall gray plate, narrower than the view, in a gray room."""
+    gray = Material("gray", np.full(3, 0.2, np.float32))
+    scene = plate((0, 0, 0), (0.3, 0, 0), (0, 0, 3.0), gray)
+    return RaycastRenderer(scene, Environment(np.ones((16, 32, 3), np.float32), 20.0))
+
+
+def turning(rate: float, after: float) -> np.ndarray:
+    """The camera turns to its right."""
+    return POSE @ rigid(Rotation.from_rotvec([0, rate * after, 0]).as_matrix(), np.zeros(3))
+
+
+def eye(renderer: Renderer, shutter: Shutter, rate: float = TURN) -> ShutteredEye:
+    pose: Callable[[float], np.ndarray] = partial(turning, rate)
+    return ShutteredEye(renderer, shutter, K, pose)
+
+
+def left_edge(row: np.ndarray) -> float:
+    """Column at which the plate begins, from coverage 0 to 1."""
+    return float(len(row) // 2 - row[: len(row) // 2].sum())
+
+
+def test_bands_and_views_share_out_their_times() -> None:
+    shutter = Shutter(bands=4, views=2, readout_time=0.04, exposure_time=0.01)
+    np.testing.assert_allclose(shutter.moments(0), [-0.0175, -0.0125])
+    np.testing.assert_allclose(shutter.moments(3), [0.0125, 0.0175])
+    assert np.concatenate([shutter.moments(band) for band in range(4)]).mean() == pytest.approx(0)
+    np.testing.assert_array_equal(Shutter().moments(0), [0.0])
+
+
+def test_an_ideal_shutter_changes_no_byte(renderer: Renderer) -> None:
+    ideal = eye(renderer, Shutter())
+    seed = int(SEED.generate_state(1)[0])
+    image, mask = renderer.render_image(Camera(K, POSE), 2, seed)
+    np.testing.assert_array_equal(ideal.image(2, SEED)[0], image)
+    np.testing.assert_array_equal(ideal.image(2, SEED)[1], mask)
+    for a, b in zip(ideal.geometry(), renderer.render_geometry(Camera(K, POSE)), strict=True):
+        np.testing.assert_array_equal(a, b)
+
+
+def test_a_still_camera_sees_the_same_through_any_shutter(renderer: Renderer) -> None:
+    rolling = eye(renderer, Shutter(7, 1, READOUT), rate=0.0)
+    ideal = eye(renderer, Shutter())
+    for a, b in zip(rolling.geometry(), ideal.geometry(), strict=True):
+        np.testing.assert_allclose(a, b, rtol=1e-5)
+
+
+def test_a_rolling_shutter_leans_what_stands_upright(renderer: Renderer) -> None:
+    depth, _, materials, _ = eye(renderer, Shutter(60, 1, READOUT)).geometry()
+    assert depth.shape == (K.height, K.width)
+    first = np.argmax(materials == 0, axis=1).astype(float)
+    moments = (np.arange(K.height) + 0.5) / K.height * READOUT - READOUT / 2
+    # The plate's left edge lies at an angle of atan(0.3 / 2) to the left; the camera turns right.
+    angle = -np.arctan(0.3 / 2.0) - TURN * moments
+    np.testing.assert_allclose(first, K.cx + K.fx * np.tan(angle), atol=1.0)
+    assert first[0] - first[-1] == pytest.approx(TURN * READOUT * K.fx, rel=0.15)
+
+
+def test_an_exposure_blurs_edges_by_the_motion_and_keeps_the_light(renderer: Renderer) -> None:
+    sharp = eye(renderer, Shutter(), rate=0.0).image(16, SEED)
+    blurred = eye(renderer, Shutter(1, 16, 0.0, EXPOSURE)).image(16, SEED)
+    ramp = blurred[1][:, : K.width // 2].mean(axis=0) / 255
+    partly = (ramp > 0.02) & (ramp < 0.98)
+    # An edge 8.5 degrees off the axis moves by f (1 + tan^2) per radian.
+    width = TURN * EXPOSURE * K.fx * (1 + 0.15**2)
+    assert partly.sum() == pytest.approx(width, abs=1.5)
+    steps = np.diff(ramp[partly])
+    assert steps.mean() == pytest.approx(1 / width, rel=0.1) and steps.std() < 0.1 / width
+    assert blurred[1].mean() == pytest.approx(sharp[1].mean(), rel=0.01)
+    light = [linear_from_srgb(image / 255.0).mean() for image, _ in (sharp, blurred)]
+    assert light[1] == pytest.approx(light[0], rel=0.01)
+
+
+@pytest.mark.parametrize("see_through", [False, True])
+def test_a_moving_camera_sees_the_mean_of_many_views(see_through: bool) -> None:
+    """Rays that start along the way against whole views from there: pattern, edges, glass and surround."""
+    rng = np.random.default_rng(0)
+    pattern = rng.integers(40, 220, (24, 24, 3)).astype(np.uint8)
+    opacity = 0.5 if see_through else 1.0
+    surface = Material("pattern", np.ones(3), pattern, opacity=opacity)
+    scene = plate((0, 0, 0), (0.4, 0, 0), (0, 0, 0.3), surface)
+    sky = Environment(rng.uniform(0.3, 1.5, (16, 32, 3)).astype(np.float32), 6.0)
+    renderer = RaycastRenderer(scene, sky)
+    track = eye(renderer, Shutter(3, 8, READOUT, EXPOSURE)).track
+    image, mask = renderer.render_exposure(track, 4, seed=1)
+    expected = [exposure_by_views(renderer, track, 4, seed) for seed in (2, 3)]
+    # As close to the reference as that is to itself with other samples.
+    for found, (first, second) in zip((image, mask), zip(*expected, strict=True), strict=True):
+        noise = np.abs(first.astype(float) - second).mean()
+        assert np.abs(found.astype(float) - first).mean() < 1.1 * noise + 0.5
+        assert found.mean() == pytest.approx(first.mean(), abs=0.2)
+
+
+def test_rays_that_are_spared_would_have_met_nothing() -> None:
+    """With a sphere around the scene that holds the camera, too, every ray is cast."""
+    gray = Material("gray", np.full(3, 0.2, np.float32))
+    scene = plate((0, 0, 0), (0.3, 0, 0.1), (0, 0, 0.4), gray)
+    sky = np.random.default_rng(2).random((16, 32, 3)).astype(np.float32)
+    renderer = RaycastRenderer(scene, Environment(sky, 20.0))
+    track = eye(renderer, Shutter(3, 4, READOUT, EXPOSURE)).track
+
+    def everything() -> tuple[np.ndarray, ...]:
+        camera = Camera(K, track.world_from_cam[0, 0])
+        return *renderer.render_exposure(track, 2, seed=1), *renderer.render_geometry(camera)
+
+    spared = everything()
+    renderer._surface.radius = 10.0
+    for found, expected in zip(spared, everything(), strict=True):
+        np.testing.assert_array_equal(found, expected)
+
+
+@pytest.mark.parametrize("texels", [32, 1024])
+def test_the_surround_of_an_exposure_is_the_mean_of_its_moments(texels: int) -> None:
+    """On a way shorter than a texel one look-up stands for all; on a longer one each moment has its own."""
+    gray = Material("gray", np.full(3, 0.2, np.float32))
+    scene = plate((0, 0, 50), (0.01, 0, 0), (0, 0, 0.01), gray)  # out of view
+    # Nothing brighter than white: views that are clipped one by one have another mean.
+    sky = np.random.default_rng(2).uniform(0.3, 0.8, (texels // 2, texels, 3)).astype(np.float32)
+    renderer = RaycastRenderer(scene, Environment(sky, 90.0))
+    track = eye(renderer, Shutter(1, 3, READOUT, EXPOSURE)).track
+    image, _ = renderer.render_exposure(track, 1, seed=1)
+    expected, _ = exposure_by_views(renderer, track, 1, seed=1)
+    error = np.abs(image.astype(float) - expected)
+    # White noise has a kink at every texel, which one look-up cannot follow.
+    assert np.quantile(error, 0.99) <= (4 if texels == 32 else 1)
+    assert error.mean() < 0.5
+
+
+def test_both_eyes_read_a_row_at_the_same_time(renderer: Renderer) -> None:
+    """Right and left edge of a band lie one disparity apart, whenever the row was read."""
+
+    def right_pose(after: float) -> np.ndarray:
+        pose = turning(TURN, after)
+        pose[:3, 3] += 0.1 * pose[:3, 0]
+        return pose
+
+    shutter = Shutter(60, 1, READOUT)
+    left = eye(renderer, shutter).geometry()
+    right = ShutteredEye(renderer, shutter, K, right_pose).geometry()
+    edges = [np.argmax(eye.material_ids == 0, axis=1) for eye in (left, right)]
+    depth_at_edge = left.depth[np.arange(K.height), edges[0]]
+    np.testing.assert_allclose(edges[0] - edges[1], K.fx * 0.1 / depth_at_edge, atol=1.01)
+
+
+def test_rays_of_the_bands_are_those_of_their_rows(renderer: Renderer) -> None:
+    still, banded = eye(renderer, Shutter(), 0.0), eye(renderer, Shutter(7), 0.0)
+    rays = banded.rays(0.1)
+    assert isinstance(rays, BandedRays)
+    where = np.random.default_rng(0).random((K.height, K.width)) < 0.3
+    for some in (None, where):
+        expected = still.rays(0.1).right_visibility(some)
+        assert (rays.right_visibility(some) != expected).mean() < 0.002
+        np.testing.assert_allclose(
+            rays.depth_behind(some), still.rays(0.1).depth_behind(some), rtol=1e-4
+        )

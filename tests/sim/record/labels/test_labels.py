@@ -1,0 +1,270 @@
+"""Labels of whole recordings: eyes, frames and photographs agree, and the bytes are always the same."""
+
+import shutil
+from dataclasses import replace
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+from scipy.ndimage import map_coordinates
+
+from digs_warp.checks import CaptureError, DigsError
+from digs_warp.data.capture import Capture, read_capture
+from digs_warp.data.frame import Frame
+from digs_warp.data.images import linear_from_srgb
+from digs_warp.data.layers import Layer
+from digs_warp.data.occlusion import Occlusion
+from digs_warp.data.rig import Rig
+from digs_warp.formats.captures.formats import export_capture
+from digs_warp.geometry.camera import pixel_centers
+from digs_warp.sim.config import SimulateConfig
+from digs_warp.sim.record.frame_maker import FrameMaker
+from digs_warp.sim.record.labels.names import LABELS, label_layers, labels_named
+from digs_warp.sim.record.record import simulate
+from reference.file_hashes import file_hashes
+
+# Frames a third of a second apart, for the flow; only three are made.
+WALK = SimulateConfig(
+    frames=270, width=96, samples_per_pixel=4, tier="guided", effects="none", labels="all", seed=3
+)
+RECORDED = replace(WALK, frames=3, width=64, samples_per_pixel=1, effects="all")
+
+
+@pytest.fixture(scope="module")
+def maker() -> FrameMaker:
+    return FrameMaker.of(WALK)
+
+
+def frame_of(maker: FrameMaker, number: int) -> Frame:
+    session = maker.session
+    rendered = maker.render(number)
+    images = maker.finish(rendered, {}).by_layer()
+    return Frame(f"{number}", rendered.truth.camera, session.moment(number), images)
+
+
+@pytest.fixture(scope="module")
+def frame(maker: FrameMaker) -> Frame:
+    return frame_of(maker, 5)
+
+
+@pytest.fixture(scope="module")
+def following(maker: FrameMaker) -> Frame:
+    return frame_of(maker, 6)
+
+
+@pytest.fixture(scope="module")
+def recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("labels") / "capture"
+    simulate(RECORDED, folder)
+    return folder
+
+
+def at(image: np.ndarray, places: np.ndarray) -> np.ndarray:
+    """An image between its pixel centers; ``places`` are columns and rows [px], (..., 2)."""
+    rows, columns = places[..., 1] - 0.5, places[..., 0] - 0.5
+    return map_coordinates(image.astype(np.float64), [rows, columns], order=1, mode="nearest")
+
+
+def around(image: np.ndarray, places: np.ndarray) -> np.ndarray:
+    """The four pixels around each place, (4, ...)."""
+    corners = [np.floor(places - 0.5) + 0.5 + step for step in ([0, 0], [0, 1], [1, 0], [1, 1])]
+    return np.array([at(image, corner) for corner in corners])
+
+
+def smooth(image: np.ndarray, places: np.ndarray, step: float) -> np.ndarray:
+    """Where an image does not jump between the four pixels around a place."""
+    return np.ptp(around(image, places), axis=0) < step
+
+
+def centers(image: np.ndarray) -> np.ndarray:
+    return pixel_centers(image.shape[1], image.shape[0])
+
+
+def leftward(disparity: np.ndarray) -> np.ndarray:
+    return np.stack([-disparity, np.zeros_like(disparity)], axis=-1)
+
+
+def test_disparity_of_perfect_eyes_is_focal_length_times_baseline_over_depth(
+    maker: FrameMaker, frame: Frame
+) -> None:
+    focal_baseline = maker.session.rig.focal_baseline
+    for disparity, depth in (
+        (frame.load_disparity(), frame.load_depth_true()),
+        (frame.load_disparity_right(), frame.load_depth_right()),
+    ):
+        np.testing.assert_allclose(disparity, focal_baseline / depth, rtol=1e-5)
+
+
+@pytest.mark.parametrize("side", ["left", "right"])
+def test_the_disparities_of_the_eyes_agree_where_both_see(frame: Frame, side: str) -> None:
+    disparities = [frame.load_disparity(), frame.load_disparity_right()]
+    occluded, sign = frame.load_occlusion(), 1
+    if side == "right":
+        disparities.reverse()
+        occluded, sign = frame.load_occlusion_right(), -1
+    here, there = disparities
+    places = centers(here) + sign * leftward(here)
+    seen = (occluded == Occlusion.SEEN) & smooth(there, places, 0.5)
+    assert seen.mean() > 0.6
+    apart = np.abs(at(there, places) - here)[seen]
+    assert np.quantile(apart, 0.99) < 0.05 and np.median(apart) < 2e-3
+    # What is hidden lands on something else, which is nearer.
+    hidden = occluded == Occlusion.HIDDEN
+    assert hidden.mean() > 0.01
+    assert (around(there, places).max(axis=0) > here - 0.05)[hidden].mean() > 0.98
+
+
+def test_flow_and_change_of_disparity_lead_to_the_next_frame(
+    frame: Frame, following: Frame
+) -> None:
+    flow, change = frame.load_flow(), frame.load_disparity_change()
+    places = centers(flow) + flow
+    then, disparity = following.load_disparity(), frame.load_disparity()
+    seen = (frame.load_flow_occlusion() == Occlusion.SEEN) & smooth(then, places, 0.5)
+    assert seen.mean() > 0.6 and np.median(np.linalg.norm(flow, axis=-1)) > 1
+    apart = np.abs(at(then, places) - disparity - change)[seen]
+    assert np.quantile(apart, 0.99) < 0.05 and np.median(apart) < 2e-3
+    assert np.abs(change[seen]).max() > 0.1
+
+
+def test_flow_there_and_back_is_none(maker: FrameMaker, frame: Frame) -> None:
+    session, shutter = maker.session, maker._shutter(5)
+    later = maker.render(6).truth
+    back = session.renderer.follow(
+        session.image_eye(6, shutter).middle_track,
+        later.depth,
+        later.material_ids,
+        session.image_eye(5, shutter).middle_track,
+    ).shift
+    flow = frame.load_flow()
+    places = centers(flow) + flow
+    seen = frame.load_flow_occlusion() == Occlusion.SEEN
+    for axis in range(2):
+        calm = seen & smooth(back[..., axis], places, 0.2)
+        error = np.abs(at(back[..., axis], places) + flow[..., axis])[calm]
+        assert calm.mean() > 0.6 and np.quantile(error, 0.99) < 0.05
+
+
+def error_of(one: np.ndarray, other: np.ndarray, places: np.ndarray, where: np.ndarray) -> float:
+    """Mean difference in linear light between an image and another one, looked up at places."""
+    here, there = (linear_from_srgb(image / 255.0).mean(axis=-1) for image in (one, other))
+    return float(np.abs(at(there, places) - here)[where].mean())
+
+
+def test_photographs_agree_along_the_labels(frame: Frame, following: Frame) -> None:
+    """Half a pixel beside the labels, the photographs differ clearly more."""
+    left, right, later = frame.load_image(), frame.load_right_image(), following.load_image()
+    disparity, mask = frame.load_disparity(), frame.load_mask() == 255
+    cases = {
+        "right eye": (right, leftward(disparity), frame.load_occlusion()),
+        "next frame": (later, frame.load_flow(), frame.load_flow_occlusion()),
+    }
+    for other, shift, occluded in cases.values():
+        places, seen = centers(left) + shift, mask & (occluded == Occlusion.SEEN)
+        true = error_of(left, other, places, seen)
+        for beside in ([0.5, 0], [-0.5, 0]):
+            assert error_of(left, other, places + np.array(beside), seen) > 1.15 * true
+
+
+def test_disparity_is_what_a_drifted_pair_shows() -> None:
+    """The label leads to the same point of the recorded images, which f b / Z does not."""
+    drifting = FrameMaker.of(replace(WALK, effects="calibration-drift", strength=20.0))
+    truth = drifting.render(5).truth
+    k, right_k = truth.rig.intrinsics, truth.drift.right_intrinsics(truth.rig.intrinsics)
+    disparity = frame_of(drifting, 5).load_disparity()
+    assert np.abs(disparity - truth.disparity).max() > 0.3
+    # The point in the axes of the turned eye, by matrices.
+    points = np.linalg.inv(k.matrix) @ np.concatenate(
+        [centers(disparity).reshape(-1, 2).T, np.ones((1, disparity.size))]
+    )
+    points = points * truth.depth.reshape(-1) - np.array([[truth.rig.baseline], [0], [0]])
+    turned = right_k.matrix @ truth.drift.believed_from_turned.T @ points
+    column = (turned[0] / turned[2]).reshape(disparity.shape)
+    np.testing.assert_allclose(disparity, centers(disparity)[..., 0] - column, atol=2e-4)
+
+
+def test_an_exported_scene_gives_the_true_depth_back(
+    maker: FrameMaker, frame: Frame, tmp_path: Path
+) -> None:
+    """From the files of Middlebury's alone, as its users compute depth."""
+    capture = Capture(None, (frame,), Rig(maker.session.rig.baseline))
+    export_capture(capture, "middlebury", tmp_path)
+    lines = (tmp_path / "0000/calib.txt").read_text().splitlines()
+    facts = {name: value for name, _, value in (line.partition("=") for line in lines)}
+    disparity = cv2.imread(str(tmp_path / "0000/disp0.pfm"), cv2.IMREAD_UNCHANGED)
+    assert disparity is not None
+    focal = float(facts["cam0"].strip("[").split()[0])
+    depth_mm = float(facts["baseline"]) * focal / (disparity + float(facts["doffs"]))
+    np.testing.assert_allclose(depth_mm, 1000 * frame.load_depth_true(), rtol=1e-5)
+
+
+def test_the_right_mask_covers_the_object_in_the_right_eye(maker: FrameMaker, frame: Frame) -> None:
+    mask = frame.load_mask_right()
+    ids = maker.session.eyes(5, maker._shutter(5))[1].geometry().object_ids
+    assert (ids[mask == 255] == 1).all() and (ids[mask == 0] == 0).all()
+    assert 0.05 < (mask == 255).mean() < 0.9
+
+
+def test_frames_have_the_layers_that_were_asked_for(recording: Path) -> None:
+    frames = read_capture(recording).frames
+    every = {layer for layers in LABELS.values() for layer in layers}
+    for frame in frames[:-1]:
+        assert every <= set(frame.layers)
+    assert every - set(frames[-1].layers) == set(LABELS["flow"])  # there is no next frame
+    assert frames[0].load_flow().shape == (36, 64, 2)
+    with pytest.raises(CaptureError, match="flow_file_path"):
+        frames[-1].load_flow()
+
+
+def test_a_resumed_recording_has_the_same_bytes(recording: Path, tmp_path: Path) -> None:
+    """Labels of any frame can be made without the others."""
+    expected = file_hashes(recording)
+    copy = tmp_path / "capture"
+    shutil.copytree(recording, copy)
+    for name in ("flow/0000.exr", "occlusion_right/0001.png", "disparity/0002.exr"):
+        (copy / name).unlink()
+    simulate(RECORDED, copy, resume=True)
+    names = [name for name in expected if name.endswith((".png", ".exr"))]
+    assert len(names) > 30
+    again = file_hashes(copy)
+    assert {name: again[name] for name in names} == {name: expected[name] for name in names}
+
+
+def test_labels_change_nothing_else(recording: Path, tmp_path: Path) -> None:
+    simulate(replace(RECORDED, labels="none"), tmp_path / "plain")
+    plain, labeled = file_hashes(tmp_path / "plain"), file_hashes(recording)
+    for name in plain:
+        if name.endswith((".png", ".exr")):
+            assert plain[name] == labeled[name], name
+    assert not read_capture(tmp_path / "plain").frames[0].has(Layer.NORMALS)
+
+
+def test_an_infrared_pair_has_its_own_disparity_and_the_color_camera_the_flow() -> None:
+    config = SimulateConfig(
+        profile="d435", frames=270, width=64, samples_per_pixel=1, labels="all", effects="none"
+    )
+    maker = FrameMaker.of(config)
+    frame, rig = frame_of(maker, 2), maker.session.rig
+    truth = maker.render(2).truth
+    np.testing.assert_allclose(frame.load_disparity(), rig.focal_baseline / truth.depth, rtol=1e-5)
+    camera, later = (
+        maker.session.image_eye(2, maker._shutter(2)),
+        maker.session.image_eye(3, maker._shutter(3)),
+    )
+    (now,), (then,) = next(camera.middle_track.bands()), next(later.middle_track.bands())
+    points = now.unproject(centers(frame.load_depth_true()), frame.load_depth_true())
+    places, depth = then.project(points)
+    np.testing.assert_allclose(frame.load_flow(), places - centers(depth), atol=2e-3)
+    change = now.intrinsics.fx * rig.baseline * (1 / depth - 1 / frame.load_depth_true())
+    np.testing.assert_allclose(frame.load_disparity_change(), change, atol=1e-3)
+
+
+def test_names_of_labels() -> None:
+    assert labels_named("none") == () and labels_named("all") == tuple(LABELS)
+    assert labels_named(" normals,right") == ("right", "normals")
+    assert label_layers(["flow"], is_last=True) == ()
+    with pytest.raises(DigsError, match="--labels: no label 'flows'; did you mean 'flow'"):
+        SimulateConfig(labels="flows")
+    with pytest.raises(DigsError, match="--labels: no label ','"):
+        SimulateConfig(labels=",")

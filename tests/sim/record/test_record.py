@@ -1,0 +1,248 @@
+"""Recording a capture: complete, reproducible, resumable, and honest about bad settings."""
+
+import shutil
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from digs_warp.checks import DigsError
+from digs_warp.data.capture import read_capture
+from digs_warp.data.images import write_image
+from digs_warp.geometry.camera import pixel_centers
+from digs_warp.record.files import read_json
+from digs_warp.sim.record.inputs import load_inputs
+from digs_warp.sim.record.record import SimulateConfig, simulate
+from reference.file_hashes import file_hashes, listed_hashes
+
+BOX = """v -1 -1 -1
+v 1 -1 -1
+v 1 1 -1
+v -1 1 -1
+v -1 -1 1
+v 1 -1 1
+v 1 1 1
+v -1 1 1
+f 1 4 3 2
+f 5 6 7 8
+f 1 2 6 5
+f 2 3 7 6
+f 3 4 8 7
+f 4 1 5 8
+"""
+
+
+@pytest.fixture(scope="module")
+def config(tmp_path_factory: pytest.TempPathFactory) -> SimulateConfig:
+    """A box of 0.4 m under a noisy sky, four small frames of an odd size."""
+    folder = tmp_path_factory.mktemp("input")
+    (folder / "box.obj").write_text(BOX)
+    sky = np.random.default_rng(0).integers(0, 256, (16, 32, 3), dtype=np.uint8)
+    write_image(folder / "sky.png", sky)
+    return SimulateConfig(
+        mesh=folder / "box.obj",
+        environment=folder / "sky.png",
+        frames=4,
+        width=83,
+        height=47,
+        samples_per_pixel=2,
+        object_size=0.4,
+        up="z",
+        tier="law",
+        ground="none",
+    )
+
+
+@pytest.fixture(scope="module")
+def recording(config: SimulateConfig, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The finished capture folder."""
+    folder = tmp_path_factory.mktemp("recording") / "capture"
+    simulate(config, folder)
+    return folder
+
+
+def test_every_frame_has_all_its_images(recording: Path) -> None:
+    capture = read_capture(recording)
+    assert len(capture) == 4 and capture.rig is not None and capture.rig.baseline == 0.12
+    for frame in capture.frames:
+        assert frame.load_image().shape == frame.load_right_image().shape == (47, 83, 3)
+        mask, true, sensed = frame.load_mask(), frame.load_depth_true(), frame.load_depth()
+        assert 0.02 < (mask == 255).mean() < 0.6
+        assert np.isfinite(true).all()
+        assert not np.array_equal(true, sensed)
+        # 0.1 px of noise on disparities of at least 7 px: 1.5 %.
+        near = true < 1.3
+        assert near.sum() > 100
+        np.testing.assert_allclose(sensed[near], true[near], rtol=0.1)
+
+
+def test_true_depth_puts_the_object_back_where_it_stands(recording: Path) -> None:
+    for frame in read_capture(recording).frames:
+        points = frame.camera.unproject(pixel_centers(83, 47), frame.load_depth_true())
+        # Two samples may both hit where the center just misses.
+        solid = points[(frame.load_mask() == 255) & (frame.load_depth_true() < 2.0)]
+        np.testing.assert_allclose(np.abs(solid).max(axis=1), 0.2, atol=1e-5)
+
+
+def test_both_eyes_show_the_object_a_disparity_apart(recording: Path) -> None:
+    """The right image, looked up at the disparity of the true depth, gives back the left one."""
+    frame = read_capture(recording).frames[0]
+    left, right = frame.load_image().astype(int), frame.load_right_image().astype(int)
+    disparity = frame.camera.intrinsics.fx * 0.12 / frame.load_depth_true()
+    rows, columns = np.nonzero(frame.load_mask() == 255)
+    target = np.round(columns - disparity[rows, columns]).astype(int)
+    inside = target >= 0
+    rows, columns, target = rows[inside], columns[inside], target[inside]
+    matched = np.abs(left[rows, columns] - right[rows, target]).mean()
+    unmatched = np.abs(left[rows, columns] - right[rows, columns]).mean()
+    assert matched < 0.5 * unmatched
+
+
+def test_the_run_record_tells_settings_times_and_hashes(
+    recording: Path, config: SimulateConfig
+) -> None:
+    record = read_json(recording / "run.json", "record")
+    assert record["settings"]["frames"] == 4 and record["settings"]["mesh"] == str(config.mesh)
+    assert {"load", "prepare", "render", "sense", "write"} <= record["seconds"].keys()
+    assert listed_hashes(recording) == file_hashes(recording)
+    assert len(listed_hashes(recording)) == 4 * 5 + 1
+
+
+def test_a_run_that_was_cut_off_resumes_to_the_same_bytes(
+    recording: Path, config: SimulateConfig, tmp_path: Path
+) -> None:
+    folder = tmp_path / "capture"
+    shutil.copytree(recording, folder)
+    for gone in ("transforms.json", "images/0001.png", "depth/0003.exr", "right/0003.png"):
+        (folder / gone).unlink()
+    kept = (folder / "images/0000.png").stat().st_mtime_ns
+    simulate(config, folder, resume=True)
+    assert file_hashes(folder) == file_hashes(recording)
+    assert (folder / "images/0000.png").stat().st_mtime_ns == kept
+
+
+def test_a_resumed_run_makes_damaged_frames_again(
+    recording: Path, config: SimulateConfig, tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    folder = tmp_path / "capture"
+    shutil.copytree(recording, folder)
+    (folder / "masks/0001.png").write_bytes(b"")
+    depth = bytearray((folder / "depth/0002.exr").read_bytes())
+    depth[-1] ^= 1
+    (folder / "depth/0002.exr").write_bytes(depth)
+    kept = (folder / "images/0000.png").stat().st_mtime_ns
+    simulate(config, folder, resume=True)
+    assert (
+        "2 files are damaged or missing and made again: depth/0002.exr, masks/0001" in caplog.text
+    )
+    assert file_hashes(folder) == listed_hashes(folder) == file_hashes(recording)
+    assert (folder / "images/0000.png").stat().st_mtime_ns == kept
+
+
+def test_resuming_with_other_settings_is_refused(
+    recording: Path, config: SimulateConfig, tmp_path: Path
+) -> None:
+    folder = tmp_path / "capture"
+    shutil.copytree(recording, folder)
+    with pytest.raises(DigsError, match=r"other settings \(frames 4 -> 5, seed 0 -> 3\)"):
+        simulate(replace(config, frames=5, seed=3), folder, resume=True)
+    assert file_hashes(folder) == file_hashes(recording)
+
+
+def test_a_finished_recording_is_not_overwritten(recording: Path, config: SimulateConfig) -> None:
+    with pytest.raises(DigsError, match="already holds a recording"):
+        simulate(config, recording)
+
+
+def test_the_truth_tier_reports_true_depth(config: SimulateConfig, tmp_path: Path) -> None:
+    capture = simulate(replace(config, frames=1, tier="truth"), tmp_path / "capture")
+    (frame,) = capture.frames
+    np.testing.assert_array_equal(frame.load_depth(), frame.load_depth_true())
+
+
+def test_strength_scales_the_errors(config: SimulateConfig, tmp_path: Path) -> None:
+    errors = []
+    for strength in (0.0, 1.0, 3.0):
+        changed = replace(config, frames=1, strength=strength)
+        (frame,) = simulate(changed, tmp_path / str(strength)).frames
+        near = frame.load_depth_true() < 1.3
+        errors.append(np.std((frame.load_depth() - frame.load_depth_true())[near]))
+    assert errors[0] == 0
+    assert errors[2] == pytest.approx(3 * errors[1], rel=0.1)
+
+
+@pytest.mark.parametrize("strength", [-1.0, float("nan"), float("inf")])
+def test_impossible_strengths_are_refused(strength: float) -> None:
+    with pytest.raises(DigsError, match=r"strength: .*0 to 100"):
+        SimulateConfig(strength=strength)
+
+
+def test_one_pixel_is_enough(config: SimulateConfig, tmp_path: Path) -> None:
+    capture = simulate(replace(config, frames=2, width=1, height=1), tmp_path / "capture")
+    assert capture.frames[0].load_image().shape == (1, 1, 3)
+    assert capture.frames[1].load_depth_true().shape == (1, 1)
+
+
+def test_a_small_object_is_kept_beyond_the_nearest_depth(
+    config: SimulateConfig, tmp_path: Path
+) -> None:
+    capture = simulate(replace(config, frames=2, object_size=0.02), tmp_path / "capture")
+    for frame in capture.frames:
+        depth = frame.load_depth()[20:27, 38:45]
+        assert np.isfinite(depth).all() and depth.min() >= 0.3
+
+
+def test_a_large_object_gets_a_larger_surround(config: SimulateConfig, tmp_path: Path) -> None:
+    capture = simulate(replace(config, frames=1, object_size=5.0), tmp_path / "capture")
+    distance = np.linalg.norm(capture.frames[0].camera.center_world)
+    assert capture.about.surround_radius is not None
+    assert capture.about.surround_radius > 1.5 * distance > 4.0
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [("frames", 0), ("width", 0), ("height", -5), ("samples_per_pixel", 0), ("seed", -1)],
+)
+def test_impossible_settings_are_refused(name: str, value: int) -> None:
+    with pytest.raises(DigsError, match=f"--{name.replace('_', '-')}: {value}"):
+        replace(SimulateConfig(), **{name: value})
+
+
+@pytest.mark.parametrize("size", [0.0, -1.0, float("nan")])
+def test_impossible_object_sizes_are_refused(size: float) -> None:
+    with pytest.raises(DigsError, match=r"--object-size"):
+        SimulateConfig(object_size=size)
+
+
+def test_settings_of_a_mesh_file_need_one() -> None:
+    for settings in (
+        SimulateConfig(object_size=0.3),
+        SimulateConfig(up="z"),
+        SimulateConfig(unit="mm"),
+    ):
+        with pytest.raises(DigsError, match="name a mesh"):
+            load_inputs(settings)
+
+
+def test_a_unit_and_a_size_contradict_each_other() -> None:
+    with pytest.raises(DigsError, match=r"--object-size 0\.3 and --unit mm"):
+        SimulateConfig(mesh=Path("a.obj"), object_size=0.3, unit="mm")
+
+
+def test_a_mistyped_path_does_not_claim_the_folder(config: SimulateConfig, tmp_path: Path) -> None:
+    for wrong in ({"mesh": tmp_path / "none.glb"}, {"environment": tmp_path / "none.hdr"}):
+        with pytest.raises(DigsError, match="no such file"):
+            simulate(replace(config, **wrong), tmp_path / "capture")
+    assert not (tmp_path / "capture").exists()
+
+
+def test_resuming_what_was_never_begun_begins_it(config: SimulateConfig, tmp_path: Path) -> None:
+    capture = simulate(config, tmp_path / "new", resume=True)
+    assert len(capture) == config.frame_count
+
+
+def test_somebody_elses_recording_is_not_resumed(config: SimulateConfig, tmp_path: Path) -> None:
+    (tmp_path / "transforms.json").write_text("{}")
+    with pytest.raises(DigsError, match="already holds a recording"):
+        simulate(config, tmp_path, resume=True)

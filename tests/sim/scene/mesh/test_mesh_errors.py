@@ -1,0 +1,263 @@
+"""Bad faces, damaged and missing files: dropped with a word, or refused with a clear one."""
+
+import json
+import logging
+import os
+import shutil
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import trimesh
+
+from digs_warp.checks import DigsError, MeshError
+from digs_warp.sim.scene.load import load_scene
+from reference.mesh_files import (
+    OBJ,
+    check_scene,
+    checker,
+    corners_of,
+    edit_gltf,
+    lopsided,
+    save,
+    textured_square,
+)
+
+
+@pytest.mark.filterwarnings("error")
+def test_bad_faces_are_dropped_and_counted(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    path = tmp_path / "bad.ply"
+    vertices = [
+        (0, 0, 0),
+        (1, 0, 0),
+        (1, 1, 0),
+        (0, 1, 0.5),
+        (0.5, 0, 0),
+        (9, "nan", 9),
+        (7, 7, "inf"),
+    ]
+    faces = [(0, 1, 2), (0, 2, 3), (0, 0, 1), (0, 4, 1), (0, 1, 5), (6, 2, 1)]
+    lines = ["ply", "format ascii 1.0", f"element vertex {len(vertices)}"]
+    lines += [f"property float {axis}" for axis in "xyz"]
+    lines += [f"element face {len(faces)}", "property list uchar int vertex_indices", "end_header"]
+    lines += [" ".join(map(str, v)) for v in vertices]
+    lines += [" ".join(map(str, (3, *f))) for f in faces]
+    path.write_text("\n".join(lines) + "\n")
+    scene = load_scene(path)
+    check_scene(scene)
+    assert len(scene.faces) == 2
+    # Vertices of dropped faces do not count for the size, either: the longest edge is 1.
+    assert scene.size.max() == pytest.approx(1.0)
+    assert "dropped 4 of 6 faces (2 with vertices that are not finite, 2 without area)" in (
+        caplog.text
+    )
+
+
+def test_a_few_faces_without_area_are_no_reason_for_a_warning(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    ball = trimesh.creation.icosphere(subdivisions=3)
+    faces = np.vstack([ball.faces, [[0, 0, 1]]])
+    flawed = trimesh.Trimesh(ball.vertices, faces, process=False)
+    assert len(load_scene(save(tmp_path / "a.ply", flawed)).faces) == len(ball.faces)
+    assert [r for r in caplog.records if r.levelno >= logging.WARNING] == []
+
+
+def test_a_good_mesh_loads_without_a_word(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    caplog.set_level(logging.INFO, logger="sim")
+    load_scene(save(tmp_path / "a.glb", lopsided()), up="y")
+    assert not caplog.records
+
+
+def test_a_thin_sheet_is_not_taken_for_a_face_without_area(tmp_path: Path) -> None:
+    sheet = trimesh.Trimesh([[0, 0, 0], [1, 0, 0], [1, 1e-5, 0]], [[0, 1, 2]], process=False)
+    assert len(load_scene(save(tmp_path / "sheet.stl", sheet)).faces) == 1
+
+
+# ---- errors ----
+
+
+def expect_error(path: Path, *fragments: str, **settings: Any) -> None:
+    with pytest.raises(MeshError) as caught:
+        load_scene(path, **settings)
+    for fragment in (*fragments, str(path)):
+        assert fragment in str(caught.value)
+
+
+def test_a_missing_or_empty_file_or_a_folder_is_named(tmp_path: Path) -> None:
+    expect_error(tmp_path / "no.glb", "no such file")
+    (tmp_path / "empty.glb").touch()
+    expect_error(tmp_path / "empty.glb", "0 bytes")
+    (tmp_path / "folder.glb").mkdir()
+    expect_error(tmp_path / "folder.glb", "found a folder")
+
+
+@pytest.mark.parametrize(
+    ("content", "reason"),
+    [
+        ({}, "no scene in it (meshes: 0)"),
+        ({"scenes": [], "meshes": [{}, {}]}, "no scene in it (meshes: 2)"),
+        ({"scenes": [{"nodes": []}], "scene": 3}, "scene 3 of 1"),
+    ],
+)
+def test_gltf_without_a_scene_is_refused(
+    tmp_path: Path, content: dict[str, Any], reason: str
+) -> None:
+    (tmp_path / "library.gltf").write_text(json.dumps({"asset": {"version": "2.0"}} | content))
+    expect_error(tmp_path / "library.gltf", reason)
+
+
+@pytest.mark.parametrize("suffix", [".glb", ".gltf", ".obj", ".ply", ".stl"])
+def test_a_named_pipe_is_not_waited_for(tmp_path: Path, suffix: str) -> None:
+    os.mkfifo(tmp_path / f"pipe{suffix}")
+    expect_error(tmp_path / f"pipe{suffix}", "expected a file, found a named pipe")
+
+
+def test_an_unknown_suffix_lists_the_known_ones(tmp_path: Path) -> None:
+    path = tmp_path / "a.blend"
+    path.write_bytes(b"BLENDER")
+    expect_error(path, "'.blend'", ".glb, .gltf, .obj, .ply, .stl")
+
+
+@pytest.mark.parametrize("share", [0.001, 0.05, 0.5, 0.9, 0.999])
+@pytest.mark.parametrize("suffix", [".glb", ".stl", ".ply"])
+def test_truncated_files_are_refused(tmp_path: Path, suffix: str, share: float) -> None:
+    path = save(tmp_path / f"cut{suffix}", lopsided())
+    data = path.read_bytes()
+    path.write_bytes(data[: max(1, int(share * len(data)))])
+    expect_error(path)
+
+
+@pytest.mark.parametrize("suffix", [".glb", ".gltf", ".obj", ".ply", ".stl"])
+def test_rubbish_is_refused(tmp_path: Path, suffix: str) -> None:
+    path = tmp_path / f"rubbish{suffix}"
+    path.write_bytes(np.random.default_rng(5).bytes(4000))
+    expect_error(path)
+
+
+def test_an_stl_cut_off_says_how_much_is_missing(tmp_path: Path) -> None:
+    path = save(tmp_path / "cut.stl", lopsided())
+    path.write_bytes(path.read_bytes()[: 84 + 50 * 7 + 20])
+    expect_error(path, "promises 320 triangles, the file holds 7")
+
+
+def test_an_obj_cut_off_in_its_faces_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "cut.obj"
+    path.write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\nf 1 2 9\n")
+    expect_error(path)
+
+
+def test_points_without_faces_are_refused(tmp_path: Path) -> None:
+    points = trimesh.PointCloud(np.random.default_rng(0).random((50, 3)))
+    expect_error(save(tmp_path / "cloud.ply", points), "0 faces", "point cloud")
+    (tmp_path / "points.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\n")
+    expect_error(tmp_path / "points.obj", "0 faces")
+    assert not list(tmp_path.glob("*.glb"))
+
+
+def test_only_faces_without_area_are_refused(tmp_path: Path) -> None:
+    path = tmp_path / "line.obj"
+    path.write_text("v 0 0 0\nv 1 0 0\nv 2 0 0\nv 3 0 0\nf 1 2 3\nf 2 3 4\nf 1 1 1\n")
+    expect_error(path, "none of its 3 faces")
+
+
+def gltf_folder(tmp_path: Path) -> Path:
+    """A .gltf with its buffer and its texture in separate files."""
+    exported: Any = textured_square(baseColorTexture=checker()).export(file_type="gltf")
+    for name, data in exported.items():
+        (tmp_path / name).write_bytes(data)
+    path = next(tmp_path.glob("*.gltf"))
+    header = json.loads(path.read_text())
+    image = header["images"][0]
+    checker().save(tmp_path / "paint on wood.png")
+    image.clear()
+    image["uri"] = "paint%20on%20wood.png"
+    path.write_text(json.dumps(header))
+    return path
+
+
+def test_a_gltf_reads_the_files_beside_it(tmp_path: Path) -> None:
+    scene = load_scene(gltf_folder(tmp_path))
+    check_scene(scene)
+    np.testing.assert_array_equal(scene.materials[0].texture, np.asarray(checker()))
+
+
+def test_textures_may_lie_in_a_neighboring_folder(tmp_path: Path) -> None:
+    for folder in ("mesh", "textures"):
+        (tmp_path / folder).mkdir()
+    (tmp_path / "mesh/s.obj").write_text(OBJ)
+    (tmp_path / "mesh/s.mtl").write_text("newmtl paint\nmap_Kd ../textures/s.png\n")
+    checker().save(tmp_path / "textures/s.png")
+    (material,) = load_scene(tmp_path / "mesh/s.obj").materials
+    np.testing.assert_array_equal(material.texture, np.asarray(checker()))
+
+
+@pytest.mark.parametrize("kind", ["buffer", "image"])
+def test_a_missing_file_of_a_gltf_is_named(tmp_path: Path, kind: str) -> None:
+    path = gltf_folder(tmp_path)
+    if kind == "buffer":
+        missing = next(tmp_path.glob("*.bin"))
+    else:
+        missing = tmp_path / "paint on wood.png"
+    missing.unlink()
+    expect_error(path, f"its {kind} '{missing.name}' is missing", "copy the whole folder")
+
+
+def test_a_damaged_texture_is_an_error(tmp_path: Path) -> None:
+    path = gltf_folder(tmp_path)
+    image = tmp_path / "paint on wood.png"
+    image.write_bytes(image.read_bytes()[:60])
+    expect_error(path, "paint")
+
+
+def test_compressed_geometry_is_refused_with_a_way_out(tmp_path: Path) -> None:
+    def compress(header: dict[str, Any]) -> None:
+        header["extensionsUsed"] = ["KHR_draco_mesh_compression"]
+
+    path = edit_gltf(save(tmp_path / "a.glb", lopsided()), compress)
+    expect_error(path, "KHR_draco_mesh_compression", "without Draco compression")
+
+
+def test_a_wrong_size_or_axis_is_an_error(tmp_path: Path) -> None:
+    path = save(tmp_path / "a.stl", lopsided())
+    for size in (0.0, -1.0, float("nan"), float("inf")):
+        with pytest.raises(DigsError, match="size of the object"):
+            load_scene(path, size=size)
+    with pytest.raises(MeshError, match="'auto', 'x', 'y' or 'z'"):
+        load_scene(path, up="w")
+    with pytest.raises(MeshError, match="unit 'ft': expected 'auto', m, cm, mm, in"):
+        load_scene(path, unit="ft")
+
+
+def test_suffixes_in_capitals_are_fine(tmp_path: Path) -> None:
+    path = save(tmp_path / "a.glb", lopsided())
+    shutil.copy(path, tmp_path / "B.GLB")
+    np.testing.assert_array_equal(
+        corners_of(load_scene(tmp_path / "B.GLB")), corners_of(load_scene(path))
+    )
+
+
+@pytest.mark.parametrize(
+    ("key", "value"),
+    [
+        ("materials", 7),
+        ("materials", ["paint"]),
+        ("materials", [{"pbrMetallicRoughness": 1}]),
+        ("materials", [{"extensions": []}]),
+        ("materials", [{"extensions": {"KHR_materials_transmission": 0.5}}]),
+        ("buffers", "x"),
+        ("images", [{"uri": 3}]),
+        ("extensionsUsed", True),
+        ("extensionsRequired", [[]]),
+        ("asset", []),
+    ],
+)
+def test_a_gltf_header_of_other_types_is_refused(tmp_path: Path, key: str, value: object) -> None:
+    path = tmp_path / "a.gltf"
+    header = {"asset": {"version": "2.0"}, "scenes": [{"nodes": []}]} | {key: value}
+    path.write_text(json.dumps(header))
+    with pytest.raises(MeshError, match=r"a\.gltf': .* in its header is .*, expected"):
+        load_scene(path)

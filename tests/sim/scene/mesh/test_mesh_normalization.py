@@ -1,0 +1,206 @@
+"""Size, units, axes, normals and placement: what normalization must not change."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import trimesh
+from scipy.spatial import KDTree
+
+from digs_warp.sim.scene.load import load_scene, load_scene_at
+from digs_warp.sim.scene.mesh import normals
+from reference.mesh_files import check_scene, corners_of, face_vectors, lopsided, save
+
+
+@pytest.mark.parametrize("longest", [0.06, 0.2, 2.0])
+def test_gltf_is_in_metres_whatever_the_size(tmp_path: Path, longest: float) -> None:
+    mesh = lopsided()
+    mesh.apply_scale(longest / mesh.extents.max())
+    scene = load_scene(save(tmp_path / "a.glb", mesh), up="y")
+    check_scene(scene, size=longest)
+    assert scene.objects[0].placement is not None
+    assert scene.objects[0].placement.scale.origin == "glTF is in metres"
+
+
+@pytest.mark.parametrize(
+    ("extents", "unit", "size"),
+    [
+        ((187, 240, 95), "auto", 0.24),
+        ((1.87, 2.4, 0.95), "auto", 2.4),
+        ((0.05, 0.06, 0.03), "auto", 0.06),
+        ((187, 240, 95), "m", 240.0),
+        ((187, 240, 95), "cm", 2.4),
+        ((1.87, 2.4, 0.95), "in", 2.4 * 0.0254),
+    ],
+)
+@pytest.mark.parametrize("suffix", [".obj", ".stl", ".ply"])
+def test_the_unit_of_a_file_without_one_is_stated_or_guessed(
+    tmp_path: Path,
+    extents: tuple[float, float, float],
+    unit: str,
+    size: float,
+    suffix: str,
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    path = save(tmp_path / f"box{suffix}", trimesh.creation.box(extents=extents))
+    check_scene(load_scene(path, unit=unit), size=size)
+    if unit == "auto" and max(extents) > 20:
+        kind = suffix[1:].upper()
+        assert "0.187 x 0.24 x 0.095 m" in caplog.text
+        assert f"{kind} has no unit: 187 x 240 x 95 taken as mm; --unit m|cm|mm|in" in caplog.text
+    else:
+        assert not caplog.records
+
+
+@pytest.mark.parametrize("suffix", [".glb", ".obj", ".ply"])
+@pytest.mark.parametrize("settings", [{}, {"size": 0.3}, {"unit": "cm"}, {"up": "x"}])
+def test_the_placement_takes_the_file_to_the_scene(
+    tmp_path: Path, suffix: str, settings: dict[str, Any]
+) -> None:
+    mesh = lopsided()
+    mesh.apply_translation((3.0, -2.0, 0.5))
+    path = save(tmp_path / f"a{suffix}", mesh)
+    scene = load_scene(path, **settings)
+    assert scene.objects[0].placement is not None
+    placed = trimesh.transform_points(mesh.vertices, scene.objects[0].placement.world_from_mesh)
+    distances, _ = KDTree(scene.vertices).query(placed)
+    assert distances.max() < 1e-6 * scene.size.max()
+    again = load_scene_at(path, scene.objects[0].placement.world_from_mesh)
+    np.testing.assert_array_equal(again.vertices, scene.vertices)
+    np.testing.assert_array_equal(again.normals, scene.normals)
+
+
+def test_a_far_away_mesh_keeps_its_shape(tmp_path: Path) -> None:
+    mesh = lopsided()
+    reference = load_scene(save(tmp_path / "near.obj", mesh))
+    mesh.apply_translation((5e5, -3e5, 4e5))  # survey coordinates
+    scene = load_scene(save(tmp_path / "far.obj", mesh))
+    np.testing.assert_allclose(corners_of(scene), corners_of(reference), atol=1e-7)
+
+
+def test_a_size_that_is_asked_for_is_made(tmp_path: Path) -> None:
+    path = save(tmp_path / "box.stl", trimesh.creation.box(extents=(10, 20, 40)))
+    check_scene(load_scene(path, size=2.0), size=2.0)
+
+
+def test_the_same_mesh_as_y_up_glb_and_z_up_ply_is_the_same_scene(tmp_path: Path) -> None:
+    mesh = lopsided()
+    from_ply = load_scene(save(tmp_path / "a.ply", mesh))
+    y_up = mesh.copy()
+    y_up.apply_transform(trimesh.transformations.rotation_matrix(-np.pi / 2, (1, 0, 0)))
+    from_glb = load_scene(save(tmp_path / "a.glb", y_up))
+    np.testing.assert_allclose(corners_of(from_glb), corners_of(from_ply), atol=2e-7)
+    np.testing.assert_allclose(
+        from_glb.normals[from_glb.faces], from_ply.normals[from_ply.faces], atol=1e-5
+    )
+
+
+@pytest.mark.parametrize(
+    ("suffix", "up", "axis"),
+    [
+        (".glb", "auto", 1),
+        (".obj", "auto", 1),
+        (".ply", "auto", 2),
+        (".stl", "auto", 2),
+        (".glb", "z", 2),
+        (".stl", "y", 1),
+        (".ply", "x", 0),
+    ],
+)
+def test_the_chosen_axis_points_up(tmp_path: Path, suffix: str, up: str, axis: int) -> None:
+    # A cone: one vertex at the tip, many round the foot.
+    cone = trimesh.creation.cone(radius=0.2, height=1.0)
+    turn = trimesh.geometry.align_vectors((0, 0, 1), np.eye(3)[axis])
+    cone.apply_transform(turn)
+    scene = load_scene(save(tmp_path / f"cone{suffix}", cone), up=up)
+    check_scene(scene)
+    assert np.ptp(scene.vertices[:, 2]) == pytest.approx(1.0)
+    top = scene.vertices[scene.vertices[:, 2] > 0.48]
+    np.testing.assert_allclose(top[:, :2], 0, atol=1e-6)
+    # Turned, not mirrored: the volume stays positive with outward windings.
+    a, b, c = np.moveaxis(corners_of(scene).astype(np.float64), 1, 0)
+    assert np.einsum("ij,ij->", a, np.cross(b, c)) > 0
+
+
+def test_normals_of_a_sphere_point_outward_in_every_format(tmp_path: Path) -> None:
+    sphere = trimesh.creation.icosphere(subdivisions=3)
+    for suffix in (".glb", ".obj", ".ply", ".stl"):
+        scene = load_scene(save(tmp_path / f"sphere{suffix}", sphere))
+        outward = scene.vertices / np.linalg.norm(scene.vertices, axis=1, keepdims=True)
+        assert np.einsum("ij,ij->i", scene.normals, outward).min() > 0.999
+
+
+# ---- normals ----
+
+
+def test_a_box_without_normals_gets_flat_sides_and_shared_corners(tmp_path: Path) -> None:
+    scene = load_scene(save(tmp_path / "box.stl", trimesh.creation.box(extents=(1, 2, 3))))
+    facing = face_vectors(scene)
+    facing /= np.linalg.norm(facing, axis=1, keepdims=True)
+    expected = np.repeat(facing[:, None], 3, axis=1)
+    np.testing.assert_allclose(scene.normals[scene.faces], expected, atol=1e-6)
+    assert len(scene.vertices) == 24  # four corners on each of six sides
+
+
+def test_corners_of_fine_meshes_get_the_same_normals(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Smooth places are treated together there, sharp edges as always: a ball, and a box that cuts it."""
+    parts = [trimesh.creation.icosphere(3, 0.1), trimesh.creation.box((0.3, 0.1, 0.1))]
+    parts.append(trimesh.creation.cylinder(0.05, 0.3, sections=11))  # its sides meet at 33 degrees
+    mesh: Any = trimesh.util.concatenate(parts)
+    vertices, faces = np.array(mesh.vertices), np.array(mesh.faces)
+    expected = normals.corner_normals(vertices, faces)
+    monkeypatch.setattr(normals, "MANY_CORNERS", 0)
+    np.testing.assert_allclose(normals.corner_normals(vertices, faces), expected, atol=1e-14)
+
+
+def test_normals_of_the_file_are_kept_and_turned_upright(tmp_path: Path) -> None:
+    tilted = np.array([[0.6, 0.0, 0.8], [0.0, 0.6, 0.8], [-0.6, 0.0, 0.8], [0.0, -0.6, 0.8]])
+    square = trimesh.Trimesh(
+        [[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]],
+        [[0, 1, 2], [0, 2, 3]],
+        vertex_normals=tilted,
+        process=False,
+    )
+    scene = load_scene(save(tmp_path / "square.glb", square))
+    x, y, z = tilted.T
+    found = {tuple(np.round(n, 5)) for n in scene.normals.astype(float)}
+    assert found == {tuple(np.round(n, 5) + 0.0) for n in np.stack([x, -z, y], axis=1)}
+
+
+def test_zero_and_nan_normals_of_the_file_are_replaced(tmp_path: Path) -> None:
+    text = (
+        "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nvn 0 0 1\nvn 0 0 0\nvn nan 0 1\n"
+        "f 1//1 2//2 3//3\nf 1//1 3//3 4//1\n"
+    )
+    path = tmp_path / "square.obj"
+    path.write_text(text)
+    scene = load_scene(path, up="z")
+    check_scene(scene)
+    np.testing.assert_allclose(scene.normals, np.tile((0, 0, 1), (len(scene.normals), 1)))
+
+
+def test_nodes_are_placed_by_their_transforms_also_mirrored(tmp_path: Path) -> None:
+    part = trimesh.creation.icosphere(subdivisions=2, radius=0.2)
+    whole = trimesh.Scene()
+    whole.add_geometry(part, node_name="one")
+    mirror = np.diag([-1.0, 1.0, 1.0, 1.0])
+    mirror[:3, 3] = (3.0, 0.0, 0.0)
+    whole.add_geometry(part, node_name="two", transform=mirror)
+    scene = load_scene(save(tmp_path / "two.glb", whole), up="y")
+    check_scene(scene)
+    np.testing.assert_allclose(np.ptp(scene.vertices, axis=0), np.array([3.4, 0.4, 0.4]), rtol=1e-5)
+    half = np.where(scene.vertices[:, :1] > 0, 1, -1) * (1.5, 0, 0)
+    outward = scene.vertices - half
+    outward /= np.linalg.norm(outward, axis=1, keepdims=True)
+    assert np.einsum("ij,ij->i", scene.normals, outward).min() > 0.999
+
+
+@pytest.mark.parametrize(("size", "warns"), [(2.0, False), (5.04, True)])
+def test_a_large_thing_in_assumed_metres_is_a_warning(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture, size: float, warns: bool
+) -> None:
+    """A mug in inches is five metres wide."""
+    box = trimesh.creation.box(extents=(size, size / 2, size / 2))
+    load_scene(save(tmp_path / "mug.stl", box))
+    assert ("taken as m; --unit" in caplog.text) == warns

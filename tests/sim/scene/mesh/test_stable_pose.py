@@ -1,0 +1,109 @@
+"""Objects rest on the ground: what stands keeps its pose, what would fall is turned."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import trimesh
+from scipy.spatial import ConvexHull
+
+from digs_warp.sim.scene.load import load_scene, load_scene_at
+from digs_warp.sim.scene.mesh.resting import hull_of
+from digs_warp.sim.scene.mesh.stable_pose import MOST_FACES, resting_turn, stable_ups
+from digs_warp.sim.scene.procedural import procedural_scene
+from digs_warp.sim.scene.scene import Scene
+from reference.mesh_files import save
+
+MESHES = sorted(Path(__file__).parents[3].joinpath("../shared/data/meshes").glob("*/*.glb"))
+
+
+def assert_rests(scene: Scene) -> None:
+    """Points less than 1 mm above the ground surround the center of mass of the convex hull."""
+    vertices = scene.vertices.astype(np.float64)
+    solid = trimesh.Trimesh(vertices, process=False).convex_hull
+    ground = vertices[:, 2].min()
+    touching = vertices[vertices[:, 2] < ground + 1e-3]
+    edges = ConvexHull(touching[:, :2]).equations
+    assert (edges @ [*solid.center_mass[:2], 1.0]).max() < 1e-3
+
+
+def tilted(sides: tuple[float, float, float], degrees: float) -> trimesh.Trimesh:
+    """A box turned about x."""
+    turn = trimesh.transformations.rotation_matrix(np.deg2rad(degrees), [1, 0, 0])
+    return trimesh.creation.box(sides, transform=turn)
+
+
+def angle_of(turn: np.ndarray) -> float:
+    return float(np.rad2deg(np.arccos(np.clip((np.trace(turn) - 1) / 2, -1, 1))))
+
+
+@pytest.mark.parametrize("path", MESHES, ids=lambda path: path.stem)
+def test_every_sample_mesh_rests_on_the_ground(path: Path) -> None:
+    scene = load_scene(path, size=0.4)
+    assert_rests(scene)
+    np.testing.assert_allclose(
+        scene.vertices.min(axis=0) + scene.vertices.max(axis=0), 0, atol=1e-7
+    )
+    again = load_scene_at(path, scene.objects[0].world_from_mesh)
+    np.testing.assert_array_equal(again.vertices, scene.vertices)
+
+
+def test_the_built_in_object_rests() -> None:
+    assert_rests(procedural_scene())
+
+
+@pytest.mark.parametrize("lean", [0.0, 3.0, 20.0, 40.0])
+def test_a_leaning_box_is_set_onto_its_face(lean: float) -> None:
+    vertices = np.array(tilted((0.2, 0.3, 0.25), lean).vertices)
+    turn = resting_turn(vertices)
+    assert angle_of(turn) == pytest.approx(lean, abs=1e-6)
+    turned = vertices @ turn.T
+    assert np.ptp(turned, axis=0) == pytest.approx((0.2, 0.3, 0.25))
+    if lean == 0.0:
+        np.testing.assert_array_equal(turn, np.eye(3))  # not even a rounding error
+
+
+def test_a_box_on_its_edge_falls_to_a_probable_side() -> None:
+    """45 degrees from two sides, one of them three times as large."""
+    vertices = np.array(tilted((0.3, 0.3, 0.1), 46.0).vertices)
+    turned = vertices @ resting_turn(vertices).T
+    assert np.ptp(turned[:, 2]) == pytest.approx(0.1)
+
+
+@pytest.mark.parametrize("sections", [3, 16, 64])
+def test_a_cone_on_its_tip_lies_down_or_stands_on_its_base(sections: int) -> None:
+    cone = trimesh.creation.cone(0.05, 0.2, sections=sections)
+    vertices = np.array(cone.vertices) * (1, 1, -1)
+    turn = resting_turn(vertices)
+    assert angle_of(turn) > 45
+    np.testing.assert_array_equal(turn, resting_turn(vertices.copy()))
+    np.testing.assert_allclose(turn @ turn.T, np.eye(3), atol=1e-12)
+    assert np.linalg.det(turn) == pytest.approx(1.0)
+
+
+def test_a_flat_sheet_is_left_as_it_is() -> None:
+    sheet = np.array([[0, 0, 0], [1, 0, 0], [0, 0, 1], [1, 0, 1.0]])
+    np.testing.assert_array_equal(resting_turn(sheet), np.eye(3))
+
+
+def test_up_keeps_the_pose_of_the_file(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    path = save(tmp_path / "box.ply", tilted((0.2, 0.3, 0.1), 40.0))
+    assert load_scene(path, up="z").objects[0].placement.turned == 0.0  # type: ignore[union-attr]
+    assert not caplog.records
+    scene = load_scene(path)
+    assert scene.size == pytest.approx((0.2, 0.3, 0.1), abs=1e-6)
+    assert "turned by 40.0 degrees, so that it does. --up z keeps it" in caplog.text
+    placement = scene.objects[0].placement
+    assert placement is not None and placement.turned == pytest.approx(40.0, abs=1e-3)
+
+
+def test_the_poses_of_a_round_thing_are_found_on_fewer_faces() -> None:
+    """An egg of 20,000 faces; no pose is much more probable than the others of the same height."""
+    egg = trimesh.creation.icosphere(5, 0.1)
+    hull = hull_of(np.array(egg.vertices) * (1.0, 1.0, 1.4))
+    assert hull is not None and len(hull.corners) > MOST_FACES
+    ups, chances = stable_ups(hull)
+    assert 8 <= len(ups) < MOST_FACES
+    assert chances.sum() == pytest.approx(1.0, abs=0.1)
+    assert abs(chances @ ups[:, 2]) < 0.1
+    assert np.abs(ups[np.argmax(chances), 2]) < 0.2  # it lies

@@ -1,0 +1,123 @@
+"""The surround: reading panoramas, refusing bad ones, and the built-in room."""
+
+import shlex
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from digs_warp.checks import DigsError
+from digs_warp.data.images import linear_from_srgb, write_image
+from digs_warp.sim.scene.environment import (
+    Environment,
+    load_environment,
+    procedural_environment,
+)
+from digs_warp.sim.scene.panorama import panorama_directions
+from digs_warp.sim.scene.studio_room import studio_room_radiance
+
+
+def test_png_is_decoded_to_linear_light(tmp_path: Path) -> None:
+    pixels = np.random.default_rng(0).integers(0, 256, (8, 16, 3), dtype=np.uint8)
+    write_image(tmp_path / "sky.png", pixels)
+    radiance = load_environment(tmp_path / "sky.png").radiance
+    np.testing.assert_allclose(radiance, linear_from_srgb(pixels / 255.0), atol=1e-6)
+
+
+def test_exr_is_taken_as_it_is(tmp_path: Path) -> None:
+    pixels = np.random.default_rng(0).uniform(0, 50, (8, 16, 3)).astype(np.float32)
+    write_image(tmp_path / "sky.exr", pixels)
+    np.testing.assert_array_equal(load_environment(tmp_path / "sky.exr").radiance, pixels)
+
+
+def test_hdr_of_the_sample_data_loads(sample_data: Path) -> None:
+    environment = load_environment(sample_data / "envs/studio_small_03/studio_small_03_1k.hdr")
+    assert environment.radiance.shape == (512, 1024, 3)
+    assert environment.radiance.max() > 5.0
+
+
+def test_not_a_number_is_refused_with_its_count_and_a_command_that_mends_it(
+    tmp_path: Path,
+) -> None:
+    pixels = np.ones((8, 16, 3), np.float32)
+    pixels[2, 3], pixels[4, 5, 0] = np.nan, np.inf
+    write_image(tmp_path / "sky.exr", pixels)
+    with pytest.raises(DigsError, match=r"sky\.exr.*4 of 384 values are NaN") as refused:
+        load_environment(tmp_path / "sky.exr")
+    command = shlex.split(str(refused.value).partition("mend them with: ")[2])
+    tool = Path(sys.executable).parent / command[0]
+    subprocess.run([tool, *command[1:]], cwd=tmp_path, check=True)
+    mended = load_environment(tmp_path / "mended.exr").radiance
+    np.testing.assert_allclose(mended, 1.0, atol=1e-3)
+
+
+def test_missing_file_is_named(tmp_path: Path) -> None:
+    with pytest.raises(DigsError, match=r"environment .*none\.hdr.*no such file"):
+        load_environment(tmp_path / "none.hdr")
+
+
+def test_truncated_file_is_refused(tmp_path: Path, sample_data: Path) -> None:
+    whole = (sample_data / "envs/forest_slope/forest_slope_1k.hdr").read_bytes()
+    (tmp_path / "half.hdr").write_bytes(whole[: len(whole) // 2])
+    with pytest.raises(DigsError, match=r"half\.hdr"):
+        load_environment(tmp_path / "half.hdr")
+
+
+def test_a_file_that_is_no_image_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "sky.hdr").write_text("hello")
+    with pytest.raises(DigsError, match=r"sky\.hdr"):
+        load_environment(tmp_path / "sky.hdr")
+
+
+def test_a_photo_is_no_panorama(tmp_path: Path) -> None:
+    write_image(tmp_path / "photo.png", np.full((12, 16, 3), 9, np.uint8))
+    with pytest.raises(DigsError, match="16x12 pixels, expected an equirectangular panorama"):
+        load_environment(tmp_path / "photo.png")
+
+
+def test_a_black_panorama_is_taken_with_a_warning(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    write_image(tmp_path / "night.png", np.zeros((8, 16, 3), np.uint8))
+    assert not load_environment(tmp_path / "night.png").radiance.any()
+    assert "night.png" in caplog.text and "every pixel is black" in caplog.text
+
+
+def test_an_empty_surround_sphere_is_refused() -> None:
+    with pytest.raises(DigsError, match="radius"):
+        Environment(np.ones((4, 8, 3), np.float32), radius=0.0)
+
+
+def test_panorama_directions_are_unit_and_follow_the_convention() -> None:
+    directions = panorama_directions(64, 32)
+    np.testing.assert_allclose(np.linalg.norm(directions, axis=-1), 1.0, atol=1e-12)
+    np.testing.assert_allclose(directions[0].mean(axis=0)[2], 1.0, atol=2e-3)
+    np.testing.assert_allclose(directions[15:17, 31:33].mean(axis=(0, 1)), [1, 0, 0], atol=5e-3)
+    # To the right of +x lies -y.
+    assert directions[16, 40, 1] < 0
+
+
+@pytest.fixture(scope="module")
+def room() -> Environment:
+    """The built-in room."""
+    return procedural_environment()
+
+
+def test_the_room_is_large_bright_and_always_the_same(room: Environment) -> None:
+    height, width = room.radiance.shape[:2]
+    assert width == 2 * height >= 2048
+    assert room.radiance.max() > 5 * np.median(room.radiance)
+    studio_room_radiance.cache_clear()
+    np.testing.assert_array_equal(procedural_environment().radiance, room.radiance)
+
+
+def test_the_room_has_detail_in_every_direction(room: Environment) -> None:
+    """Every patch of about 8 degrees, but those inside a lamp, varies by more than 5 %."""
+    gray = room.radiance.mean(axis=2)[128:896]  # near the poles a patch is a sliver of the sphere
+    patches = gray.reshape(16, 48, 32, 64)
+    contrast = patches.std(axis=(1, 3)) / patches.mean(axis=(1, 3))
+    lamps = patches.min(axis=(1, 3)) > 4.0
+    assert (contrast[~lamps] > 0.05).all()
+    assert lamps.mean() < 0.05

@@ -1,0 +1,172 @@
+"""The built-in object: sound geometry, everything that a reconstruction finds hard, always the same."""
+
+import numpy as np
+import pytest
+
+from digs_warp.sim.scene.builtin.noise import periodic_noise
+from digs_warp.sim.scene.builtin.shapes import revolve, smooth_curve, tube
+from digs_warp.sim.scene.procedural import procedural_scene, procedural_shape
+from digs_warp.sim.scene.scene import Material, Scene
+from reference.scene_checks import check_arrays
+
+
+@pytest.fixture(scope="module")
+def scene() -> Scene:
+    return procedural_scene()
+
+
+def material(scene: Scene, name: str) -> Material:
+    return next(m for m in scene.materials if m.name == name)
+
+
+def triangle_normals(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
+    a, b, c = np.moveaxis(vertices[faces].astype(np.float64), 1, 0)
+    return np.cross(b - a, c - a)
+
+
+def texel_stretch(scene: Scene, name: str) -> np.ndarray:
+    """Length over width of a texel on every face of a material: 1 is undistorted."""
+    index = [m.name for m in scene.materials].index(name)
+    texture = scene.materials[index].texture
+    assert texture is not None
+    faces = scene.faces[scene.face_materials == index]
+    corners = scene.vertices[faces].astype(np.float64)
+    uvs = scene.uvs[faces].astype(np.float64) * (texture.shape[1], texture.shape[0])
+    duv = np.stack([uvs[:, 1] - uvs[:, 0], uvs[:, 2] - uvs[:, 0]], axis=2)
+    dpos = np.stack([corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]], axis=2)
+    good = np.abs(np.linalg.det(duv)) > 1e-9
+    singular = np.linalg.svd(dpos[good] @ np.linalg.inv(duv[good]), compute_uv=False)
+    return singular[:, 0] / singular[:, 1]
+
+
+def test_it_is_half_a_metre_tall_and_centred(scene: Scene) -> None:
+    low, high = scene.vertices.min(axis=0), scene.vertices.max(axis=0)
+    assert (high - low).max() == high[2] - low[2]
+    np.testing.assert_allclose(high[2] - low[2], 0.5, atol=1e-6)
+    np.testing.assert_allclose(low + high, 0, atol=1e-6)
+
+
+def test_arrays_fit_the_scene_type(scene: Scene) -> None:
+    n, m = len(scene.vertices), len(scene.faces)
+    assert 20_000 <= m <= 70_000
+    check_arrays(scene)
+    assert scene.faces.min() == 0
+    assert scene.faces.max() == n - 1
+    assert set(scene.face_materials) == set(range(len(scene.materials)))
+
+
+def test_normals_are_unit_and_agree_with_every_face(scene: Scene) -> None:
+    np.testing.assert_allclose(np.linalg.norm(scene.normals, axis=1), 1, atol=1e-5)
+    facing = triangle_normals(scene.vertices, scene.faces)
+    area = np.linalg.norm(facing, axis=1)
+    assert area.min() > 0
+    cosine = np.einsum("ij,ij->i", facing, scene.normals[scene.faces].mean(axis=1)) / area
+    assert (cosine > 0).mean() > 0.999
+    assert np.quantile(cosine, 0.05) > 0.85  # less only where rims a millimetre wide turn round
+
+
+def test_it_holds_what_reconstruction_finds_hard(scene: Scene) -> None:
+    assert material(scene, "bisque").texture is None
+    glossy = material(scene, "glaze")
+    assert glossy.texture is not None
+    assert glossy.roughness == pytest.approx(0.15)
+    assert material(scene, "brass").metallic == 1
+
+    # The thin part: the wire of the handle, above the lip of the vase.
+    brass = scene.faces[scene.face_materials == [m.name for m in scene.materials].index("brass")]
+    wire = scene.vertices[np.unique(brass)]
+    wire = wire[wire[:, 2] > 0.16]
+    assert len(wire) > 100
+    assert 0.003 < np.ptp(wire[:, 1]) < 0.006
+
+
+def test_the_cloth_has_folds_and_a_fine_many_colored_weave(scene: Scene) -> None:
+    index = [m.name for m in scene.materials].index("kilim")
+    cloth = scene.vertices[np.unique(scene.faces[scene.face_materials == index])]
+    gathered = cloth[np.abs(cloth[:, 2] - 0.01) < 0.003]  # a finger's breadth below the cord
+    assert np.ptp(np.linalg.norm(gathered[:, :2], axis=1)) > 0.008
+
+    texture = scene.materials[index].texture
+    assert texture is not None
+    gray = texture.astype(np.float64).mean(axis=2)
+    # Contrast on every scale that a camera may see: threads, motifs, bands.
+    for size in (1, 8, 32):
+        blocks = gray.reshape(gray.shape[0] // size, size, -1, size).mean(axis=(1, 3))
+        assert blocks.std() > 15
+
+
+@pytest.mark.parametrize("name", ["kilim", "glaze"])
+def test_textures_close_round_the_object(scene: Scene, name: str) -> None:
+    texture = material(scene, name).texture
+    assert texture is not None
+    steps = np.abs(np.diff(texture.astype(float), axis=1, append=texture[:, :1])).mean(axis=(0, 2))
+    # Kilim: a step between threads is larger than one inside a thread, also away from the seam.
+    threads = steps.reshape(-1, 8)[:, -1]
+    assert threads[-1] < 1.5 * np.median(threads)
+
+
+def test_texels_on_the_cloth_are_nearly_square(scene: Scene) -> None:
+    stretch = texel_stretch(scene, "kilim")
+    assert np.median(stretch) < 1.35
+    assert np.quantile(stretch, 0.9) < 2.2
+
+
+def test_the_same_object_every_time(scene: Scene) -> None:
+    procedural_scene.cache_clear()
+    again = procedural_scene()
+    assert again is not scene
+    for name in ("vertices", "faces", "face_materials", "normals", "uvs"):
+        np.testing.assert_array_equal(getattr(scene, name), getattr(again, name))
+    for one, two in zip(scene.materials, again.materials, strict=True):
+        np.testing.assert_array_equal(one.texture, two.texture)
+
+
+def test_noise_holds_only_the_asked_wavelengths_and_repeats() -> None:
+    noise = periodic_noise(np.random.default_rng(1), (128, 256), (8, 32))
+    assert noise.std() == pytest.approx(1, abs=1e-3)
+    power = np.abs(np.fft.fft2(noise)) ** 2
+    frequency = np.hypot(np.fft.fftfreq(128)[:, None], np.fft.fftfreq(256)[None, :])
+    inside = (frequency <= 1 / 8 + 1e-6) & (frequency >= 1 / 32 - 1e-6)
+    assert power[~inside].sum() < 1e-6 * power.sum()
+
+
+def test_a_revolved_half_circle_is_a_sphere() -> None:
+    t = np.linspace(-np.pi / 2, np.pi / 2, 60)
+    sphere = revolve(np.stack([np.cos(t), np.sin(t)], axis=1).round(12), 90)
+    np.testing.assert_allclose(np.linalg.norm(sphere.vertices, axis=1), 1, atol=1e-9)
+    np.testing.assert_allclose(sphere.normals, sphere.vertices, atol=2e-3)
+    corners = sphere.vertices[sphere.faces]
+    volume = np.einsum("ij,ij->i", corners[:, 0], np.cross(corners[:, 1], corners[:, 2])).sum() / 6
+    assert volume == pytest.approx(4 / 3 * np.pi, rel=5e-3)  # positive: wound outward
+
+
+def test_a_closed_tube_is_a_torus_without_a_twist_at_its_seam() -> None:
+    t = np.linspace(0, 2 * np.pi, 181)
+    # A ring that also goes up and down, so that its frame turns on the way round.
+    path = np.stack([np.cos(t), np.sin(t), 0.3 * np.sin(2 * t)], axis=1)
+    path[-1] = path[0]
+    ring = tube(path, 0.1, 24)
+    rows = ring.vertices.reshape(181, 25, 3)
+    np.testing.assert_allclose(np.linalg.norm(rows - path[:, None], axis=2), 0.1, atol=1e-9)
+    np.testing.assert_allclose(rows[0], rows[-1], atol=1e-3)
+    np.testing.assert_allclose(
+        ring.normals.reshape(181, 25, 3), (rows - path[:, None]) / 0.1, atol=0.05
+    )
+
+
+def test_a_smooth_curve_meets_its_points_at_even_steps() -> None:
+    points = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 2.0], [4.0, 2.5]])
+    curve = smooth_curve(points, 400)
+    distance = np.linalg.norm(curve[None] - points[:, None], axis=2).min(axis=1)
+    assert distance.max() < 0.01
+    steps = np.linalg.norm(np.diff(curve, axis=0), axis=1)
+    np.testing.assert_allclose(steps, steps.mean(), rtol=0.02)
+
+
+def test_the_plain_shape_is_that_of_the_textured_object(scene: Scene) -> None:
+    plain = procedural_shape()
+    np.testing.assert_array_equal(plain.vertices, scene.vertices)
+    np.testing.assert_array_equal(plain.faces, scene.faces)
+    np.testing.assert_array_equal(plain.face_materials, scene.face_materials)
+    check_arrays(plain)
+    assert all(material.texture is None for material in plain.materials)

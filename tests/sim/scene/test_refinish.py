@@ -1,0 +1,92 @@
+"""Objects in another finish: roughness and color change, metal and texture stay."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from digs_warp.checks import DigsError
+from digs_warp.sim.scene.builtin.table import TABLE_TOP, table_scene
+from digs_warp.sim.scene.join import join_scenes
+from digs_warp.sim.scene.look_settings import LookSettings, of_object
+from digs_warp.sim.scene.procedural import procedural_scene
+from digs_warp.sim.scene.refinish import refinished, tint_color, with_table_top
+
+SCENE = procedural_scene()
+
+
+def test_roughness_is_multiplied_up_to_fully_rough() -> None:
+    after = refinished(SCENE, LookSettings(roughness_factor=(1.3,)))
+    pairs = list(zip(SCENE.materials, after.materials, strict=True))
+    assert [b.roughness for _, b in pairs] == pytest.approx(
+        [min(1.3 * a.roughness, 1.0) for a, _ in pairs]
+    )
+    assert all(a.metallic == b.metallic and a.texture is b.texture for a, b in pairs)
+
+
+def test_roughness_of_a_texture_is_multiplied_and_its_metal_kept() -> None:
+    finish = np.random.default_rng(0).integers(0, 256, (4, 6, 2), dtype=np.uint8)
+    first, *others = SCENE.materials
+    scene = replace(SCENE, materials=(replace(first, finish_texture=finish), *others))
+    after, *_ = refinished(scene, LookSettings(roughness_factor=(1.7,))).materials
+    assert after.finish_texture is not None
+    wanted = np.minimum(np.rint(1.7 * finish[..., 0].astype(float)), 255)
+    np.testing.assert_array_equal(after.finish_texture[..., 0], wanted)
+    np.testing.assert_array_equal(after.finish_texture[..., 1], finish[..., 1])
+
+
+@pytest.mark.parametrize(
+    ("strength", "hue", "color"),
+    [(0.0, 77.0, (1, 1, 1)), (1.0, 120.0, (0, 1, 0)), (0.4, -120.0, (0.6, 0.6, 1.0))],
+)
+def test_a_tint_takes_away_the_other_colors(
+    strength: float, hue: float, color: tuple[float, float, float]
+) -> None:
+    assert tint_color(strength, hue) == pytest.approx(color)
+    after = refinished(SCENE, LookSettings(tint=(strength,), tint_hue=(hue,)))
+    for a, b in zip(SCENE.materials, after.materials, strict=True):
+        np.testing.assert_allclose(b.base_color, a.base_color * np.array(color), atol=1e-6)
+
+
+def test_nothing_asked_for_changes_nothing() -> None:
+    assert refinished(SCENE, LookSettings(tint_hue=(80.0,))) is SCENE
+
+
+def test_one_value_counts_for_all_objects_and_several_for_one_each() -> None:
+    assert [of_object((), n, 1.0) for n in range(3)] == [1, 1, 1]
+    assert [of_object((0.5,), n, 1.0) for n in range(3)] == [0.5, 0.5, 0.5]
+    assert [of_object((0.5, 2.0), n, 1.0) for n in range(3)] == [0.5, 2.0, 0.5]
+
+
+def test_values_out_of_range_are_refused() -> None:
+    with pytest.raises(DigsError, match=r"--tint: 1\.2, expected 0 to 1"):
+        LookSettings(tint=(0.2, 1.2))
+    with pytest.raises(DigsError, match=r"--light-temperature: 500\.0, expected 2,000 to 25,000"):
+        LookSettings(light_temperature=500.0)
+
+
+def test_every_object_gets_its_own_finish_and_furniture_none() -> None:
+    numbers = np.choose(SCENE.face_materials % 3, [0, 1, 2]).astype(np.int32)
+    scene = replace(SCENE, face_objects=numbers)
+    after = refinished(scene, LookSettings(tint=(1.0, 0.5), tint_hue=(0.0, 240.0)))
+    colors = [(1, 1, 1), (1, 0, 0), (0.5, 0.5, 1)]
+    for number, (a, b) in enumerate(zip(scene.materials, after.materials, strict=True)):
+        wanted = a.base_color * np.array(colors[number % 3])
+        np.testing.assert_allclose(b.base_color, wanted, atol=1e-6)
+
+
+def test_a_random_table_top_follows_from_the_seed() -> None:
+    table = table_scene(0.0, -0.7, np.array([(-0.1, -0.1, 0.0), (0.1, 0.1, 0.2)]))
+    scene = join_scenes(SCENE, table)
+    look = LookSettings(table_top="random")
+    first, again, other = (with_table_top(scene, look, seed) for seed in (1, 1, 2))
+    changed = [a is not b for a, b in zip(scene.materials, first.materials, strict=True)]
+    assert [m.name for m, is_new in zip(scene.materials, changed, strict=True) if is_new] == [
+        TABLE_TOP
+    ]
+    tops = [each.materials[changed.index(True)] for each in (first, again, other)]
+    textures = [top.texture for top in tops]
+    assert textures[0] is not None and textures[1] is not None and textures[2] is not None
+    np.testing.assert_array_equal(textures[0], textures[1])
+    assert (textures[0] != textures[2]).any() and tops[0].roughness != tops[2].roughness
+    assert with_table_top(scene, LookSettings(), 1) is scene
