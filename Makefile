@@ -3,7 +3,7 @@
 
 SHELL := /bin/bash
 .DEFAULT_GOAL := help
-.PHONY: help setup demo docs figures sensor sensor-cost performance studies pages test lint format constraints release clean
+.PHONY: help setup demo docs figures sensor sensor-cost performance studies pages test test-all lint format constraints release clean
 
 VENV := .venv
 BIN := $(VENV)/bin
@@ -74,10 +74,15 @@ pages: setup ## Run all other benchmarks for the documentation; an hour on a qui
 	$(BIN)/python scripts/recordings_page.py
 
 # Threads of NumPy's matrix products, which wait by turning, would take the cores from the other process.
-test: export OPENBLAS_NUM_THREADS ?= 1
-test: setup ## The test suite (first installs missing system libraries with apt, when run as root)
+PYTEST = OPENBLAS_NUM_THREADS=$${OPENBLAS_NUM_THREADS:-1} $(BIN)/python -m pytest --numprocesses $(WORKERS) --dist loadfile
+
+test: setup ## The test suite, some minutes (first installs missing system libraries with apt, when run as root)
 	@scripts/install_system_libraries.sh
-	$(BIN)/python -m pytest --numprocesses $(WORKERS) --dist loadfile $(ARGS)
+	$(PYTEST) -m "not long" $(ARGS)
+
+test-all: setup ## The suite with what takes long and rarely fails: whole mappings, real recordings, browsers
+	@scripts/install_system_libraries.sh
+	$(PYTEST) $(ARGS)
 
 lint: setup ## ruff (rules and formatting) and pyright
 	$(BIN)/ruff check .

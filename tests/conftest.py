@@ -21,6 +21,13 @@ def sample_data() -> Path:
     return folder
 
 
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Mark what needs the sample data, so that it can be run by itself: -m sample_data."""
+    for item in items:
+        if "sample_data" in getattr(item, "fixturenames", ()):
+            item.add_marker(pytest.mark.sample_data)
+
+
 @pytest.fixture(autouse=True)
 def bars_off_again() -> Iterator[None]:
     """The command line turns progress bars on for its process; a test that runs it must not."""

@@ -3,6 +3,7 @@
 import re
 import shlex
 import tomllib
+from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any
 
@@ -15,10 +16,8 @@ from digs_warp.data.capture import read_capture
 
 REPOSITORY = Path(__file__).resolve().parent.parent
 DOCUMENTS = sorted([*REPOSITORY.glob("*.md"), *(REPOSITORY / "docs").rglob("*.md")])
-NAMES = [str(path.relative_to(REPOSITORY)) for path in DOCUMENTS]
-CODE_FOLDERS = ("digs_warp", "sim", "usd", "tests", "docs", "scripts", "examples", r"\.ci")
+CODE_FOLDERS = ("digs_warp", "sim", "usd", "tests", "docs", "scripts", "studies", "examples", r"\.ci")
 
-each_document = pytest.mark.parametrize("document", DOCUMENTS, ids=NAMES)
 
 
 def blocks(document: Path, language: str) -> list[str]:
@@ -34,11 +33,18 @@ def shell_lines(document: Path, program: str) -> list[list[str]]:
     return [line[1:] for line in words if line and line[0] == program]
 
 
-@each_document
-def test_links_lead_somewhere(document: Path) -> None:
-    targets = re.findall(r"\]\(([^)#\s]+)[^)]*\)", document.read_text(encoding="utf-8"))
-    local = [target for target in targets if "://" not in target]
-    assert [target for target in local if not (document.parent / target).exists()] == []
+def lost_in_documents(named: Callable[[Path], Iterable[str]]) -> dict[str, list[str]]:
+    """What a rule finds wrong, by document."""
+    found = {str(path.relative_to(REPOSITORY)): list(named(path)) for path in DOCUMENTS}
+    return {name: lost for name, lost in found.items() if lost}
+
+
+def test_links_lead_somewhere() -> None:
+    def lost(document: Path) -> Iterable[str]:
+        targets = re.findall(r"\]\(([^)#\s]+)[^)]*\)", document.read_text(encoding="utf-8"))
+        return (t for t in targets if "://" not in t and not (document.parent / t).exists())
+
+    assert lost_in_documents(lost) == {}
 
 
 def test_the_navigation_of_the_site_has_every_page() -> None:
@@ -49,58 +55,62 @@ def test_the_navigation_of_the_site_has_every_page() -> None:
     assert set(re.findall(r'"([\w/-]+\.md)"', site)) == pages
 
 
-@each_document
-def test_files_named_in_code_spans_exist(document: Path) -> None:
-    spans = re.findall(r"`([^`\n]+)`", document.read_text(encoding="utf-8"))
-    named = [span for span in spans if re.match(rf"({'|'.join(CODE_FOLDERS)})/[\w./-]*$", span)]
-    assert [name for name in named if not (REPOSITORY / name).exists()] == []
+def test_named_files_exist() -> None:
+    def lost(document: Path) -> Iterable[str]:
+        text = document.read_text(encoding="utf-8")
+        spans = re.findall(r"`([^`\n]+)`", text)
+        named = [s for s in spans if re.match(rf"({'|'.join(CODE_FOLDERS)})/[\w./-]*$", s)]
+        named += re.findall(rf"\b((?:{'|'.join(CODE_FOLDERS)})/[\w/]*\w\.\w+)", text)
+        return (name for name in named if not (REPOSITORY / name).exists())
+
+    assert lost_in_documents(lost) == {}
 
 
-@each_document
-def test_tests_named_in_code_spans_exist(document: Path) -> None:
-    spans = re.findall(r"`(tests/[\w/]+\.py)::(\w+)`", document.read_text(encoding="utf-8"))
-    lost = [
-        f"{path}::{name}"
-        for path, name in spans
-        if f"def {name}(" not in (REPOSITORY / path).read_text(encoding="utf-8")
-    ]
-    assert lost == []
+def test_named_tests_exist() -> None:
+    def lost(document: Path) -> Iterable[str]:
+        spans = re.findall(r"`(tests/[\w/]+\.py)::(\w+)`", document.read_text(encoding="utf-8"))
+        for path, name in spans:
+            if f"def {name}(" not in (REPOSITORY / path).read_text(encoding="utf-8"):
+                yield f"{path}::{name}"
+
+    assert lost_in_documents(lost) == {}
 
 
-@each_document
-def test_command_lines_parse(document: Path) -> None:
-    for arguments in shell_lines(document, "digs-warp"):
-        if arguments[0].startswith("--tyro-"):  # writes a file
-            continue
-        if "--config" in arguments:  # a file that an earlier line writes
-            place = arguments.index("--config")
-            del arguments[place : place + 2]
-        try:
-            cli.parse(arguments)
-        except SystemExit as stop:
-            assert "--help" in arguments[-1] and stop.code == 0
+def test_command_lines_parse() -> None:
+    def refused(document: Path) -> Iterable[str]:
+        for arguments in shell_lines(document, "digs-warp"):
+            if arguments[0].startswith("--tyro-"):  # writes a file
+                continue
+            if "--config" in arguments:  # a file that an earlier line writes
+                place = arguments.index("--config")
+                del arguments[place : place + 2]
+            try:
+                cli.parse(arguments)
+            except SystemExit as stop:
+                if "--help" not in arguments[-1] or stop.code != 0:
+                    yield " ".join(arguments)
+
+    assert lost_in_documents(refused) == {}
 
 
-@each_document
-def test_mentioned_commands_exist(document: Path) -> None:
-    mentioned = re.findall(r"`digs-warp ([a-z][a-z-]*)", document.read_text(encoding="utf-8"))
-    assert set(mentioned) <= COMMANDS.members.keys()
+def test_named_commands_exist() -> None:
+    def lost(document: Path) -> Iterable[str]:
+        named = re.findall(r"`digs-warp ([a-z][a-z-]*)", document.read_text(encoding="utf-8"))
+        return set(named) - COMMANDS.members.keys()
+
+    assert lost_in_documents(lost) == {}
 
 
-@each_document
-def test_mentioned_files_exist(document: Path) -> None:
-    text = document.read_text(encoding="utf-8")
-    mentioned = re.findall(r"\b((?:digs_warp|sim|usd|tests|scripts|examples)/[\w/]*\w\.\w+)", text)
-    assert [path for path in mentioned if not (REPOSITORY / path).exists()] == []
-
-
-@each_document
-def test_make_targets_exist(document: Path) -> None:
-    text = document.read_text(encoding="utf-8")
-    shown = {line[0] for line in shell_lines(document, "make") if line}
-    mentioned = set(re.findall(r"`make ([a-z]+)", text)) | shown
+def test_named_make_targets_exist() -> None:
     makefile = (REPOSITORY / "Makefile").read_text(encoding="utf-8")
-    assert mentioned <= set(re.findall(r"^([a-z]+):", makefile, re.MULTILINE))
+    targets = set(re.findall(r"^([a-z-]+):", makefile, re.MULTILINE))
+
+    def lost(document: Path) -> Iterable[str]:
+        shown = {line[0] for line in shell_lines(document, "make") if line}
+        named = re.findall(r"`make ([a-z-]+)", document.read_text(encoding="utf-8"))
+        return (shown | set(named)) - targets
+
+    assert lost_in_documents(lost) == {}
 
 
 def test_the_readme_shows_every_command() -> None:

@@ -15,7 +15,7 @@ from digs_warp import __version__
 
 # Build and install without a network: what they need comes with '.[dev]'.
 pytest.importorskip("setuptools", minversion="77", reason="install it with: pip install '.[dev]'")
-pytestmark = pytest.mark.slow
+pytestmark = pytest.mark.long
 
 REPOSITORY = Path(__file__).resolve().parent.parent
 PACKED = ("pyproject.toml", "README.md", "LICENSE", "digs_warp", "sim", "usd", "docs/study")

@@ -49,7 +49,7 @@ def test_the_start_of_a_process_does_not_count(tmp_path: Path) -> None:
     assert outcome.end == "read", outcome.detail
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_damaged_inputs_of_every_kind_are_read_or_refused(tmp_path: Path) -> None:
     """`python scripts/fuzz.py --count 556` does the same at length; docs/stability.md has its result."""
     tallies = fuzz(KINDS, count=1, seed=2026, keep=tmp_path / "kept")

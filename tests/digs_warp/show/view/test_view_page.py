@@ -68,7 +68,7 @@ def tab(tmp_path: Path) -> Iterator[Browser]:
         pytest.skip(str(error))
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_the_page_shows_what_its_switches_say(page: tuple[Page, str], tab: Browser) -> None:
     shown, address = page
     controls = shown.controls
@@ -88,7 +88,7 @@ def test_the_page_shows_what_its_switches_say(page: tuple[Page, str], tab: Brows
     wait_until(tab, lambda found: found.sum() == 0)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_training_is_shown_while_it_runs(tab: Browser) -> None:
     red, blue = (
         DeviceGaussians.from_numpy(tinted(color)) for color in ((0.9, 0.1, 0.1), (0.1, 0.1, 0.9))
