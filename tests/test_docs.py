@@ -16,8 +16,17 @@ from digs_warp.data.capture import read_capture
 
 REPOSITORY = Path(__file__).resolve().parent.parent
 DOCUMENTS = sorted([*REPOSITORY.glob("*.md"), *(REPOSITORY / "docs").rglob("*.md")])
-CODE_FOLDERS = ("digs_warp", "sim", "usd", "tests", "docs", "scripts", "studies", "examples", r"\.ci")
-
+CODE_FOLDERS = (
+    "digs_warp",
+    "sim",
+    "usd",
+    "tests",
+    "docs",
+    "scripts",
+    "studies",
+    "examples",
+    r"\.ci",
+)
 
 
 def blocks(document: Path, language: str) -> list[str]:
