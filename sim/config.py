@@ -3,10 +3,10 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
 
-from digs_warp.bounds import check_flag
 from digs_warp.checks import DigsError
+from digs_warp.settings import ANGLE, FRAMES, SEED, SIDE, Range, Settings
 from digs_warp.sim.camera.walk.settings import WalkSettings
 from digs_warp.sim.camera.walk.timing import kept_count
 from digs_warp.sim.record.labels.names import labels_named
@@ -22,7 +22,7 @@ Tier = Literal["truth", "law", "guided", "matcher"]
 
 
 @dataclass(frozen=True, kw_only=True)
-class SimulateConfig:
+class SimulateConfig(Settings):
     """What to record and how. The same settings give the same bytes."""
 
     mesh: Path | None = None
@@ -45,30 +45,30 @@ class SimulateConfig:
     the middle of a sphere. auto: a table for objects up to half a metre, a floor for larger ones and in the
     built-in room; none with --renderer gl, which draws no ground."""
 
-    object_turn: float = 0.0
+    object_turn: Annotated[float, ANGLE] = 0.0
     """Turn the objects about the vertical axis [degree], counterclockwise from above."""
 
-    distractors: int = 0
+    distractors: Annotated[int, Range(0, 100)] = 0
     """Number of plain shapes of random size and color that stand beside the objects. They are in no mask."""
 
     distractor_meshes: tuple[Path, ...] = ()
     """Mesh files of other things beside the objects, in no mask either. One that would be in the way of the
     camera is scaled down."""
 
-    frames: int | None = None
+    frames: Annotated[int | None, FRAMES] = None
     """Number of stereo frames, evenly spaced in time over the walk. Default: 60, or fps times duration."""
 
     profile: str | None = None
     """The camera: zed2-2k, zed2-1080, zed2-720, zed2-vga, d435, oak-d, or a YAML file. Default: zed2-720 with
     a narrower field of view (60 degrees), so that the object fills the image."""
 
-    width: int | None = None
+    width: Annotated[int | None, SIDE] = None
     """Image width [px]. Default: that of the profile; 640 without one."""
 
-    height: int | None = None
+    height: Annotated[int | None, SIDE] = None
     """Image height [px]. Default: from the width and the camera's aspect ratio."""
 
-    samples_per_pixel: int = 4
+    samples_per_pixel: Annotated[int, Range(1, 4096)] = 4
     """Rays per pixel; more give smoother edges and take longer."""
 
     tier: Tier = "guided"
@@ -86,11 +86,11 @@ class SimulateConfig:
     'hole-filling-nearest') are librealsense's; 'dense' stands for the neural depth modes of the ZED family:
     smooth, hardly any holes, blurred steps. For the tiers 'guided' and 'matcher'."""
 
-    confidence_threshold: float = 0.0
+    confidence_threshold: Annotated[float, Range(0, 1)] = 0.0
     """Drop matches with less confidence before any filter, 0 (none) to 1. For the tiers 'guided' and
     'matcher'."""
 
-    strength: float = 1.0
+    strength: Annotated[float, Range(0, 100)] = 1.0
     """Factor on the errors of the sensor; 0: none, 2: twice those of the real sensor. Limits (the range, the
     band that only one eye sees) do not change."""
 
@@ -103,7 +103,7 @@ class SimulateConfig:
     renderer: Literal["raycast", "gl"] = "raycast"
     """'raycast' needs no graphics driver; 'gl' uses OpenGL: a cross-check, without reflections."""
 
-    object_size: float | None = None
+    object_size: Annotated[float | None, Range(0.001, 100)] = None
     """Scale the object: its longest side [m]. Default: the size that the file gives it. With --scene: the
     longest side of the longest object; the others keep their proportion to it."""
 
@@ -116,7 +116,7 @@ class SimulateConfig:
     STL, with a warning if the object then lies where it could stand; one that would fall is turned so that it
     rests. An axis that is named here keeps the object's pose."""
 
-    seed: int = 0
+    seed: Annotated[int, SEED] = 0
     """Seed of the hand, pixel sampling and everything random in the sensor."""
 
     look: LookSettings = field(default_factory=LookSettings)
@@ -124,16 +124,7 @@ class SimulateConfig:
     walk: WalkSettings = field(default_factory=WalkSettings)
 
     def __post_init__(self) -> None:
-        check_flag("--object-turn", self.object_turn)
-        check_flag("--distractors", self.distractors)
-        check_flag("--frames", self.frames)
-        check_flag("--width", self.width)
-        check_flag("--height", self.height)
-        check_flag("--samples-per-pixel", self.samples_per_pixel)
-        check_flag("--seed", self.seed)
-        check_flag("--strength", self.strength)
-        check_flag("--confidence-threshold", self.confidence_threshold)
-        check_flag("--object-size", self.object_size)
+        super().__post_init__()
         if self.mesh is not None and self.scene:
             raise DigsError(
                 "--mesh and --scene contradict each other; name the mesh in --scene, too"
@@ -174,7 +165,7 @@ class SimulateConfig:
                 "third; leave one out"
             )
         try:
-            check_flag("--frames", self.beats)
+            FRAMES.check("--frames", self.beats)
         except DigsError as error:
             raise DigsError(f"--fps {fps:g} for --duration {duration:g}: {error}") from None
 

@@ -14,7 +14,7 @@ FLOORS = {
     f"digs_warp.{room}": floor
     for floor, rooms in enumerate(
         (
-            ("geometry", "checks", "bounds", "words", "record"),
+            ("geometry", "checks", "bounds", "settings", "words", "record"),
             ("data", "device"),
             ("measure", "check", "engines"),
             ("init", "splat", "poses", "masks", "losses", "sim", "usd"),

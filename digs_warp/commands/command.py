@@ -4,8 +4,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, ClassVar, Self, TypeAlias
 
+from digs_warp.settings import Settings
 
-class Command:
+
+class Command(Settings):
     """A command of `digs-warp`. Subclasses are frozen dataclasses; their fields are its flags."""
 
     # Whether an interrupted command can go on where it stopped.

@@ -19,6 +19,7 @@ from tyro.constructors import (
 
 from digs_warp.checks import DigsError
 from digs_warp.commands.number_flags import read_number_flag, without_none
+from digs_warp.settings import NO_FLAG
 from digs_warp.words import did_you_mean
 
 
@@ -77,6 +78,9 @@ class FlagRules(ConstructorRegistry):
             return replace(field, helptext="")
         if is_dataclass(kind) or tyro.conf.Suppress in markers:
             return field
+        if NO_FLAG in markers:
+            markers += (tyro.conf.Suppress, tyro.conf.Fixed)
+            return replace(field, type=Annotated[(kind, *markers)], helptext="")
         is_switch = field.default is False and tyro.conf.FlagCreatePairsOff in markers
         if is_switch or field.default in (None, "", ()):
             markers.append(tyro.conf.arg(help_behavior_hint=""))  # no "(default: None)"

@@ -3,13 +3,14 @@
 import glob
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Annotated
 
-from digs_warp.bounds import check_flag
 from digs_warp.checks import DigsError
+from digs_warp.settings import Range, Settings
 
 
 @dataclass(frozen=True, kw_only=True)
-class ManyScenes:
+class ManyScenes(Settings):
     """Record many scenes into one folder: every mesh in every environment, or scenes drawn at random."""
 
     meshes: str | None = None
@@ -18,10 +19,10 @@ class ManyScenes:
     environments: str | None = None
     """Pattern for environment files, in quotes, for example 'skies/*.hdr'."""
 
-    trajectories: int = 1
+    trajectories: Annotated[int, Range(1, 10_000)] = 1
     """Camera paths per object and environment, each with its own seed."""
 
-    scenes: int | None = None
+    scenes: Annotated[int | None, Range(1, 100_000)] = None
     """Number of scenes drawn at random: of --meshes and --environments one for each scene, the rest as
     --randomize says. Scene i depends on --seed and i alone."""
 
@@ -31,8 +32,7 @@ class ManyScenes:
     indoor."""
 
     def __post_init__(self) -> None:
-        check_flag("--trajectories", self.trajectories)
-        check_flag("--scenes", self.scenes)
+        super().__post_init__()
         if self.randomize is not None and self.scenes is None:
             raise DigsError(f"--randomize {self.randomize}: how many scenes? Give --scenes, too")
         if self.scenes is not None and self.trajectories != 1:

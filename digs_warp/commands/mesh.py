@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING, Annotated
 
 import tyro
 
-from digs_warp.bounds import check_flag
 from digs_warp.checks import DigsError
 from digs_warp.commands.command import Command
 from digs_warp.commands.output import check_output_file
 from digs_warp.commands.splat_options import SplatOptions
 from digs_warp.pipeline.mesh import MOST_VIEWS, extract_mesh
+from digs_warp.settings import VOXEL, Range
 from digs_warp.surface.true_surface import read_true_surface
 from digs_warp.words import counted
 
@@ -46,18 +46,14 @@ class Mesh(Command):
     """The capture that was reconstructed: its cameras see the surface, its masks bound it. Default: the one
     in a folder of 'digs-warp run'; without any, rings of cameras around the object."""
 
-    voxel_size: float | None = None
+    voxel_size: Annotated[float | None, VOXEL] = None
     """Edge of a voxel, the finest detail [m]. Half the size takes four times the memory. Default: a 160th of
     the object's size."""
 
-    views: int = MOST_VIEWS
+    views: Annotated[int, Range(3, 10_000)] = MOST_VIEWS
     """How many cameras to use at most, evenly spread; more fill small holes and take longer."""
 
     scene: Annotated[SplatOptions, tyro.conf.OmitArgPrefixes] = field(default_factory=SplatOptions)
-
-    def __post_init__(self) -> None:
-        check_flag("--voxel-size", self.voxel_size)
-        check_flag("--views", self.views)
 
     def execute(self) -> str:
         """Extract, write, and say how good the mesh is where that is known."""

@@ -6,10 +6,10 @@ from typing import Annotated
 
 import tyro
 
-from digs_warp.bounds import check_flag
-from digs_warp.checks import DigsError, check_within
+from digs_warp.checks import DigsError
 from digs_warp.commands.command import Command, Group
 from digs_warp.commands.output import NewFolder
+from digs_warp.settings import FRAME_RATE, SIDE, Range
 from digs_warp.words import counted
 
 
@@ -23,29 +23,25 @@ class MakeKit(Command):
 
     output: Annotated[NewFolder, tyro.conf.OmitArgPrefixes]
 
-    seconds: float = 8.0
+    seconds: Annotated[float, Range(0.01, 3600)] = 8.0
     """Length of a turn around the object [s]."""
 
-    fps: float = 24.0
+    fps: Annotated[float, FRAME_RATE] = 24.0
     """Frames per second."""
 
-    width: int = 480
+    width: Annotated[int, Range(16, SIDE.high)] = 480
     """Width of each of the four pictures [px]."""
 
-    height: int = 360
+    height: Annotated[int, Range(16, SIDE.high)] = 360
     """Height of each of the four pictures [px]."""
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         if not self.items:
             raise DigsError(
                 "ITEM: none given, expected at least one folder with four reconstructions in it, for "
                 "example 'digs-warp preference make mug bottle --out kit'"
             )
-        check_flag("--seconds", self.seconds)
-        check_flag("--fps", self.fps)
-        for flag, side in (("--width", self.width), ("--height", self.height)):
-            check_flag(flag, side)
-            check_within(flag, side, 16)
 
     def execute(self) -> str:
         """Film, and explain what to hand out."""

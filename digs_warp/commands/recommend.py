@@ -7,12 +7,12 @@ from typing import Annotated, Any
 
 import tyro
 
-from digs_warp.bounds import check_flag
 from digs_warp.checks import DigsError
 from digs_warp.commands.command import Command
 from digs_warp.commands.facts import format_facts
 from digs_warp.commands.reconstruction_options import ReconstructionOptions
 from digs_warp.record.durations import DURATION
+from digs_warp.settings import SECONDS, Range
 
 # Settings whose flag is not the last part of their name.
 FLAGS = {"train.density.strategy": "density"}
@@ -29,7 +29,7 @@ class Recommend(Command):
     capture: Annotated[Path | None, tyro.conf.Positional, tyro.conf.arg(metavar="[CAPTURE]")] = None
     """A recording. Without one the settings are for 'digs-warp run', as they were measured."""
 
-    time_budget: Annotated[float, DURATION]
+    time_budget: Annotated[float, DURATION, SECONDS]
     """Time for the whole chain, for example 60s or 5min: from the recording to the Gaussians; with a CAPTURE,
     its reconstruction."""
 
@@ -37,13 +37,12 @@ class Recommend(Command):
     """Folder of the study. Default: out/study/tradeoff; without it, the published results, whose seconds
     are those of another machine."""
 
-    machine_factor: float | None = None
+    machine_factor: Annotated[float | None, Range(1e-3, 1000)] = None
     """With a CAPTURE: how many times as long this machine takes as the one of the study. Default: as a second
     of training says."""
 
     def __post_init__(self) -> None:
-        check_flag("--time-budget", self.time_budget)
-        check_flag("--machine-factor", self.machine_factor)
+        super().__post_init__()
         if self.capture is None and self.machine_factor is not None:
             raise DigsError("--machine-factor is for a CAPTURE; name one")
 

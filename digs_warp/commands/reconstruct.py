@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Self
 
 import tyro
 
-from digs_warp.bounds import check_flag
 from digs_warp.checks import DigsError
 from digs_warp.commands.chosen_settings import check_left_open, recommended_config
 from digs_warp.commands.command import SettingsCommand
@@ -24,6 +23,7 @@ from digs_warp.record import layout
 from digs_warp.record.durations import DURATION
 from digs_warp.record.run_log import RunLog
 from digs_warp.record.settings import settings_from_json
+from digs_warp.settings import SECONDS, SEED
 from digs_warp.words import counted
 
 if TYPE_CHECKING:
@@ -50,13 +50,13 @@ class Reconstruct(ReconstructionOptions, _Output):
     """A folder that 'digs-warp simulate' wrote, or your own recording (docs/capture-format.md). Of
     several, or of all in a folder of many scenes, each gets a folder in --out."""
 
-    seed: int = 0
+    seed: Annotated[int, SEED] = 0
     """Decides everything random: matching of images, order of the views, backgrounds."""
 
     view: tyro.conf.FlagCreatePairsOff[bool] = False
     """Show the training in the browser while it runs; prints the page's address."""
 
-    recommended: Annotated[float | None, DURATION] = None
+    recommended: Annotated[float | None, DURATION, SECONDS] = None
     """Choose iterations, voxels, initialization and density so that the reconstruction takes about this time,
     for example 60s, as 'digs-warp recommend' does for the capture; run.json says what and why."""
 
@@ -87,8 +87,6 @@ class Reconstruct(ReconstructionOptions, _Output):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        check_flag("--seed", self.seed)
-        check_flag("--recommended", self.recommended)
         if self.recommended is not None:
             check_left_open(self)
         if not self.captures:

@@ -1,16 +1,16 @@
 """Flags of the reconstruction, as `digs-warp run` and `digs-warp reconstruct` share them."""
 
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field, fields, replace
 from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeVar
 
 import tyro
 
-from digs_warp.bounds import check_flag
 from digs_warp.init.config import InitConfig
 from digs_warp.init.mono_config import MonoDepthConfig
 from digs_warp.init.strategies import STRATEGIES, StrategyChoice, StrategyName, chosen_strategy
 from digs_warp.masks.config import SegmentConfig
 from digs_warp.poses.from_images.config import SfmConfig
+from digs_warp.settings import TEST_EVERY, Settings
 from digs_warp.train.config import Density, DensityStrategy, TrainConfig
 
 if TYPE_CHECKING:
@@ -32,16 +32,6 @@ class _SfmOptions(SfmConfig):
     depth maps; rgbd: from color and depth of a film, frame by frame, where there is too little texture for
     sfm; auto: sfm, but rgbd where that fails or where depth contradicts it; perturbed: those of the
     recording with a random error for every camera."""
-
-    # One --seed serves all stages.
-    sfm_seed: Annotated[int, tyro.conf.Fixed, tyro.conf.Suppress] = 0
-
-
-@dataclass(frozen=True, kw_only=True)
-class _SegmentOptions(SegmentConfig):
-    """Where object masks come from."""
-
-    mask_seed: Annotated[int, tyro.conf.Fixed, tyro.conf.Suppress] = 0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -72,18 +62,19 @@ class _TrainOptions(TrainConfig):
 
     density: _DensityOptions = field(default_factory=_DensityOptions)
 
-    seed: Annotated[int, tyro.conf.Fixed, tyro.conf.Suppress] = 0
-
 
 @dataclass(frozen=True, kw_only=True)
-class ReconstructionOptions:
-    """The part of a command that says how a capture becomes Gaussians; named as in `ReconstructConfig`."""
+class ReconstructionOptions(Settings):
+    """The part of a command that says how a capture becomes Gaussians; named as in `ReconstructConfig`.
+
+    One seed serves all stages: `reconstruct_config` takes it.
+    """
 
     sfm: Annotated[_SfmOptions, tyro.conf.OmitArgPrefixes, tyro.conf.arg(name="poses")] = field(
         default_factory=_SfmOptions
     )
-    segment: Annotated[_SegmentOptions, tyro.conf.OmitArgPrefixes, tyro.conf.arg(name="masks")] = (
-        field(default_factory=_SegmentOptions)
+    segment: Annotated[SegmentConfig, tyro.conf.OmitArgPrefixes, tyro.conf.arg(name="masks")] = (
+        field(default_factory=SegmentConfig)
     )
     init: Annotated[
         _InitOptions, tyro.conf.OmitArgPrefixes, tyro.conf.arg(name="initialization")
@@ -98,7 +89,7 @@ class ReconstructionOptions:
     """What is reconstructed. object: what lies in the masks; scene: everything in view; auto: the object if
     the recording has masks or --masks makes some, else the scene."""
 
-    test_every: int = 8
+    test_every: Annotated[int, TEST_EVERY] = 8
     """Every n-th view, from the first on, is held out: it trains nothing and measures the result. 2 or more,
     so that some views train."""
 
@@ -107,7 +98,7 @@ class ReconstructionOptions:
     cameras, such as 0000,0031=0.30m (m, cm or mm)."""
 
     def __post_init__(self) -> None:
-        check_flag("--test-every", self.test_every)
+        super().__post_init__()
         if self.scale_from is not None:
             from digs_warp.pipeline.known_distance import KnownDistance
 
@@ -131,7 +122,7 @@ class ReconstructionOptions:
         density = _plain(self.train.density, Density, strategy=strategy)
         return ReconstructConfig(
             sfm=_plain(self.sfm, SfmConfig, sfm_seed=seed),
-            segment=_plain(self.segment, SegmentConfig, mask_seed=seed),
+            segment=replace(self.segment, mask_seed=seed),
             init=_plain(self.init, InitConfig, strategy=start),
             train=_plain(self.train, TrainConfig, seed=seed, density=density),
             mono=self.mono,

@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Annotated
 
 import tyro
 
-from digs_warp.bounds import check_flag
 from digs_warp.checks import DigsError
 from digs_warp.commands.command import Command
 from digs_warp.commands.output import NewFolder, check_output_file
@@ -16,6 +15,7 @@ from digs_warp.commands.splat_options import SplatOptions
 from digs_warp.record.layout import RUN_RECORD
 from digs_warp.record.progress import progress
 from digs_warp.record.run_log import RunLog
+from digs_warp.settings import FIELD_OF_VIEW, FRAME_RATE, SIDE, Range
 from digs_warp.words import counted
 
 if TYPE_CHECKING:
@@ -50,38 +50,28 @@ class Render(Command):
     follow: Path | None = None
     """Move along the camera path of this capture folder instead of around the object."""
 
-    elevation_deg: float = 20.0
+    elevation_deg: Annotated[float, Range(-89.9, 89.9)] = 20.0
     """Elevation of the orbit above the horizon [degrees]."""
 
-    seconds: float = 4.0
+    seconds: Annotated[float, Range(0.01, 3600)] = 4.0
     """Length of the film; an orbit is one turn."""
 
-    fps: float = 30.0
+    fps: Annotated[float, FRAME_RATE] = 30.0
     """Frames per second of the film."""
 
-    width: int = 1280
+    width: Annotated[int, SIDE] = 1280
     """Width of a frame [px]."""
 
-    height: int = 720
+    height: Annotated[int, SIDE] = 720
     """Height of a frame [px]."""
 
-    fov_deg: float | None = None
+    fov_deg: Annotated[float | None, FIELD_OF_VIEW] = None
     """Horizontal field of view [degrees]. Default: 45 for an orbit, the capture's for its path."""
 
-    background: tuple[float, float, float] = (1.0, 1.0, 1.0)
+    background: Annotated[tuple[float, float, float], Range(0, 1)] = (1.0, 1.0, 1.0)
     """Red, green and blue of the background, 0 to 1."""
 
     scene: Annotated[SplatOptions, tyro.conf.OmitArgPrefixes] = field(default_factory=SplatOptions)
-
-    def __post_init__(self) -> None:
-        check_flag("--seconds", self.seconds)
-        check_flag("--fps", self.fps)
-        if not all(0 <= channel <= 1 for channel in self.background):
-            raise DigsError(f"--background {self.background}: expected three numbers from 0 to 1")
-        check_flag("--width", self.width)
-        check_flag("--height", self.height)
-        check_flag("--elevation-deg", self.elevation_deg)
-        check_flag("--fov-deg", self.fov_deg)
 
     def execute(self) -> str:
         """Render, write, and say how fast it went."""

@@ -6,7 +6,6 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import tyro
 
-from digs_warp.bounds import check_flag
 from digs_warp.checks import DigsError, require_folder
 from digs_warp.commands.command import Command, Group
 from digs_warp.commands.output import NewFolder, check_output_file
@@ -15,6 +14,7 @@ from digs_warp.data.other_folders import what_it_is
 from digs_warp.record.files import write_atomically
 from digs_warp.record.layout import RUN_RECORD
 from digs_warp.record.run_log import RunLog
+from digs_warp.settings import FRAMES, SEED, SIDE, Range
 from digs_warp.words import counted, did_you_mean
 
 if TYPE_CHECKING:
@@ -46,16 +46,12 @@ class FitSensor(Command):
     base: str = "zed2-720"
     """The built-in profile that has the figures that the recording cannot tell."""
 
-    distances: tuple[float, ...] | None = None
+    distances: Annotated[tuple[float, ...] | None, Range(0.01, 1000)] = None
     """Depth of the wall in the middle of the image [m], one for each place of the camera, from near to far:
     they show the bias. Default: from the true depth in the recording, if it has any."""
 
     overwrite: tyro.conf.FlagCreatePairsOff[bool] = False
     """Replace the files if they exist."""
-
-    def __post_init__(self) -> None:
-        for distance in self.distances or ():
-            check_flag("--distances", distance)
 
     def execute(self) -> str:
         """Fit, write profile and page, and return the figures."""
@@ -125,22 +121,17 @@ class RecordWall(Command):
     profile: str = "zed2-720"
     """The camera: a name or a YAML file, as for 'digs-warp simulate'."""
 
-    width: int = 640
+    width: Annotated[int, SIDE] = 640
     """Image width [px]."""
 
-    frames: int = 6
+    frames: Annotated[int, FRAMES] = 6
     """Frames at each place."""
 
     tier: Literal["law", "guided", "matcher"] = "guided"
     """Sensor, as for 'digs-warp simulate'."""
 
-    seed: int = 0
+    seed: Annotated[int, SEED] = 0
     """Seed of texture, noise and drift."""
-
-    def __post_init__(self) -> None:
-        check_flag("--width", self.width)
-        check_flag("--frames", self.frames)
-        check_flag("--seed", self.seed)
 
     def execute(self) -> str:
         """Record, and say where the capture is."""

@@ -6,6 +6,8 @@ from typing import Annotated, Any, Union, get_args, get_origin, get_type_hints
 
 import tyro
 
+from digs_warp.settings import NO_FLAG
+
 
 def setting_names(kind: type) -> list[str]:
     """Return the names of all settings of a dataclass and of those within."""
@@ -22,7 +24,7 @@ def settings_of(kind: type) -> list[tuple[str, str, Any]]:
     found = []
     for field in fields(kind):
         notes = getattr(hints[field.name], "__metadata__", ())
-        if tyro.conf.Suppress in notes or tyro.conf.Positional in notes:
+        if {tyro.conf.Suppress, tyro.conf.Positional, NO_FLAG} & set(notes):
             continue
         flags = [note.name for note in notes if getattr(note, "name", None)]
         name = flags[0].replace("-", "_") if flags else field.name

@@ -6,13 +6,13 @@ from typing import Annotated, ClassVar
 
 import tyro
 
-from digs_warp.bounds import check_flag
 from digs_warp.checks import DigsError
 from digs_warp.commands.command import Command, Group, Preset
 from digs_warp.commands.facts import format_facts
 from digs_warp.commands.study_plan import PlanScenes
 from digs_warp.engines.config import EngineConfig
 from digs_warp.record.durations import DURATION
+from digs_warp.settings import ITERATIONS, SECONDS, Range
 from digs_warp.study.catalogue import STUDIES, Study, find_study
 
 Name = Annotated[str, tyro.conf.Suppress]
@@ -40,17 +40,17 @@ class RunStudy(Command):
     out: Path
     """Folder of the results and the report."""
 
-    objects: int
+    objects: Annotated[int, Range(1, 1000)]
     """How many objects; sample meshes come first, the built-in object last."""
 
-    iterations: int
+    iterations: Annotated[int, ITERATIONS]
     """Training steps of each case. The paper's 12,000 would take days."""
 
-    time_budget: Annotated[float | None, DURATION] = None
+    time_budget: Annotated[float | None, DURATION, SECONDS] = None
     """Start no case that would likely end later than this, for example 60s, 20min or 2h. The most important
     cases come first. Default: no limit."""
 
-    seeds: int = 1
+    seeds: Annotated[int, Range(1, 1000)] = 1
     """How often to repeat each case with another walk and other noise, to measure the spread."""
 
     on: Annotated[EngineConfig, tyro.conf.OmitArgPrefixes, tyro.conf.arg(name="engine")] = field(
@@ -58,11 +58,6 @@ class RunStudy(Command):
     )
 
     can_resume: ClassVar[bool] = True
-
-    def __post_init__(self) -> None:
-        for name in ("objects", "seeds", "iterations"):
-            check_flag(f"--{name}", getattr(self, name))
-        check_flag("--time-budget", self.time_budget)
 
     def execute(self) -> str:
         """Measure, and say how many cases there are and where the report is."""

@@ -2,10 +2,11 @@
 
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Annotated
 
-from digs_warp.bounds import check_flag
 from digs_warp.commands.command import Command
 from digs_warp.commands.facts import format_facts
+from digs_warp.settings import FRAMES, ITERATIONS, SIDE, SPLATS, WEIGHT, Range
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -16,38 +17,33 @@ class PlanScenes(Command):
     recorded and reconstructed now. One scene runs on one thread, as many at a time as there are cores.
     """
 
-    scenes: int = 10_000
+    scenes: Annotated[int, Range(1, 100_000)] = 10_000
     """Scenes to record and to reconstruct, with the poses of the recording."""
 
-    frames: int = 40
+    frames: Annotated[int, FRAMES] = 40
     """Frames of each."""
 
-    width: int = 640
+    width: Annotated[int, SIDE] = 640
     """Image width [px]."""
 
-    height: int = 360
+    height: Annotated[int, SIDE] = 360
     """Image height [px]."""
 
-    splats: int = 50_000
+    splats: Annotated[int, SPLATS] = 50_000
     """Gaussians of each reconstruction."""
 
-    iterations: int = 1000
+    iterations: Annotated[int, ITERATIONS] = 1000
     """Training steps of each."""
 
-    cores: int = 64
+    cores: Annotated[int, Range(1, 1_000_000)] = 64
     """Scenes at a time."""
 
-    price: float
+    price: Annotated[float, WEIGHT]
     """Price of a core for an hour, in your currency."""
 
     study: Path | None = None
     """Folder of the scaling study. Default: out/study/scaling; without it, the published results, whose
     seconds are those of another machine."""
-
-    def __post_init__(self) -> None:
-        names = ("scenes", "frames", "width", "height", "splats", "iterations", "cores", "price")
-        for name in names:
-            check_flag(f"--{name}", getattr(self, name))
 
     def execute(self) -> str:
         """Return the plan."""

@@ -8,10 +8,10 @@ from typing import Annotated
 
 import tyro
 
-from digs_warp.bounds import check_flag
 from digs_warp.checks import DigsError
 from digs_warp.commands.command import Command
 from digs_warp.commands.splat_options import SplatOptions
+from digs_warp.settings import Range
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -30,13 +30,13 @@ class View(Command):
     host: str = "127.0.0.1"
     """The address to listen on. 0.0.0.0 lets everyone in the network look; there is no password."""
 
-    port: int = 8080
+    port: Annotated[int, Range(1, 65_535)] = 8080
     """The port of the page; if it is taken, the next free one."""
 
     scene: Annotated[SplatOptions, tyro.conf.OmitArgPrefixes] = field(default_factory=SplatOptions)
 
     def __post_init__(self) -> None:
-        check_flag("--port", self.port)
+        super().__post_init__()
         if not self.paths:
             raise DigsError("view: no PATH; name a capture, a reconstruction, Gaussians or a mesh")
 

@@ -10,7 +10,6 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from digs_warp.bounds import check_flag
 from digs_warp.checks import CaptureError, require_folder
 from digs_warp.data.about import About, read_about
 from digs_warp.data.frame import Frame
@@ -24,6 +23,7 @@ from digs_warp.data.rig import Rig, read_rig
 from digs_warp.data.sparse_points import read_points
 from digs_warp.record.fields import Fields
 from digs_warp.record.files import read_json
+from digs_warp.settings import TEST_EVERY
 
 
 @dataclass(frozen=True, eq=False)
@@ -101,7 +101,7 @@ class Capture:
         Raises:
             DigsError: ``test_every`` is below 2, which would leave nothing to train on.
         """
-        check_flag("--test-every", test_every)
+        TEST_EVERY.check("--test-every", test_every)
         groups: dict[bool, list[Frame]] = {False: [], True: []}
         for i, frame in enumerate(self.frames):
             tests = i % test_every == 0 if self.held_out is None else frame.name in self.held_out

@@ -1,18 +1,18 @@
 """Settings of the initialization, kept apart from its code so that the command line loads quickly."""
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import Annotated, Literal
 
-from digs_warp.bounds import check_flag
 from digs_warp.checks import DigsError
 from digs_warp.init.strategies import STRATEGIES, StrategyName, VoxelUnit
+from digs_warp.settings import MANY, SPLATS, VOXEL, Range, Settings
 
 Shape = Literal["round", "flat", "ray"]
 ScaleStatistic = Literal["mode", "mean"]
 
 
 @dataclass(frozen=True, kw_only=True)
-class InitConfig:
+class InitConfig(Settings):
     """How depth maps and sparse points become the points that the optimization starts from."""
 
     strategy: StrategyName = "highdepth"
@@ -21,7 +21,7 @@ class InitConfig:
     for fine texture on complete surfaces; hull: the places that all masks agree on; random: random points,
     for comparison. Default, fusion and random match the images, unless sparse points came with them."""
 
-    voxel_size: float | None = None
+    voxel_size: Annotated[float | None, VOXEL] = None
     """Edge length of the voxel grid: one point per occupied voxel. Smaller voxels give finer detail and
     slower training. Default: two pixels (depth: five) at the object's distance, at most 200,000 points."""
 
@@ -30,10 +30,10 @@ class InitConfig:
     the same number of points for a cup and a car; sfm: unit of structure from motion (default 0.04 and 0.1,
     as in the paper)."""
 
-    target_points: int | None = None
+    target_points: Annotated[int | None, SPLATS] = None
     """Choose the voxel size that gives about this many points. Default: use --voxel-size."""
 
-    max_points: int | None = None
+    max_points: Annotated[int | None, SPLATS] = None
     """Keep at most this many points from depth, chosen at random. This limits the time of a training step
     without a coarser grid. Default: keep all."""
 
@@ -45,7 +45,7 @@ class InitConfig:
     """Drop depth outside the object's mask (paper eq. 9). Without it, only the other filters separate the
     object from its background; training uses the masks in any case."""
 
-    mask_threshold: int = 20
+    mask_threshold: Annotated[int, Range(0, 254)] = 20
     """A pixel belongs to the object if its mask value (0 to 255) is above this (paper section 4.1)."""
 
     edge_filter: bool = True
@@ -55,11 +55,11 @@ class InitConfig:
     """Split the depth into two clusters and drop the far one: background inside a mask that leaks (paper
     eq. 9)."""
 
-    background_weight: float = 3.0
+    background_weight: Annotated[float, Range(1, MANY)] = 3.0
     """A pixel is background if its depth is this many times closer to the background's mean than to the
     foreground's (paper section 4.1)."""
 
-    min_support: float = 0.15
+    min_support: Annotated[float, Range(0, 1)] = 0.15
     """Drop voxels with fewer measurements than this fraction of the median voxel: a point measured only once
     or twice is an outlier. 0 keeps all."""
 
@@ -80,30 +80,22 @@ class InitConfig:
     """Shape of the Gaussians at the start. round; flat: along the surface, from the normals of the depth
     maps; ray: stretched along the viewing ray by the uncertainty of the depth."""
 
-    disparity_noise: float = 0.15
+    disparity_noise: Annotated[float, Range(1e-6, 1000)] = 0.15
     """Standard deviation of the sensor's disparity [px]: sets the length of shape ray."""
 
-    opacity: float | None = None
+    opacity: Annotated[float | None, Range(1e-6, 1 - 1e-6)] = None
     """Opacity of every Gaussian at the start, above 0 and below 1; where views disagree about depth, it is
     less (docs/training.md). Default: 0.8 for points from depth, which lie on the surface, 0.5 in a scene;
     0.1 (3DGS) for sparse or random ones."""
 
-    splat_width: float | None = None
+    splat_width: Annotated[float | None, Range(1e-3, 1000)] = None
     """Standard deviation of every Gaussian at the start, as a fraction of the distance to its neighbors.
     Default: 0.6 for points from depth, which already cover the surface; 1 (3DGS) for the others."""
 
     def __post_init__(self) -> None:
-        check_flag("--voxel-size", self.voxel_size)
-        check_flag("--disparity-noise", self.disparity_noise)
-        check_flag("--target-points", self.target_points)
-        check_flag("--max-points", self.max_points)
+        super().__post_init__()
         if self.target_points is not None and self.voxel_size is not None:
             raise DigsError("--voxel-size and --target-points: give one of them")
-        check_flag("--background-weight", self.background_weight)
-        check_flag("--min-support", self.min_support)
-        check_flag("--opacity", self.opacity)
-        check_flag("--splat-width", self.splat_width)
-        check_flag("--mask-threshold", self.mask_threshold)
 
     @property
     def needs_sfm(self) -> bool:

@@ -2,14 +2,14 @@
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal
+from typing import Annotated, Literal
 
-from digs_warp.bounds import check_flag
 from digs_warp.checks import DigsError
+from digs_warp.settings import NO_FLAG, SEED, Range, Settings
 
 
 @dataclass(frozen=True, kw_only=True)
-class SegmentConfig:
+class SegmentConfig(Settings):
     """Where object masks come from."""
 
     masks: Literal["capture", "folder", "isnet", "isnet+depth", "depth", "degraded"] = "capture"
@@ -22,7 +22,7 @@ class SegmentConfig:
     """Mend masks that most other views contradict: with 'on', a point that most of them call surround is
     surround. Needs depth."""
 
-    instance: int | None = None
+    instance: Annotated[int | None, Range(1, 65_535)] = None
     """For capture: the number of one object of a recording of several ('digs-warp info' lists them). Default:
     all of them."""
 
@@ -33,24 +33,22 @@ class SegmentConfig:
     """For isnet and isnet+depth: the network as an ONNX file. Default: isnet-general-use.onnx in ~/.u2net,
     where rembg keeps it."""
 
-    mask_error: float = 1.0
+    mask_error: Annotated[float, Range(0, 10)] = 1.0
     """For degraded: size of the errors. 0: none; 1: a typical failure; 2: twice as large."""
 
-    mask_seed: int = 0
+    mask_seed: Annotated[int, SEED, NO_FLAG] = 0
     """Seed of the errors for degraded."""
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         if (self.masks == "folder") != (self.mask_folder is not None):
             raise DigsError(
                 "--masks folder and --mask-folder PATH belong together; give both or none"
             )
-        check_flag("--instance", self.instance)
         if self.instance is not None and self.masks != "capture":
             raise DigsError(f"--instance {self.instance}: needs --masks capture")
         if self.mask_model is not None and not self.runs_network:
             raise DigsError("--mask-model needs --masks isnet or isnet+depth")
-        check_flag("--mask-error", self.mask_error)
-        check_flag("--seed", self.mask_seed)
 
     @property
     def runs_network(self) -> bool:

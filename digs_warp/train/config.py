@@ -9,10 +9,21 @@ from typing import Annotated, Literal
 
 from tyro.conf import arg
 
-from digs_warp.bounds import check_flag
 from digs_warp.checks import DigsError
 from digs_warp.geometry.sh import USUAL_DEGREE
 from digs_warp.record.durations import DURATION
+from digs_warp.settings import (
+    ITERATIONS,
+    LEARNING_RATE,
+    MANY,
+    NO_FLAG,
+    SECONDS,
+    SEED,
+    SPLATS,
+    WEIGHT,
+    Range,
+    Settings,
+)
 
 DensityStrategy = Literal["fixed", "adaptive", "absgrad", "mcmc"]
 
@@ -61,38 +72,31 @@ def rates_of_sparse_start(steps: int) -> LearningRates:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Rates:
+class Rates(Settings):
     """How fast the parameters learn."""
 
-    means: Annotated[float | None, arg(name="means-rate")] = None
+    means: Annotated[float | None, LEARNING_RATE, arg(name="means-rate")] = None
     """Learning rate of the centers, in units of the scene's extent; falls to 1 % during the run. Default:
     5e-4 with --density fixed and in runs of up to 1000 steps; 1.6e-4 (3DGS) at 30,000 and with mcmc."""
 
-    scales: Annotated[float | None, arg(name="scales-rate")] = None
+    scales: Annotated[float | None, LEARNING_RATE, arg(name="scales-rate")] = None
     """Learning rate of the logarithmic scales. Default: 0.02 with --density fixed and in runs of up to
     1000 steps; 0.005 (3DGS) at 30,000 and with mcmc."""
 
-    quats: Annotated[float | None, arg(name="quats-rate")] = None
+    quats: Annotated[float | None, LEARNING_RATE, arg(name="quats-rate")] = None
     """Learning rate of the rotations. Default: 0.01 with --density fixed and in runs of up to 1000
     steps; 0.001 (3DGS) at 30,000 and with mcmc."""
 
-    opacities: Annotated[float | None, arg(name="opacities-rate")] = None
+    opacities: Annotated[float | None, LEARNING_RATE, arg(name="opacities-rate")] = None
     """Learning rate of the opacity logits. Default: 0.05 (3DGS)."""
 
-    colors: Annotated[float | None, arg(name="colors-rate")] = None
+    colors: Annotated[float | None, LEARNING_RATE, arg(name="colors-rate")] = None
     """Learning rate of the base color; higher bands learn at a twentieth of it. Default: 0.02 with --density
     fixed and in runs of up to 1000 steps; 0.0025 (3DGS) at 30,000 and with mcmc."""
 
-    end: Annotated[float, arg(name="rates-end")] = 1.0
+    end: Annotated[float, Range(1e-6, 1000), arg(name="rates-end")] = 1.0
     """Fraction of their initial value that the rates of scales, rotations and colors decay to. 1, as in 3DGS,
     is best up to 1000 iterations from a dense start; a smaller value stabilizes the end of long runs."""
-
-    def __post_init__(self) -> None:
-        for rate in fields(LearningRates):
-            value = getattr(self, rate.name)
-            if value is not None:
-                check_flag(f"--{rate.name}-rate", value)
-        check_flag("--rates-end", self.end)
 
     def or_default(self, default: LearningRates) -> LearningRates:
         """Return the rates, with those that are not set taken from ``default``."""
@@ -101,28 +105,23 @@ class Rates:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Stop:
+class Stop(Settings):
     """When a run ends: at whichever limit it reaches first."""
 
-    iterations: int = 1000
+    iterations: Annotated[int, ITERATIONS] = 1000
     """Training steps; each uses one view. Learning rates and schedules span all of them."""
 
-    time_budget: Annotated[float | None, DURATION] = None
+    time_budget: Annotated[float | None, DURATION, SECONDS] = None
     """Stop after this much training time, for example 60s, 20min or 2h. Default: no limit."""
 
-    target_psnr: float | None = None
+    target_psnr: Annotated[float | None, Range(1e-3, 100)] = None
     """Stop as soon as the held-out views reach this PSNR on the object [dB], which is then measured every 100
     iterations.
     Default: no target."""
 
-    def __post_init__(self) -> None:
-        check_flag("--iterations", self.iterations)
-        check_flag("--time-budget", self.time_budget)
-        check_flag("--target-psnr", self.target_psnr)
-
 
 @dataclass(frozen=True, kw_only=True)
-class Density:
+class Density(Settings):
     """How the number of Gaussians changes during a run."""
 
     strategy: Annotated[DensityStrategy, arg(name="density")] = "fixed"
@@ -130,26 +129,22 @@ class Density:
     clone, split, prune and reset as in 3DGS; absgrad: the same with absolute gradients, which needs fewer
     Gaussians for the same quality; mcmc: noise and relocation up to --max-splats, best from a poor start."""
 
-    max_splats: int = 1_000_000
+    max_splats: Annotated[int, SPLATS] = 1_000_000
     """The number of Gaussians never grows beyond this."""
 
-    splat_memory: float | None = None
+    splat_memory: Annotated[float | None, Range(1e-3, MANY)] = None
     """Memory limit for the Gaussians and the optimizer [MiB]. Default: no limit."""
-
-    def __post_init__(self) -> None:
-        check_flag("--max-splats", self.max_splats)
-        check_flag("--splat-memory", self.splat_memory)
 
 
 @dataclass(frozen=True, kw_only=True)
-class TrainConfig:
+class TrainConfig(Settings):
     """How the Gaussians are optimized."""
 
     stop: Stop = field(default_factory=Stop)
     rates: Rates = field(default_factory=Rates)
     density: Density = field(default_factory=Density)
 
-    sh_degree: int | None = None
+    sh_degree: Annotated[int | None, Range(0, 3)] = None
     """View-dependent color: degree of the spherical harmonics, 0 (none) to 3. Default: 1 for matte objects, 3
     for shiny ones, as the photographs show before the training."""
 
@@ -160,22 +155,22 @@ class TrainConfig:
     """What lies outside the masks. object: nothing, so Gaussians there are errors; ignore: unknown, so pixels
     there are not compared."""
 
-    dssim_weight: float = 0.2
+    dssim_weight: Annotated[float, Range(0, 1)] = 0.2
     """Fraction lambda of D-SSIM in the loss; the rest is L1."""
 
-    coverage_weight: float = 0.0
+    coverage_weight: Annotated[float, WEIGHT] = 0.0
     """Weight of the difference between coverage and mask: keeps the area around the object empty, even with
     a fixed background."""
 
-    depth_weight: float | None = None
+    depth_weight: Annotated[float | None, WEIGHT] = None
     """Weight of the difference between rendered and measured depth: holds the surface where it was measured.
     Default: 0.008 where the recording has depth."""
 
-    opacity_weight: float | None = None
+    opacity_weight: Annotated[float | None, WEIGHT] = None
     """Weight of the mean opacity: fades out Gaussians that no view needs. Default: 0.01 with --density mcmc,
     else 0."""
 
-    scale_weight: float | None = None
+    scale_weight: Annotated[float | None, WEIGHT] = None
     """Weight of the mean scale, in units of the scene's extent. Default: 0.01 with --density mcmc, else 0."""
 
     fit_exposure: Literal["on", "off"] = "on"
@@ -196,17 +191,18 @@ class TrainConfig:
     --rolling-shutter does, the motion of the camera. auto: where the image of the object moves by 2 px or
     more in that time; on: by 0.5 px."""
 
-    exposure_time: float | None = None
+    # No video camera exposes longer; a larger number was meant in milliseconds.
+    exposure_time: Annotated[float | None, Range(0, 1, "seconds")] = None
     """Motion blur: how long each row was exposed [s]; 0: for an instant. Default: as the recording says."""
 
-    half_size_until: float | None = None
+    half_size_until: Annotated[float | None, Range(0, 1)] = None
     """Fraction of the run that trains on half-size images, which is faster. Default: 0.5, but at most 100
     steps, with --density fixed and Gaussians wide enough for such images; else 0."""
 
-    image_memory: float = 2048.0
+    image_memory: Annotated[float, Range(1e-12, MANY)] = 2048.0
     """Memory for photographs [MiB]. Those that do not fit are read again in the background."""
 
-    evaluate_at: tuple[int, ...] = (100, 300, 500, 1000, 3000, 7000, 12000)
+    evaluate_at: Annotated[tuple[int, ...], ITERATIONS] = (100, 300, 500, 1000, 3000, 7000, 12000)
     """Measure the held-out views every this many iterations, and at the first and the last one."""
 
     keep_course: bool = False
@@ -214,25 +210,14 @@ class TrainConfig:
     time samples, without view dependence. Each snapshot takes 56 bytes per Gaussian on disk, and 34 in the
     scene."""
 
-    seed: int = 0
+    seed: Annotated[int, SEED, NO_FLAG] = 0
     """Seed of the order of the views, the random backgrounds and everything random in --density."""
 
     device: str = "cpu"
     """Warp device: cpu or cuda."""
 
     def __post_init__(self) -> None:
-        check_flag("--sh-degree", self.sh_degree)
-        for iteration in self.evaluate_at:
-            check_flag("--evaluate-at", iteration)
-        check_flag("--seed", self.seed)
-        check_flag("--dssim-weight", self.dssim_weight)
-        check_flag("--half-size-until", self.half_size_until)
-        check_flag("--coverage-weight", self.coverage_weight)
-        check_flag("--depth-weight", self.depth_weight)
-        check_flag("--opacity-weight", self.opacity_weight)
-        check_flag("--scale-weight", self.scale_weight)
-        check_flag("--exposure-time", self.exposure_time)
-        check_flag("--image-memory", self.image_memory)
+        super().__post_init__()
         if self.mask_role == "ignore" and self.coverage_weight > 0:
             raise DigsError(
                 "--coverage-weight: keeps the area outside the masks empty, but --mask-role ignore says that "

@@ -1,58 +1,49 @@
 """Settings of how a scene looks, beside what is in it: the light, and the finish of the objects."""
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import Annotated, Literal
 
-from digs_warp.bounds import check_flag
+from digs_warp.settings import ANGLE, Range, Settings
 
 # Color temperature [K] at which the light of an environment stays as it is.
 NEUTRAL_TEMPERATURE = 6500.0
 
+# Of black bodies whose blue is not negative in sRGB [K].
+TEMPERATURE = Range(2000, 25_000)
+
 
 @dataclass(frozen=True, kw_only=True)
-class LookSettings:
+class LookSettings(Settings):
     """Changes of the light and of the objects' materials."""
 
-    environment_turn: float = 0.0
+    environment_turn: Annotated[float, ANGLE] = 0.0
     """Turn the environment about the vertical axis [degree], counterclockwise from above. The built-in room
     has corners: it turns to the nearest quarter."""
 
-    light_level: float = 0.0
+    light_level: Annotated[float, Range(-10, 10)] = 0.0
     """Light of the environment against that which the exposure is set for [stops]; -1: half as bright. Images
     get darker, or the camera exposes longer where its automatic exposure is simulated. The dots of a
     projector keep their brightness."""
 
-    light_temperature: float = NEUTRAL_TEMPERATURE
+    light_temperature: Annotated[float, TEMPERATURE] = NEUTRAL_TEMPERATURE
     """Color of the light: that of a black body of this temperature [K]. 6500 leaves the environment as it is;
     less is warmer."""
 
-    roughness_factor: tuple[float, ...] = ()
+    roughness_factor: Annotated[tuple[float, ...], Range(0, 100)] = ()
     """Factor on the roughness of the objects: one for all of them, or one for each. At most they get fully
     rough; metal stays metal. Default: as in the mesh files."""
 
-    tint: tuple[float, ...] = ()
+    tint: Annotated[tuple[float, ...], Range(0, 1)] = ()
     """Tint of the objects: one for all of them, or one for each; 1 leaves them only the color of --tint-hue.
     Default: none."""
 
-    tint_hue: tuple[float, ...] = ()
+    tint_hue: Annotated[tuple[float, ...], ANGLE] = ()
     """Hue of the tint [degree]: 0 is red, 120 green, 240 blue; one for all objects, or one for each. Default:
     red."""
 
     table_top: Literal["oak", "random"] = "oak"
     """Top of the table of --ground table: oak laminate, or a random pattern in random colors and of random
     gloss, which follow from --seed."""
-
-    def __post_init__(self) -> None:
-        check_flag("--environment-turn", self.environment_turn)
-        check_flag("--light-level", self.light_level)
-        check_flag("--light-temperature", self.light_temperature)
-        for flag, values in (
-            ("--roughness-factor", self.roughness_factor),
-            ("--tint", self.tint),
-            ("--tint-hue", self.tint_hue),
-        ):
-            for value in values:
-                check_flag(flag, value)
 
 
 def of_object(values: tuple[float, ...], number: int, usual: float) -> float:

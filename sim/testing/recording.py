@@ -2,13 +2,13 @@
 
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
-from digs_warp.bounds import check_flag
 from digs_warp.checks import DigsError
 from digs_warp.data.capture import Capture, read_capture
 from digs_warp.geometry.camera import Intrinsics
 from digs_warp.record.fields import is_number
+from digs_warp.settings import SEED, Settings
 from digs_warp.sim.camera.profiles import RIG_FIGURES, load_profile
 from digs_warp.sim.camera.rig import StereoRig
 from digs_warp.sim.record.inputs import DEFAULT_PROFILE
@@ -18,7 +18,7 @@ from digs_warp.sim.sensor.planner import wanted_effects
 
 
 @dataclass(frozen=True, kw_only=True)
-class RecordingConfig:
+class RecordingConfig(Settings):
     """Which recording, and which errors are added to it.
 
     Attributes:
@@ -32,10 +32,7 @@ class RecordingConfig:
     capture: Path
     profile: str | None = None
     effects: str = "auto"
-    seed: int = 0
-
-    def __post_init__(self) -> None:
-        check_flag("--seed", self.seed)
+    seed: Annotated[int, SEED] = 0
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,17 +1,13 @@
 """Settings of structure from motion, apart from their code: the command line loads only these."""
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import Annotated, Literal
 
-from digs_warp.bounds import check_flag
-from digs_warp.checks import DigsError
-
-# No video camera takes longer for an image [s]; a number above it was meant in milliseconds.
-LONGEST_READOUT = 0.5
+from digs_warp.settings import NO_FLAG, SEED, Range, Settings
 
 
 @dataclass(frozen=True, kw_only=True)
-class SfmConfig:
+class SfmConfig(Settings):
     """Where camera poses and sparse points come from."""
 
     poses: Literal["sfm", "rgbd", "auto", "capture", "perturbed"] = "sfm"
@@ -20,11 +16,11 @@ class SfmConfig:
     recording, points are only triangulated; perturbed: the same after moving every camera by a random
     error."""
 
-    feature_size: int = 1200
+    feature_size: Annotated[int, Range(32, 16_384)] = 1200
     """Longest side [px] of the images used for feature detection; larger images are reduced to it. Smaller
     is faster but gives less accurate poses."""
 
-    features: int = 2000
+    features: Annotated[int, Range(50, 100_000)] = 2000
     """Keep at most this many features per image, the largest ones first; more take longer to match."""
 
     double_size: bool | None = None
@@ -36,10 +32,10 @@ class SfmConfig:
     similar (loops), for a video; exhaustive: each with all others, for unordered images; auto: exhaustive
     up to 40 images."""
 
-    overlap: int = 6
+    overlap: Annotated[int, Range(1, 1000)] = 6
     """For sequential pairing: how many images before and after each one are matched with it."""
 
-    loop_images: int = 3
+    loop_images: Annotated[int, Range(0, 1000)] = 3
     """For sequential pairing: how many of the most similar images are matched as well; closes loops. 0:
     none."""
 
@@ -49,18 +45,19 @@ class SfmConfig:
     refine_focal: bool = False
     """Also estimate the focal lengths, with those of the recording as initial values."""
 
-    readout_time: float | None = None
+    # No video camera takes longer for an image; a larger number was meant in milliseconds.
+    readout_time: Annotated[float | None, Range(0, 0.5, "seconds")] = None
     """Rolling shutter: time from the first row to the last [s], which pose estimation and training correct
     for. 0: all rows at once. Default: the value in the recording."""
 
-    min_registered: float = 0.9
+    min_registered: Annotated[float, Range(1e-6, 1)] = 0.9
     """Fraction of the images that must be placed in one model; with fewer the run stops and says why. Lower
     it to continue with the largest model and a warning."""
 
-    rotation_error_deg: float = 0.5
+    rotation_error_deg: Annotated[float, Range(0, 180)] = 0.5
     """For perturbed: standard deviation of the rotation about each axis [degree]."""
 
-    translation_error: float = 0.005
+    translation_error: Annotated[float, Range(0, 100)] = 0.005
     """For perturbed: standard deviation of the camera's position along each axis [m]."""
 
     refine_poses: Literal["off", "auto", "on"] = "auto"
@@ -69,19 +66,5 @@ class SfmConfig:
     included. off: never; auto: if the frames agree much better aligned, and estimated poses always in the
     training, but not the exact poses of a simulation; on: always."""
 
-    sfm_seed: int = 0
+    sfm_seed: Annotated[int, SEED, NO_FLAG] = 0
     """Seed of everything random: matching, mapping, and the errors of perturbed."""
-
-    def __post_init__(self) -> None:
-        check_flag("--feature-size", self.feature_size)
-        check_flag("--features", self.features)
-        check_flag("--overlap", self.overlap)
-        check_flag("--loop-images", self.loop_images)
-        if self.readout_time is not None and not 0 <= self.readout_time < LONGEST_READOUT:
-            raise DigsError(
-                f"--readout-time: {self.readout_time}, expected seconds, 0 to below {LONGEST_READOUT}"
-            )
-        check_flag("--min-registered", self.min_registered)
-        check_flag("--rotation-error-deg", self.rotation_error_deg)
-        check_flag("--translation-error", self.translation_error)
-        check_flag("--seed", self.sfm_seed)

@@ -1,10 +1,10 @@
 """Settings of a walk: where it goes, how steadily, and when the camera takes its frames."""
 
 from dataclasses import dataclass, replace
-from typing import Literal
+from typing import Annotated, Literal
 
-from digs_warp.bounds import check_flag
 from digs_warp.checks import DigsError
+from digs_warp.settings import FRAME_RATE, Range, Settings
 
 PathName = Literal["orbits", "arc", "hover", "approach"]
 
@@ -28,7 +28,7 @@ HOVERING = 10.0
 
 
 @dataclass(frozen=True, kw_only=True)
-class WalkSettings:
+class WalkSettings(Settings):
     """Where the camera is carried, how steadily, and when it takes its frames."""
 
     path: PathName = "orbits"
@@ -36,61 +36,48 @@ class WalkSettings:
     circle at each elevation. 'hover': a hand that holds the camera still, as well as it can. 'approach':
     toward them, from two and a half times the distance."""
 
-    elevations: tuple[float, ...] = ()
+    elevations: Annotated[tuple[float, ...], Range(-80, 80)] = ()
     """Heights of the camera above the horizon, seen from the objects [degree]. Default: 10 35 60; 35 for
     hover and approach. Hover takes the first."""
 
-    distance: float | None = None
+    distance: Annotated[float | None, Range(0.01, 1000)] = None
     """Distance from the middle of the objects [m]; 'approach' ends there. Default: the objects just stay in
     the image, and nothing is too near for the depth camera."""
 
-    distance_factor: float = 1.0
+    distance_factor: Annotated[float, Range(0.1, 10)] = 1.0
     """Factor on the default of --distance, for objects of many sizes."""
 
-    speed: float = WALKING_SPEED
+    speed: Annotated[float, Range(0.001, 100)] = WALKING_SPEED
     """Speed along the path [m/s]; hover has none. Three orbits around a mug take half a minute, around a
     chair five."""
 
-    duration: float | None = None
+    duration: Annotated[float | None, Range(0.01, 3 * 3600)] = None
     """How long the camera is carried [s]. Where the path is shorter, it goes back; where it is longer, the
     rest is left out. Default: to the end of the path; 10 s for hover; frames over fps with --fps."""
 
-    fps: float | None = None
+    fps: Annotated[float | None, FRAME_RATE] = None
     """Frames per second. With --duration it gives the number of frames, with --frames the duration. Default:
     the frames are spread evenly over the walk."""
 
-    unsteadiness: float = 1.0
+    unsteadiness: Annotated[float, Range(0, 4)] = 1.0
     """Factor on the slow wander of a hand: distance, height and pace that vary, and an aim that drifts. 0: a
     perfect path."""
 
-    shake: float = 1.0
+    shake: Annotated[float, Range(0, 10)] = 1.0
     """Factor on the shake of a hand, above half a hertz; 0: a gimbal."""
 
-    time_jitter: float = 0.0
+    time_jitter: Annotated[float, Range(0, 10)] = 0.0
     """Standard deviation of the moments at which frames are taken from an even beat [s]. The time stamps say
     when they were."""
 
-    dropped_frames: float = 0.0
+    dropped_frames: Annotated[float, Range(0, 0.9)] = 0.0
     """Share of the frames that are lost, at random; the recording has that many fewer."""
 
     imu: bool = False
     """Record an accelerometer and a gyroscope, too (imu.csv)."""
 
     def __post_init__(self) -> None:
-        for flag, value in (
-            ("--distance", self.distance),
-            ("--distance-factor", self.distance_factor),
-            ("--speed", self.speed),
-            ("--duration", self.duration),
-            ("--fps", self.fps),
-            ("--unsteadiness", self.unsteadiness),
-            ("--shake", self.shake),
-            ("--time-jitter", self.time_jitter),
-            ("--dropped-frames", self.dropped_frames),
-        ):
-            check_flag(flag, value)
-        for elevation in self.elevations:
-            check_flag("--elevations", elevation)
+        super().__post_init__()
         if self.distance is not None and self.distance_factor != 1:
             raise DigsError(
                 f"--distance {self.distance:g} and --distance-factor {self.distance_factor:g} contradict "

@@ -1,114 +1,122 @@
-"""Every flag with a number has a range, stated in one table, and refuses what lies outside."""
+"""Every setting with a number states its range in its annotation, and refuses what lies outside."""
 
 from collections.abc import Iterator
-from dataclasses import is_dataclass
-from itertools import chain
+from dataclasses import MISSING, fields, is_dataclass
+from pathlib import Path
+from typing import Any, get_args
 
 import pytest
 
-from digs_warp.bounds import FLAGS, check_flag
 from digs_warp.checks import DigsError
-from digs_warp.commands.command import Command, Group, Node
+from digs_warp.commands.command import Command, Group, Node, Preset
 from digs_warp.commands.common_flags import CommonFlags
 from digs_warp.commands.parse import read_command
 from digs_warp.commands.registry import COMMANDS
-from digs_warp.commands.setting_names import alternatives, settings_of
+from digs_warp.commands.setting_names import alternatives
+from digs_warp.settings import NO_FLAG, Range
+from digs_warp.sim.testing.recording import RecordingConfig
 
-# Has a separate range, because its message explains the unit; see its configuration.
-OTHERS = {"--background", "--readout-time"}
-# What a command needs to be parsed at all.
-NEEDED = {
-    "reconstruct": ["capture", "--out", "out"],
-    "convert": ["in", "--out", "out"],
-    "render": ["scene", "--out", "out.mp4"],
-    "view": ["scene"],
-    "report": ["folder"],
-    "mesh": ["scene", "--out", "out.ply"],
-    "export-usd": ["scene", "--out", "out.usd"],
-    "sensor fit": ["capture", "--out", "profile.yaml"],
-    "sensor wall": ["--out", "out"],
-    "preference make": ["item", "--out", "out"],
-    "study plan": ["--price", "1"],
-    "recommend": ["--time-budget", "60s"],
-}
+# What fills the fields that have no default.
+REQUIRED = {int: 1, float: 1.0, str: "x", Path: Path("x")}
 
 
-def commands(node: Node, name: str = "") -> Iterator[tuple[str, type[Command]]]:
-    """All commands by the words that call them."""
+def commands(node: Node) -> Iterator[type[Command]]:
     if isinstance(node, Group):
-        for word, member in node.members.items():
-            yield from commands(member, f"{name} {word}".strip())
+        for member in node.members.values():
+            yield from commands(member)
     else:
-        yield name, (node if isinstance(node, type) else type(node.command))
+        yield type(node.command) if isinstance(node, Preset) else node
 
 
-def number_flags(kind: type) -> Iterator[tuple[str, type]]:
-    """The flags of a command that hold whole numbers or numbers."""
-    for name, _, hint in settings_of(kind):
-        options = alternatives(hint)
-        inner = next((each for each in options if is_dataclass(each)), None)
-        if isinstance(inner, type):
-            yield from number_flags(inner)
-        for number in (int, float):
-            if any(each is number or number in getattr(each, "__args__", ()) for each in options):
-                yield f"--{name.replace('_', '-')}", number
+def with_those_within(kind: type) -> Iterator[type]:
+    """A dataclass of settings, and those of its fields."""
+    yield kind
+    for field in fields(kind):
+        for inner in alternatives(field.type):
+            if isinstance(inner, type) and is_dataclass(inner):
+                yield from with_those_within(inner)
+
+
+def has_numbers(annotation: Any) -> bool:
+    kinds = alternatives(annotation)
+    return bool({int, float} & {*kinds, *(part for kind in kinds for part in get_args(kind))})
+
+
+def range_of(annotation: Any) -> Range:
+    return next(note for note in annotation.__metadata__ if isinstance(note, Range))
+
+
+def made(kind: Any, **settings: Any) -> Any:
+    """The dataclass with these settings."""
+    values = {}
+    for field in fields(kind):
+        if field.default is MISSING and field.default_factory is MISSING:
+            first = alternatives(field.type)[0]
+            within = made(first) if is_dataclass(first) else REQUIRED.get(first)
+            values[field.name] = (Path("x"),) if get_args(first) else within
+    return kind(**(values | settings))
 
 
 ALL = sorted(
     {
-        (command, flag, number)
-        for command, kind in commands(COMMANDS)
-        for flag, number in number_flags(kind)
+        kind
+        for each in (*commands(COMMANDS), RecordingConfig)
+        for kind in with_those_within(each)
+        if any(has_numbers(field.type) for field in fields(kind))
     },
-    key=str,
+    key=lambda kind: kind.__name__,
 )
 
 
-def test_every_flag_with_a_number_has_a_range_and_no_other():
-    flags = {flag for _, flag, _ in ALL}
-    assert len(ALL) > 100
-    assert flags - OTHERS == set(FLAGS)
+@pytest.mark.parametrize("kind", ALL, ids=lambda kind: kind.__name__)
+def test_every_number_has_a_range_and_is_refused_by_name_outside(kind: type) -> None:
+    for field in fields(kind):
+        if not has_numbers(field.type):
+            continue
+        ends = range_of(field.type)
+        notes = field.type.__metadata__  # pyright: ignore
+        names = [note.name for note in notes if getattr(note, "name", None)]
+        flag = f"--{(names or [field.name])[0].replace('_', '-')}"
+        name = field.name if NO_FLAG in notes else flag
+        parts = get_args(alternatives(field.type)[0])
+        for bad in (float("nan"), ends.low - 1, ends.high * 2):
+            value = (bad,) * (1 if ... in parts else len(parts)) if parts else bad
+            with pytest.raises(DigsError) as error:
+                made(kind, **{field.name: value})
+            assert str(error.value).startswith(f"{name}: {bad!r}, expected "), field.name
 
 
-@pytest.mark.parametrize(("command", "flag", "number"), ALL, ids=str)
-def test_values_out_of_range_are_refused_by_name(command: str, flag: str, number: type):
-    bad = ["1e30" if number is float else str(10**30)]
-    if next(each for each in ALL if each[1] == flag)[0] == command:  # others share its code
-        bad += ["nan", "-1e30"] if number is float else [str(-(10**9))]
-    for value in bad:
-        words = [*command.split(), *NEEDED.get(command, [])]
-        values = [value] * (3 if flag == "--background" else 1)
-        with pytest.raises((DigsError, SystemExit)) as error:
-            read_command([*words, flag, *values], CommonFlags())
-        if not isinstance(error.value, SystemExit):
-            assert flag in str(error.value), (value, str(error.value))
+def test_there_are_settings_to_check() -> None:
+    assert {"SimulateConfig", "_TrainOptions", "Rates"} <= {kind.__name__ for kind in ALL}
 
 
-def test_the_ends_of_a_range_pass_and_the_message_shows_them():
-    for flag, ends in FLAGS.items():
-        for value in ends:
-            check_flag(flag, value)
-    with pytest.raises(DigsError, match=r"--width: 100000, expected 1 to 8,192"):
-        check_flag("--width", 100_000)
-    with pytest.raises(DigsError, match=r"--strength: 1000000000.0, expected 0 to 100"):
-        check_flag("--strength", 1e9)
-    with pytest.raises(DigsError, match=r"--voxel-size: nan, expected 1e-06 to 100"):
-        check_flag("--voxel-size", float("nan"))
+@pytest.mark.parametrize(
+    ("ends", "good", "bad", "message"),
+    [
+        (Range(1, 8192), (1, 8192, None), 100_000, "--x: 100000, expected 1 to 8,192"),
+        (Range(0, 100), (0, 100.0), 1e9, "--x: 1000000000.0, expected 0 to 100"),
+        (Range(1e-6, 100), (1e-6,), float("nan"), "--x: nan, expected 1e-06 to 100"),
+        (Range(0, 0.5, "s"), (0, 0.5), 33, "--x: 33, expected 0 to 0.5 s"),
+        (Range(0, 1), (0,), 10**400, f"--x: {10**400}, expected 0 to 1"),
+    ],
+)
+def test_the_ends_pass_and_the_message_shows_them(
+    ends: Range, good: tuple[float | None, ...], bad: float, message: str
+) -> None:
+    for value in good:
+        ends.check("--x", value)
+    with pytest.raises(DigsError) as error:
+        ends.check("--x", bad)
+    assert str(error.value) == message
 
 
-def test_large_real_work_is_within_the_ranges():
-    for flag, value in {
-        "--width": 7680,
-        "--max-splats": 6_000_000,
-        "--frames": 20_000,
-        "--iterations": 30_000,
-        "--samples-per-pixel": 1024,
-        "--strength": 4,
-        "--object-size": 10,
-    }.items():
-        check_flag(flag, value)
+def test_the_command_line_refuses_by_the_name_of_the_flag() -> None:
+    with pytest.raises(DigsError, match=r"^--means-rate: 1e\+30, expected 1e-12 to 1,000$"):
+        read_command(["run", "--out", "x", "--means-rate", "1e30"], CommonFlags())
 
 
-def test_ranges_are_in_alphabetical_order():
-    assert list(FLAGS) == sorted(FLAGS)
-    assert set(chain(*FLAGS.values()))  # numbers, all of them
+def test_large_real_work_is_within_the_ranges() -> None:
+    words = "--width 7680 --max-splats 6000000 --frames 20000 --iterations 30000 --strength 4"
+    read_command(
+        ["run", "--out", "x", *words.split(), "--samples-per-pixel", "1024"], CommonFlags()
+    )

@@ -182,7 +182,7 @@ def test_without_a_close_miss_the_error_says_what_there_is(
         (["preference", "make", "--out", "x"], "ITEM: none given, expected at least one folder"),
         (
             ["preference", "make", "a", "--out", "x", "--width", "1"],
-            "--width: 1, expected 16 or more",
+            "--width: 1, expected 16 to 8,192",
         ),
         (["preference", "evaluate", "--key", "k"], "SHEET: none given"),
         (["study", "run", "tradeoff", "--seeds", "0"], "--seeds: 0, expected 1 to 1,000"),

@@ -131,7 +131,7 @@ def test_times_that_do_not_rise_are_named(rolling: Any, frames: list[Frame]) -> 
 
 def test_read_outs_beyond_any_camera_are_refused() -> None:
     for wrong in (-0.01, 18.4, np.nan):
-        with pytest.raises(DigsError, match=r"--readout-time: .*expected seconds"):
+        with pytest.raises(DigsError, match=r"--readout-time: .*expected 0 to 0.5 seconds"):
             SfmConfig(readout_time=wrong)
 
 
