@@ -10,6 +10,7 @@ import numpy as np
 import warp as wp
 
 from digs_warp.geometry.camera import Camera
+from digs_warp.geometry.reproject_kernel import is_inside, project
 
 
 @wp.struct
@@ -37,17 +38,14 @@ class Eye:
 def pixel_seen(eye: Eye, point: wp.vec3d) -> wp.vec3d:
     """Pixel (u, v) that a point falls into, and its planar depth [m], as `Camera.project` has them."""
     seen = wp.transform_point(eye.cam_from_world, point)
-    u = eye.fx * seen[0] / seen[2] + eye.cx
-    v = eye.fy * seen[1] / seen[2] + eye.cy
+    u, v = project(seen, eye.fx, eye.fy, eye.cx, eye.cy)
     return wp.vec3d(u, v, seen[2])
 
 
 @wp.func
 def shows(eye: Eye, pixel: wp.vec3d) -> bool:
     """Whether a pixel of `pixel_seen` lies in front of the camera and inside its image."""
-    nothing = wp.float64(0.0)
-    inside = pixel[2] > nothing and pixel[0] >= nothing and pixel[1] >= nothing
-    return inside and pixel[0] < wp.float64(eye.width) and pixel[1] < wp.float64(eye.height)
+    return is_inside(pixel[0], pixel[1], pixel[2], eye.width, eye.height)
 
 
 @wp.func

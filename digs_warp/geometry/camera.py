@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from digs_warp.checks import DigsError
+from digs_warp.geometry.reproject import is_inside, project, unproject
 from digs_warp.geometry.rigid import invert_rigid, is_rigid, transform_points
 
 
@@ -81,11 +82,7 @@ class Camera:
         Points with depth <= 0 lie behind the camera: their pixels mean nothing.
         """
         points_cam = transform_points(self.cam_from_world, np.asarray(points_world, np.float64))
-        depth = points_cam[..., 2]
-        k = self.intrinsics
-        with np.errstate(divide="ignore", invalid="ignore"):
-            u = k.fx * points_cam[..., 0] / depth + k.cx
-            v = k.fy * points_cam[..., 1] / depth + k.cy
+        u, v, depth = project(points_cam, self.intrinsics)
         return np.stack([u, v], axis=-1), depth
 
     def shows(self, px: np.ndarray, depth: np.ndarray) -> np.ndarray:
@@ -95,16 +92,12 @@ class Camera:
             px: pixels (u, v) of `project`, shape (..., 2); NaN is outside.
             depth: planar depths of `project`, shape (...).
         """
-        k, u, v = self.intrinsics, px[..., 0], px[..., 1]
-        with np.errstate(invalid="ignore"):
-            return (depth > 0) & (u >= 0) & (u < k.width) & (v >= 0) & (v < k.height)
+        return is_inside(px[..., 0], px[..., 1], depth, self.intrinsics)
 
     def unproject(self, px: np.ndarray, depth: np.ndarray) -> np.ndarray:
         """Return world points, shape (..., 3), of pixels (u, v) with planar depth [m] (eq. 8)."""
-        k = self.intrinsics
-        x = (px[..., 0] - k.cx) / k.fx * depth
-        y = (px[..., 1] - k.cy) / k.fy * depth
-        return transform_points(self.world_from_cam, np.stack([x, y, depth], axis=-1))
+        points_cam = unproject(px[..., 0], px[..., 1], depth, self.intrinsics)
+        return transform_points(self.world_from_cam, points_cam)
 
     def resized(self, width: int, height: int) -> "Camera":
         """Return the same view at another image size."""

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from digs_warp.device.threads import over_items
+from digs_warp.geometry.reproject import reproject, unproject_pixels
 from digs_warp.geometry.rigid import invert_rigid
 from digs_warp.poses.of_pairs import measured_pairs
 from digs_warp.poses.views import Picture
@@ -48,12 +49,12 @@ class Samples:
         """Return every n-th pixel that has depth, at least ``most`` where there are as many."""
         known = np.argwhere(np.isfinite(picture.depth))
         rows, columns = known[:: max(1, len(known) // most)].T
-        k, z = picture.intrinsics, picture.depth[rows, columns].astype(np.float64)
-        x, y = (columns + 0.5 - k.cx) / k.fx * z, (rows + 0.5 - k.cy) / k.fy * z
+        z = picture.depth[rows, columns].astype(np.float64)
+        points = unproject_pixels(rows, columns, z, picture.intrinsics)
         found = picture.brightness[rows, columns], picture.tint[rows, columns]
         inverse = 1 / z
         weights = inverse / inverse.sum()
-        return Samples(np.stack([x, y, z], 1), *found, weights, float(1 / inverse.mean()))
+        return Samples(points, *found, weights, float(1 / inverse.mean()))
 
 
 def reduced(pictures: Sequence[Picture]) -> list[Picture]:
@@ -119,15 +120,9 @@ def got_worse(
 
 def _one_way(samples: Samples, other: Picture, motions: np.ndarray) -> np.ndarray:
     """Return the mean over the points under each motion, (m,)."""
-    points = np.einsum("mij,nj->mni", motions[:, :3, :3], samples.points) + motions[:, None, :3, 3]
-    x, y, depth = np.moveaxis(points, 2, 0)
-    k = other.intrinsics
-    ahead = depth > 0
-    safe = np.where(ahead, depth, 1.0)
-    u, v = x / safe * k.fx + k.cx, y / safe * k.fy + k.cy
-    inside = ahead & (u >= 0) & (u < k.width) & (v >= 0) & (v < k.height)
-    column, row = (np.where(inside, each, 0).astype(np.intp) for each in (u, v))
-    behind = (depth - other.depth[row, column]) / safe / OTHER_DEPTH
+    seen = reproject(samples.points, motions, other.intrinsics)
+    row, column, safe = seen.rows, seen.columns, np.where(seen.inside, seen.depth, 1.0)
+    behind = (seen.depth - other.depth[row, column]) / safe / OTHER_DEPTH
     behind /= np.maximum(1.0, safe / samples.near)
     darker = np.abs(other.brightness[row, column] - samples.brightness) / OTHER_BRIGHTNESS
     tinted = np.abs(other.tint[row, column] - samples.tint).sum(axis=2) / OTHER_TINT
@@ -136,4 +131,4 @@ def _one_way(samples: Samples, other: Picture, motions: np.ndarray) -> np.ndarra
     each = np.where(known, np.minimum(np.abs(behind), 1.0), NO_DEPTH) + color
     each = np.where(known & (behind > 1), HIDDEN, each)
     each = np.where(known & (behind < -1), CONTRADICTED, each)
-    return np.where(inside, each, UNSEEN) @ samples.weights
+    return np.where(seen.inside, each, UNSEEN) @ samples.weights

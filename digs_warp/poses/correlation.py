@@ -2,11 +2,10 @@
 
 import numpy as np
 
+from digs_warp.geometry.reproject import compare_depth, project
 from digs_warp.geometry.rigid import invert_rigid, transform_points
 from digs_warp.poses.views import Picture, View
 
-# Depths that differ by more than this share are different surfaces.
-SAME_SURFACE = 0.06
 # Fewer points than this, or a smaller share of a frame's points, tell nothing.
 FEWEST, SMALLEST_SHARE = 100, 0.05
 
@@ -28,12 +27,14 @@ def correlation(first: View, second: View, second_from_first: np.ndarray) -> flo
 
 
 def _one_way(view: View, other: View, motion: np.ndarray) -> float:
-    u, v, z = _pixels(transform_points(motion, view.points.astype(np.float64)), other.picture)
     k = other.picture.intrinsics
+    moved = transform_points(motion, view.points.astype(np.float64))
+    u, v, z = project(_when_read(moved, other.picture), k)
+    u, v = u - 0.5, v - 0.5  # whole ones at the centers of pixels
     inside = (z > 0) & (u >= 0) & (u < k.width - 1) & (v >= 0) & (v < k.height - 1)
     u, v, z, values = u[inside], v[inside], z[inside], view.values[inside]
     measured = other.picture.depth[np.rint(v).astype(np.intp), np.rint(u).astype(np.intp)]
-    same = np.abs(measured - z) < SAME_SURFACE * z
+    same = compare_depth(z, measured).agrees
     if np.count_nonzero(same) < max(FEWEST, SMALLEST_SHARE * len(view.points)):
         return 0.0
     seen, expected = _between_pixels(other.image, u[same], v[same]), values[same].astype(np.float64)
@@ -42,14 +43,11 @@ def _one_way(view: View, other: View, motion: np.ndarray) -> float:
     return float(seen @ expected / lengths) if lengths > 0 else 0.0
 
 
-def _pixels(points: np.ndarray, picture: Picture) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return column and row, whole ones at the centers of pixels, and depth, each when its row is read."""
-    k = picture.intrinsics
-    row = k.fy * points[:, 1] / np.where(points[:, 2] > 0, points[:, 2], 1.0) + k.cy
-    moment = (row / k.height - 0.5)[:, None]
-    x, y, z = (points - moment * (np.cross(picture.turn, points) + picture.shift)).T
-    safe = np.where(z > 0, z, 1.0)
-    return x / safe * k.fx + k.cx - 0.5, y / safe * k.fy + k.cy - 0.5, z
+def _when_read(points: np.ndarray, picture: Picture) -> np.ndarray:
+    """Return the points in the axes that the camera has when it reads their rows, (n, 3)."""
+    _, row, depth = project(points, picture.intrinsics)
+    moment = np.where(depth > 0, row / picture.intrinsics.height - 0.5, 0.0)[:, None]
+    return points - moment * (np.cross(picture.turn, points) + picture.shift)
 
 
 def _between_pixels(image: np.ndarray, u: np.ndarray, v: np.ndarray) -> np.ndarray:

@@ -5,7 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from digs_warp.geometry.camera import Intrinsics
-from digs_warp.geometry.rigid import rigid
+from digs_warp.geometry.reproject import project, unproject
+from digs_warp.geometry.rigid import rigid, transform_points
 from digs_warp.poses.views import Picture
 
 # Features of a frame, the strongest first; OpenCV's threshold of contrast, a tenth of what is usual, and of
@@ -41,19 +42,17 @@ class Matches:
     Attributes:
         points: in the axes of the source [m], (n, 3).
         px: where the target has them, (n, 2).
-        camera: of the target, (3, 3).
+        camera: of the target.
     """
 
     points: np.ndarray
     px: np.ndarray
-    camera: np.ndarray
+    camera: Intrinsics
 
     def agreeing(self, target_from_source: np.ndarray) -> int:
         """Return how many matches agree with a motion."""
-        moved = self.points @ target_from_source[:3, :3].T + target_from_source[:3, 3]
-        seen = moved[moved[:, 2] > 0] @ self.camera.T
-        apart = seen[:, :2] / seen[:, 2:] - self.px[moved[:, 2] > 0]
-        return int(np.count_nonzero((apart**2).sum(axis=1) < WITHIN**2))
+        errors = reprojection_errors(self.points, self.px, target_from_source, self.camera)
+        return int(np.count_nonzero(errors < WITHIN**2))
 
     def motion(self) -> np.ndarray | None:
         """Return the motion that most agree on, (4, 4), by RANSAC over three; None if they are few."""
@@ -62,7 +61,7 @@ class Matches:
         if len(self.px) < FEWEST:
             return None
         good, turn, shift, inside = cv2.solvePnPRansac(
-            *(self.points, self.px, self.camera, None),
+            *(self.points, self.px, self.camera.matrix, None),
             iterationsCount=DRAWS,
             reprojectionError=WITHIN,
             confidence=0.9999,
@@ -72,9 +71,17 @@ class Matches:
             return None
         kept = np.asarray(inside, dtype=np.intp)[:, 0]
         turn, shift = cv2.solvePnPRefineLM(
-            self.points[kept], self.px[kept], self.camera, None, turn, shift
+            self.points[kept], self.px[kept], self.camera.matrix, None, turn, shift
         )
         return rigid(cv2.Rodrigues(turn)[0], shift[:, 0])
+
+
+def reprojection_errors(
+    points: np.ndarray, px: np.ndarray, cam_from_points: np.ndarray, camera: Intrinsics
+) -> np.ndarray:
+    """Return the squared distances of projected points (n, 3) from pixels (n, 2) [px^2]; inf: behind."""
+    u, v, depth = project(transform_points(cam_from_points, points), camera)
+    return np.where(depth > 0, (u - px[:, 0]) ** 2 + (v - px[:, 1]) ** 2, np.inf)
 
 
 def features_of(picture: Picture) -> Features:
@@ -91,7 +98,7 @@ def features_of(picture: Picture) -> Features:
     k = picture.intrinsics
     column, row = np.minimum(px, [k.width - 1, k.height - 1]).astype(np.intp).T
     z = picture.depth[row, column].astype(np.float64)
-    points = np.stack([(px[:, 0] - k.cx) / k.fx * z, (px[:, 1] - k.cy) / k.fy * z, z], axis=1)
+    points = unproject(px[:, 0], px[:, 1], z, k)
     shares = found / np.maximum(found.sum(axis=1, keepdims=True), 1e-6)
     return Features(px, points, np.sqrt(shares).astype(np.float32))
 
@@ -99,8 +106,7 @@ def features_of(picture: Picture) -> Features:
 def matched(first: Features, second: Features, target: Intrinsics) -> Matches:
     """Return the matches of two frames: of the second, with intrinsics ``target``, only the pixels count."""
     here, there = _alike(first, second)
-    camera = np.array([[target.fx, 0, target.cx], [0, target.fy, target.cy], [0, 0, 1.0]])
-    return Matches(first.points[here], second.px[there], camera)
+    return Matches(first.points[here], second.px[there], target)
 
 
 def _alike(first: Features, second: Features) -> tuple[np.ndarray, np.ndarray]:

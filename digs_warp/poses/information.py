@@ -2,11 +2,9 @@
 
 import numpy as np
 
-from digs_warp.geometry.rigid import transform_points
+from digs_warp.geometry.reproject import SAME_SURFACE, DepthTolerance, compare_depth, reproject
 from digs_warp.poses.views import Picture, View
 
-# Depths that differ by more than this share of the usual distance belong to different surfaces.
-SAME_SURFACE = 0.05
 # Farther than this many usual distances, depth is too noisy to place a camera.
 FARTHEST = 3.0
 
@@ -22,14 +20,11 @@ def information(first: View, second: View, second_from_first: np.ndarray) -> np.
     A small motion (w, t) moves a point q, in the axes of the second frame, by w x q + t (Choi et al., "Robust
     reconstruction of indoor scenes", CVPR 2015, section 4).
     """
-    points = transform_points(second_from_first, first.points.astype(np.float64))
-    near, k = usual_distance(first.picture), second.picture.intrinsics
-    points = points[(points[:, 2] > 0) & (points[:, 2] < FARTHEST * near)]
-    x, y, z = points.T
-    u, v = x / z * k.fx + k.cx, y / z * k.fy + k.cy
-    inside = (u >= 0) & (u < k.width) & (v >= 0) & (v < k.height)
-    measured = second.picture.depth[v[inside].astype(np.intp), u[inside].astype(np.intp)]
-    x, y, z = points[inside][np.abs(measured - z[inside]) < SAME_SURFACE * near].T
+    other, near = second.picture, usual_distance(first.picture)
+    seen = reproject(first.points.astype(np.float64), second_from_first, other.intrinsics)
+    tolerance = DepthTolerance(0.0, SAME_SURFACE.relative * near)
+    same = compare_depth(seen.depth, other.depth[seen.rows, seen.columns], tolerance).agrees
+    x, y, z = seen.points[seen.inside & same & (seen.depth < FARTHEST * near)].T
     zero, one = np.zeros_like(z), np.ones_like(z)
     moves = np.array(
         [

@@ -5,6 +5,8 @@ Functions that run inside of kernels; the planes of all frames lie behind one an
 
 import warp as wp
 
+from digs_warp.geometry.reproject_kernel import agrees, project
+
 wp.set_module_options({"enable_backward": False})
 
 
@@ -42,7 +44,8 @@ def bilinear(plane: wp.array[float], target: Target, u: float, v: float) -> floa
 @wp.func
 def at_its_row(q: wp.vec3, target: Target) -> wp.vec3:
     """Return the point in the axes that the target's camera has when it reads the point's row."""
-    moment = (target.fy * q[1] / q[2] + target.cy) / float(target.height) - 0.5
+    _u, v = project(q, target.fx, target.fy, target.cx, target.cy)
+    moment = v / float(target.height) - 0.5
     return q - moment * (wp.cross(target.turn, q) + target.shift)
 
 
@@ -94,13 +97,11 @@ def look(
     q = at_its_row(middle, target)
     if q[2] <= 0.0:
         return found
-    per_z = 1.0 / q[2]
-    u = target.fx * q[0] * per_z + target.cx
-    v = target.fy * q[1] * per_z + target.cy
+    u, v = project(q, target.fx, target.fy, target.cx, target.cy)
     if u < 2.0 or v < 2.0 or u > float(target.width) - 2.0 or v > float(target.height) - 2.0:
         return found
     measured = bilinear(depth, target, u, v)
-    if not wp.abs(q[2] - measured) * per_z < hidden:  # also where it is NaN
+    if not agrees(q[2], measured, hidden * q[2]):  # also where it is NaN
         return found
     across = bilinear(image, target, u + 0.5, v) - bilinear(image, target, u - 0.5, v)
     down = bilinear(image, target, u, v + 0.5) - bilinear(image, target, u, v - 0.5)

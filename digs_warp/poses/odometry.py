@@ -3,7 +3,8 @@
 import numpy as np
 
 from digs_warp.device.libraries import import_open3d
-from digs_warp.poses.information import FARTHEST, SAME_SURFACE, usual_distance
+from digs_warp.geometry.reproject import SAME_SURFACE
+from digs_warp.poses.information import FARTHEST, usual_distance
 from digs_warp.poses.views import Picture
 
 # Steps at each size, from the smallest image.
@@ -22,7 +23,7 @@ def odometry(first: Picture, second: Picture, start: np.ndarray) -> np.ndarray:
     near, k = usual_distance(first), first.intrinsics
     option = pipeline.OdometryOption(
         iteration_number_per_pyramid_level=open3d.utility.IntVector(STEPS),
-        depth_diff_max=SAME_SURFACE * near,
+        depth_diff_max=SAME_SURFACE.relative * near,
         depth_min=0.0,
         depth_max=FARTHEST * near,
     )

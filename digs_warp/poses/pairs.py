@@ -1,10 +1,12 @@
 """Which frames see the same surface from directions that are not too different."""
 
 from collections.abc import Sequence
+from dataclasses import astuple
 
 import numpy as np
 
 from digs_warp.geometry.camera import Camera, pixel_centers
+from digs_warp.geometry.reproject import ROUGH_POSES, Pinholes, compare_depth, reproject
 from digs_warp.poses.views import Picture
 
 # Frames that each frame is compared with, at least; some are chosen by others as well.
@@ -13,8 +15,6 @@ NEIGHBORS = 8
 WIDEST_ANGLE = 54.0
 # Less in common than this share says too little.
 LEAST_SHARED = 0.05
-# The other frame has to measure a point's depth to this share: it may be off by the error of the poses.
-SAME_DEPTH = 0.1
 # Points looked at in each frame.
 SAMPLES = 1000
 # A first look takes one of SCREENED_BY of these points, and keeps for each frame the SCREENED most promising
@@ -53,10 +53,8 @@ class _Everything:
     def __init__(self, pictures: Sequence[Picture], cameras: Sequence[Camera]) -> None:
         self._from_world = np.stack([camera.cam_from_world for camera in cameras])
         self._centers = np.stack([camera.center_world for camera in cameras])
-        form = [
-            (k.fx, k.fy, k.cx, k.cy, k.width, k.height) for k in (p.intrinsics for p in pictures)
-        ]
-        self._form = np.array(form)[..., None]
+        fields = [astuple(picture.intrinsics) for picture in pictures]
+        self._intrinsics = Pinholes(*np.array(fields).T[..., None])
         self._depth = np.concatenate([picture.depth.reshape(-1) for picture in pictures])
         self._starts = np.cumsum([0, *(picture.depth.size for picture in pictures)])[:-1, None]
 
@@ -65,15 +63,10 @@ class _Everything:
         others = [j for j in range(len(self._centers)) if j != number]
         if len(others) <= SCREENED:
             return others
-        seen = np.einsum("nij,kj->nik", self._from_world[:, :3, :3], points)
-        x, y, depth = np.moveaxis(seen + self._from_world[:, :3, 3, None], 1, 0)
-        fx, fy, cx, cy, width, height = np.moveaxis(self._form, 1, 0)
-        with np.errstate(divide="ignore", invalid="ignore"):
-            u, v = x / depth * fx + cx, y / depth * fy + cy
-            inside = (depth > 0) & (u >= 0) & (u < width) & (v >= 0) & (v < height)
-        column, row = (np.where(inside, each, 0).astype(np.intp) for each in (u, v))
-        measured = self._depth[self._starts + row * width.astype(np.intp) + column]
-        same = inside & (np.abs(measured - depth) < SAME_DEPTH * depth)
+        seen = reproject(points, self._from_world, self._intrinsics)
+        widths = self._intrinsics.width.astype(np.intp)
+        measured = self._depth[self._starts + seen.rows * widths + seen.columns]
+        same = seen.inside & compare_depth(seen.depth, measured, ROUGH_POSES).agrees
         rays = points - self._centers[:, None]
         rays /= np.maximum(np.linalg.norm(rays, axis=2, keepdims=True), 1e-12)
         cosines = np.einsum("nki,ki->nk", rays, rays[number])
@@ -94,12 +87,9 @@ def _samples(picture: Picture, camera: Camera) -> tuple[np.ndarray, np.ndarray]:
 
 def _seen(points: np.ndarray, first: Camera, picture: Picture, second: Camera) -> np.ndarray:
     """Return how well each point of the first camera is seen by the second, 0 to 1, (k,)."""
-    px, depth = second.project(points)
-    k = second.intrinsics
-    with np.errstate(invalid="ignore"):
-        inside = (depth > 0) & (px >= 0).all(axis=1) & (px < [k.width, k.height]).all(axis=1)
-    column, row = np.where(inside[:, None], px, 0).astype(np.intp).T
-    same = inside & (np.abs(picture.depth[row, column] - depth) < SAME_DEPTH * depth)
+    seen = reproject(points, second.cam_from_world, second.intrinsics)
+    measured = picture.depth[seen.rows, seen.columns]
+    same = seen.inside & compare_depth(seen.depth, measured, ROUGH_POSES).agrees
     here, there = (points - camera.center_world for camera in (first, second))
     lengths = np.linalg.norm(here, axis=1) * np.linalg.norm(there, axis=1)
     cosines = np.einsum("ki,ki->k", here, there) / np.maximum(lengths, 1e-12)

@@ -10,7 +10,14 @@ from digs_warp.checks import DigsError
 from digs_warp.data.frame import Frame
 from digs_warp.device.libraries import import_open3d
 from digs_warp.device.threads import over_items
-from digs_warp.geometry.rigid import invert_rigid
+from digs_warp.geometry.reproject import (
+    ROUGH_POSES,
+    DepthTolerance,
+    compare_depth,
+    reproject,
+    unproject_pixels,
+)
+from digs_warp.geometry.rigid import invert_rigid, transform_points
 from digs_warp.poses.agreement import got_worse
 from digs_warp.poses.align import align
 from digs_warp.poses.bundle import adjusted_where_better
@@ -224,26 +231,21 @@ def _depth_apart(pictures: Sequence[Picture], poses: np.ndarray) -> float:
     medians = []
     for number in range(len(pictures) - 1):
         first, second = pictures[number], pictures[number + 1]
-        points = _points(first, invert_rigid(poses[number + 1]) @ poses[number])
-        points = points[points[:, 2] > 0]
-        k = second.intrinsics
-        u = points[:, 0] / points[:, 2] * k.fx + k.cx
-        v = points[:, 1] / points[:, 2] * k.fy + k.cy
-        inside = (u >= 0) & (u < k.width) & (v >= 0) & (v < k.height)
-        measured = second.depth[v[inside].astype(np.intp), u[inside].astype(np.intp)]
-        apart = np.abs(measured - points[inside, 2])
-        # Only what is the same surface.
-        same = apart < 0.1 * usual_distance(second)
-        medians.append(float(np.median(apart[same])) if same.any() else np.nan)
+        motion = invert_rigid(poses[number + 1]) @ poses[number]
+        seen = reproject(_points(first), motion, second.intrinsics)
+        measured = second.depth[seen.rows, seen.columns]
+        tolerance = DepthTolerance(0.0, ROUGH_POSES.relative * usual_distance(second))
+        same = seen.inside & compare_depth(seen.depth, measured, tolerance).agrees
+        apart = np.abs(measured - seen.depth)[same]
+        medians.append(float(np.median(apart)) if len(apart) else np.nan)
     return round(1000 * float(np.nanmedian(medians)), 4) if np.isfinite(medians).any() else 0.0
 
 
-def _points(picture: Picture, world_from_cam: np.ndarray) -> np.ndarray:
-    """Return every tenth measured point in the world, (k, 3)."""
+def _points(picture: Picture) -> np.ndarray:
+    """Return every tenth measured point in the axes of the camera, (k, 3)."""
     rows, columns = np.argwhere(np.isfinite(picture.depth))[::10].T
-    k, z = picture.intrinsics, picture.depth[rows, columns].astype(np.float64)
-    seen = np.stack([(columns + 0.5 - k.cx) / k.fx * z, (rows + 0.5 - k.cy) / k.fy * z, z], axis=1)
-    return seen @ world_from_cam[:3, :3].T + world_from_cam[:3, 3]
+    depth = picture.depth[rows, columns].astype(np.float64)
+    return unproject_pixels(rows, columns, depth, picture.intrinsics)
 
 
 def _middle(pictures: Sequence[Picture], poses: np.ndarray) -> np.ndarray:
@@ -252,6 +254,5 @@ def _middle(pictures: Sequence[Picture], poses: np.ndarray) -> np.ndarray:
         replace(each, depth=np.where(each.depth <= np.nanmedian(each.depth), each.depth, np.nan))
         for each in pictures
     ]
-    return np.median(
-        np.concatenate([_points(*each) for each in zip(near, poses, strict=True)]), axis=0
-    )
+    points = [transform_points(pose, _points(p)) for pose, p in zip(poses, near, strict=True)]
+    return np.median(np.concatenate(points), axis=0)

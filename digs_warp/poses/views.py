@@ -11,6 +11,7 @@ from digs_warp.data.frame import Frame
 from digs_warp.data.layers import Layer
 from digs_warp.device.parallel import default_threads
 from digs_warp.geometry.camera import Intrinsics
+from digs_warp.geometry.reproject import unproject_pixels
 
 # Blur that takes off noise, and the neighborhood whose mean and contrast do not count [px].
 FINE, WIDE = 0.8, 6.0
@@ -160,7 +161,7 @@ def view_of(picture: Picture, points: int = POINTS) -> View:
 def _points(picture: Picture, y: np.ndarray, x: np.ndarray) -> np.ndarray:
     """Return the points of pixels, in the axes of the middle row."""
     k, z = picture.intrinsics, picture.depth[y, x]
-    seen = np.stack([(x + 0.5 - k.cx) / k.fx * z, (y + 0.5 - k.cy) / k.fy * z, z], axis=1)
+    seen = unproject_pixels(y, x, z, k)
     moment = ((y + 0.5) / k.height - 0.5)[:, None]
     return (seen + moment * (np.cross(picture.turn, seen) + picture.shift)).astype(np.float32)
 

@@ -110,13 +110,13 @@ def wider_canvas(camera: Camera, corners: np.ndarray) -> Canvas | None:
         None for an object inside the image, or behind the camera as a whole.
     """
     k = camera.intrinsics
-    x, y, z = (corners @ camera.cam_from_world[:3, :3].T + camera.cam_from_world[:3, 3]).T
+    px, z = camera.project(corners)
     if z.max() <= 0:
         return None
     if z.min() <= 0:
         left, top, right, bottom = k.width, k.height, k.width, k.height
     else:
-        u, v = k.fx * x / z + k.cx, k.fy * y / z + k.cy
+        u, v = px.T
         left, right = _over(-u.min(), k.width), _over(u.max() - k.width, k.width)
         top, bottom = _over(-v.min(), k.height), _over(v.max() - k.height, k.height)
     if not (left or right or top or bottom):

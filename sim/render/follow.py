@@ -16,6 +16,7 @@ import warp as wp
 
 from digs_warp.data.occlusion import Occlusion
 from digs_warp.device.parallel import launch_parallel, packed
+from digs_warp.geometry.reproject_kernel import is_inside, project, ray_through
 from digs_warp.sim.render.protocol import CameraTrack, Followed
 from digs_warp.sim.render.rays import SAME_POINT
 from digs_warp.sim.render.surface import OPAQUE, Surface, trace
@@ -48,11 +49,11 @@ class Eye:
 
 
 @wp.func
-def ray_through(eye: Eye, column: int, row: int) -> wp.vec3d:
+def ray_of_pixel(eye: Eye, column: int, row: int) -> wp.vec3d:
     """Direction through a pixel center in camera axes, with z = 1."""
     half = wp.float64(0.5)
-    x = (wp.float64(column) + half - eye.cx) / eye.fx
-    y = (wp.float64(row) + half - eye.cy) / eye.fy
+    u, v = wp.float64(column) + half, wp.float64(row) + half
+    x, y = ray_through(u, v, eye.fx, eye.fy, eye.cx, eye.cy)
     return wp.vec3d(x, y, wp.float64(1.0))
 
 
@@ -60,7 +61,8 @@ def ray_through(eye: Eye, column: int, row: int) -> wp.vec3d:
 def appears_at(eye: Eye, band: int, point: wp.vec3d) -> wp.vec3d:
     """Column and row [px] at which the camera of a band sees a point, and its planar z [m]."""
     cam = wp.transpose(eye.rotations[band]) * (point - eye.centers[band])
-    return wp.vec3d(eye.fx * cam[0] / cam[2] + eye.cx, eye.fy * cam[1] / cam[2] + eye.cy, cam[2])
+    u, v = project(cam, eye.fx, eye.fy, eye.cx, eye.cy)
+    return wp.vec3d(u, v, cam[2])
 
 
 @wp.func
@@ -130,7 +132,7 @@ def follow_kernel(
         return
     from_band = source.bands[row]
     origin = source.centers[from_band]
-    point = origin + source.rotations[from_band] * (z * ray_through(source, column, row))
+    point = origin + source.rotations[from_band] * (z * ray_of_pixel(source, column, row))
     band = target.bands[wp.min(row, target.height - 1)]
     place = appears_at(target, band, point)
     for _round in range(ROUNDS):
@@ -149,10 +151,7 @@ def follow_kernel(
     down = place[1] - wp.float64(row) - half
     shifts[pixel] = wp.vec2(float(right), float(down))
     depths[pixel] = float(place[2])
-    nowhere = wp.float64(0.0)
-    inside_x = place[0] >= nowhere and place[0] < wp.float64(target.width)
-    inside_y = place[1] >= nowhere and place[1] < wp.float64(target.height)
-    if inside_x and inside_y:
+    if is_inside(place[0], place[1], place[2], target.width, target.height):
         on_object = materials[pixel] >= 0
         clear = is_clear(surface, origin, point, on_object, target.centers[band], cone)
         states[pixel] = wp.where(clear, SEEN, HIDDEN)

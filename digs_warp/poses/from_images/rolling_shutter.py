@@ -19,6 +19,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from digs_warp.geometry.reproject import Pinholes, project
 from digs_warp.geometry.rigid import matrix_from_rotation_vector
 
 # How fast a hand's shake turns a camera, RMS per axis [rad/s]; measured walks have 0.15 in all.
@@ -148,7 +149,10 @@ def _seen(views: RollingViews, model: RollingModel) -> np.ndarray:
 
 
 def _project(views: RollingViews, seen: np.ndarray) -> np.ndarray:
-    return seen[:, :2] / seen[:, 2:] * views.focals[views.cameras] + views.centers[views.cameras]
+    own = views.cameras
+    (fx, fy), (cx, cy) = views.focals[own].T, views.centers[own].T
+    u, v, _ = project(seen, Pinholes(np.empty(0), views.heights, fx, fy, cx, cy))
+    return np.stack([u, v], axis=1)
 
 
 def _cost(views: RollingViews, model: RollingModel) -> float:

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from digs_warp.geometry.camera import Intrinsics
 from digs_warp.geometry.rigid import invert_rigid, look_at, matrix_from_rotation_vector, rigid
 from digs_warp.poses.agreement import disagreement
 from digs_warp.poses.chain import turn_deg
@@ -11,7 +12,7 @@ from digs_warp.poses.starts import likely_starts
 from reference.textured_plane import INTRINSICS, picture, ring_of_poses
 
 TRUTH = ring_of_poses(16)
-CAMERA = np.array([[200.0, 0, 80], [0, 200, 60], [0, 0, 1]])
+CAMERA = Intrinsics(160, 120, 200.0, 200.0, 80.0, 60.0)
 
 
 def test_features_find_a_motion_far_along_the_ring() -> None:
@@ -29,7 +30,7 @@ def test_two_in_three_wrong_matches_do_not_count_and_noise_is_no_motion() -> Non
     rng = np.random.default_rng(5)
     true = rigid(matrix_from_rotation_vector(np.array([0.1, 0.4, -0.2])), np.array([0.1, 0, 0.2]))
     points = rng.uniform([-1, -1, 2], [1, 1, 3], (60, 3))
-    seen = (points @ true[:3, :3].T + true[:3, 3]) @ CAMERA.T
+    seen = (points @ true[:3, :3].T + true[:3, 3]) @ CAMERA.matrix.T
     px = seen[:, :2] / seen[:, 2:]
     px[20:] = rng.uniform(0, 160, (40, 2))
     found = Matches(points, px, CAMERA).motion()
