@@ -6,11 +6,9 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import tyro
 
-from digs_warp.checks import DigsError, require_folder
+from digs_warp.checks import DigsError
 from digs_warp.commands.command import Command, Group
 from digs_warp.commands.output import NewFolder, check_output_file
-from digs_warp.data.index_rules import INDEX_NAME
-from digs_warp.data.other_folders import what_it_is
 from digs_warp.record.files import write_atomically
 from digs_warp.record.layout import RUN_RECORD
 from digs_warp.record.run_log import RunLog
@@ -30,15 +28,14 @@ class FitSensor(Command):
 
     The recording is a capture of a flat, textured wall that fills the image: several frames of a camera at
     rest at each of 4 to 6 distances, tilted by 10 to 20 degrees ('digs-warp convert --from' makes captures of
-    real recordings). An infrared pair beside the color camera is fitted from its own images. Or the recording
-    is a stereo pair with true disparity in the layout of the Middlebury data sets.
+    real recordings). An infrared pair beside the color camera is fitted from its own images.
 
     Beside the profile it writes a page of the same name (.html) with standard errors, and with the statistics
     of the recording beside those of the same scene recorded by the simulated camera.
     """
 
     recording: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="RECORDING")]
-    """A capture folder, or the folder of a stereo pair."""
+    """A capture folder."""
 
     out: Path
     """The profile to write, a .yaml file."""
@@ -56,7 +53,7 @@ class FitSensor(Command):
     def execute(self) -> str:
         """Fit, write profile and page, and return the figures."""
         from digs_warp.sim.camera.profiles import PROFILES
-        from digs_warp.sim.fit.profile_file import write_profile
+        from digs_warp.sim.fit.result import write_profile
         from digs_warp.study.fit_page import figures_table, fit_page
 
         if self.base not in PROFILES:
@@ -83,25 +80,12 @@ class FitSensor(Command):
 
     def _fit(self, base: "Profile") -> "Fit":
         from digs_warp.data.capture import read_capture
-        from digs_warp.sim.fit.fit_pair import fit_pair
         from digs_warp.sim.fit.fit_wall import fit_wall
-        from digs_warp.sim.fit.pair_folder import HINT, is_pair, read_pair
         from digs_warp.sim.fit.wall import read_wall
 
-        folder = require_folder(self.recording, "recording", HINT)
-        if not is_pair(folder):
-            if not (folder / INDEX_NAME).is_file():
-                raise DigsError(
-                    f"recording '{folder}': neither a capture nor a stereo pair. {HINT} "
-                    f"{what_it_is(folder, INDEX_NAME)}"
-                )
-            capture = read_capture(self.recording)
-            wall = read_wall(capture, base.figures["baseline"].value)
-            rig = replace(base.rig(), intrinsics=wall.intrinsics, baseline=wall.baseline)
-            return fit_wall(wall, rig, self.distances)
-        if self.distances is not None:
-            raise DigsError("--distances: for a recording of a wall; a pair has its true disparity")
-        return fit_pair(read_pair(self.recording), base.rig())
+        wall = read_wall(read_capture(self.recording), base.figures["baseline"].value)
+        rig = replace(base.rig(), intrinsics=wall.intrinsics, baseline=wall.baseline)
+        return fit_wall(wall, rig, self.distances)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -1,7 +1,6 @@
 """`digs-warp bench sensor-fit`: figures found again, and real recordings predicted.
 
-Walls with known figures are recorded and fitted. Of a real pair with true disparity (Middlebury's
-Motorcycle), one half is fitted and the other predicted. Two recordings without truth show the noise round
+Walls with known figures are recorded and fitted. Two recordings without truth show the noise round
 local planes and what changes between frames.
 """
 
@@ -13,19 +12,8 @@ import numpy as np
 
 from digs_warp.sim.camera.profiles import load_profile
 from digs_warp.sim.fit.estimate import Estimate
-from digs_warp.sim.fit.fit_pair import (
-    LEFT,
-    RIGHT,
-    WHOLE,
-    compare,
-    fit_part,
-    image_parts,
-    try_noise,
-)
 from digs_warp.sim.fit.fit_wall import fit_wall
-from digs_warp.sim.fit.pair_folder import read_pair
-from digs_warp.sim.fit.profile_file import text
-from digs_warp.sim.fit.result import Comparison, with_figures
+from digs_warp.sim.fit.result import text
 from digs_warp.sim.fit.textured_wall import in_memory, record_wall
 from digs_warp.sim.fit.wall import read_wall
 from digs_warp.sim.sensor.drift import Drift
@@ -38,7 +26,6 @@ from digs_warp.study.real_stereo import (
 from digs_warp.study.results import Result
 from digs_warp.study.scenes import sample_data
 
-MOTORCYCLE = "rgbd/middlebury_motorcycle"
 D435 = "rgbd/realsense_d435_ir_pair"
 STILL = "rgbd/euroc_static_stereo"
 
@@ -68,7 +55,7 @@ def bench_sensor_fit(data: Path | None = None) -> list[Result]:
     """
     data = data or sample_data()
     results = [*_walls(), *_law()]
-    for folder, measure in ((MOTORCYCLE, _motorcycle), (D435, _d435), (STILL, _still)):
+    for folder, measure in ((D435, _d435), (STILL, _still)):
         if (data / folder).is_dir():
             results += measure(data / folder)
     return results
@@ -106,37 +93,6 @@ def _row(seed: int | str, name: str, value: float, found: Estimate | None) -> Re
     labels = {"seed": seed, "figure": name, "fitted": text(found)}
     off = abs(found.value - value) / found.error if found.error else 0.0
     return Result(labels, {"known": value, "off by standard errors": off}, "walls")
-
-
-def _motorcycle(folder: Path) -> Iterator[Result]:
-    tries = try_noise(read_pair(folder), load_profile("zed2-720").rig())
-    parts = image_parts(tries.true.shape)
-    yield from _compared(
-        "real right image, guided", WHOLE, compare(tries, tries.guided, parts[WHOLE])
-    )
-    for fitted, held_out in ((LEFT, RIGHT), (RIGHT, LEFT)):
-        figures = fit_part(tries, parts[fitted])
-        predicted = tries.simulate(with_figures(tries.rig, figures))
-        rows = compare(tries, predicted, parts[held_out])
-        yield from _compared(f"simulated, fitted to {fitted}", held_out, rows)
-        for figure in figures:
-            yield Result(
-                {"fitted to": fitted, "figure": figure.name, "fitted": text(figure.estimate)},
-                {},
-                "motorcycle figures",
-            )
-
-
-def _compared(right: str, part: str, rows: list[Comparison]) -> Iterator[Result]:
-    for row in rows:
-        labels = {
-            "right image": right,
-            "part": part,
-            "statistic": row.name,
-            "measured": text(row.measured),
-            "simulated": text(row.simulated),
-        }
-        yield Result(labels, {"ratio": row.simulated.value / row.measured.value}, "motorcycle")
 
 
 def _d435(folder: Path) -> Iterator[Result]:

@@ -13,8 +13,8 @@ import numpy as np
 from digs_warp.checks import DigsError
 from digs_warp.data.images import read_image
 from digs_warp.sim.config import SimulateConfig
-from digs_warp.sim.fit.pair_folder import read_pair
 from digs_warp.sim.sensor.filters import gray_of
+from digs_warp.study.real_pair import read_pair
 from digs_warp.study.results import Result
 from digs_warp.study.scenes import SEE_SAMPLE_DATA, sample_data
 from digs_warp.study.transfer.matching import KnownPair, MatcherSettings, tune, wrong_share

@@ -3,8 +3,7 @@
 from collections.abc import Sequence
 
 from digs_warp.sim.camera.profiles import Profile
-from digs_warp.sim.fit.profile_file import text
-from digs_warp.sim.fit.result import Comparison, Fit, Series
+from digs_warp.sim.fit.result import Comparison, Fit, Series, text
 from digs_warp.study.charts import Chart, Curve
 from digs_warp.study.page import Section, html_page
 from digs_warp.study.table import Table

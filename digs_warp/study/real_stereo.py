@@ -13,13 +13,15 @@ from digs_warp.sim.camera.profiles import load_profile
 from digs_warp.sim.camera.rig import StereoRig
 from digs_warp.sim.fit.depth_noise import correlation_length
 from digs_warp.sim.fit.estimate import Estimate, block_numbers
-from digs_warp.sim.fit.eye_noise import Eyes, eye_noise
-from digs_warp.sim.fit.image_noise import image_noise
-from digs_warp.sim.fit.known_frame import known_frame
-from digs_warp.sim.fit.known_pair import filled, right_image, without_grain
+from digs_warp.sim.fit.image_noise import Eyes, eye_noise, image_noise
+from digs_warp.sim.fit.known_frame import (
+    filled,
+    known_frame,
+    right_image,
+    sense_frame,
+)
 from digs_warp.sim.fit.plane import fit_plane
-from digs_warp.sim.fit.sensing import sense_frame
-from digs_warp.sim.sensor.filters import gray_of
+from digs_warp.sim.sensor.filters import box_mean, gray_of
 from digs_warp.sim.sensor.matcher import match, search_range
 from digs_warp.sim.sensor.tiers import sense
 
@@ -28,6 +30,9 @@ SQUARE, FULL, FLAT = 32, 0.9, 0.95
 
 # Still frames of the recording with a camera at rest; later ones show it lifting off.
 STILL = 5
+
+# Side of the windows whose variance tells texture from noise [px].
+GRAIN_WINDOW = 5
 
 # Frames of a pixel that differ by more have matched something else [px].
 JUMP = 1.0
@@ -277,3 +282,22 @@ def _calibration(path: Path) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 def _color(path: Path) -> np.ndarray:
     pixels = read_image(path)
     return np.ascontiguousarray(np.repeat(pixels[..., :1], 3, axis=2))
+
+
+def without_grain(image: np.ndarray, sigma: float) -> np.ndarray:
+    """Return an image without noise of a known size, as far as that can be told from texture.
+
+    Wiener's filter with the mean and the variance of small windows (Lee 1980): where these vary no more than
+    the noise does, the mean is left.
+
+    Args:
+        image: sRGB, (height, width, 3), uint8.
+        sigma: standard deviation of the noise of each channel [DN].
+    """
+    if sigma == 0:
+        return image
+    pixels = image.astype(np.float32)
+    mean = box_mean(pixels, GRAIN_WINDOW)
+    variance = np.maximum(box_mean(pixels**2, GRAIN_WINDOW) - mean**2, 1e-6)
+    texture = np.maximum(variance - np.float32(sigma**2), 0) / variance
+    return np.clip(np.rint(mean + texture * (pixels - mean)), 0, 255).astype(np.uint8)

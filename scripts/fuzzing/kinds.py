@@ -111,10 +111,6 @@ def _settings(command: str, *words: str) -> tuple[Input, ...]:
     )
 
 
-def _pair(folder: str, *names: str) -> tuple[Input, ...]:
-    return tuple(Input(folder, name, ("sensor fit . --out OUT.yaml",)) for name in names)
-
-
 LAYERS = (
     "images/0001.png",
     "right/0001.png",
@@ -189,10 +185,6 @@ KINDS = (
             for name in ("checkpoint.npz", "initial_points.npz")
         ),
         *map(_result, ("reconstruction/initial_points.npz", "reconstruction/gaussians.npz")),
-    )),
-    Kind("stereo pairs to fit a sensor to", (
-        *_pair("pair", "calib.json", "disp.npz", "left.png", "right.png"),
-        *_pair("middlebury", "calib.txt", "disp0.pfm", "im0.png"),
     )),
     Kind("settings, profiles, studies", (
         *_settings("simulate", "--out", "x"), *_settings("reconstruct", "x", "--out", "x"),

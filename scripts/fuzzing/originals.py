@@ -20,7 +20,6 @@ from digs_warp.formats.splats.files import write_splat_file
 from digs_warp.show.film.video import write_video
 from digs_warp.study.preference.design import design, save_key
 from fuzzing.recordings import write_euroc, write_seven_scenes
-from fuzzing.stereo_pair import write_middlebury, write_pair
 
 PUBLISHED_STUDY = Path(__file__).resolve().parents[2] / "docs/study/tradeoff/results.jsonl"
 RECONSTRUCT = ("--iterations", "4", "--test-every", "3", "--keep-course")
@@ -265,12 +264,6 @@ class Originals:
         }
         profile = {"base": "zed2-720", "title": "My camera", "figures": figures}
         (folder / "camera.yaml").write_text(yaml.safe_dump(profile))
-
-    def _pair(self, folder: Path) -> None:
-        write_pair(folder)
-
-    def _middlebury(self, folder: Path) -> None:
-        write_middlebury(folder)
 
     def _study(self, folder: Path) -> None:
         """Results of a study, and the key and answers of a preference kit."""

@@ -8,16 +8,12 @@ import numpy as np
 from digs_warp.checks import DigsError
 from digs_warp.record.progress import progress
 from digs_warp.sim.camera.rig import StereoRig
-from digs_warp.sim.fit.bias import FEWEST_POSES, bias
-from digs_warp.sim.fit.calibration import Calibration, calibrate_wall
+from digs_warp.sim.fit.calibration import FEWEST_POSES, Calibration, bias, calibrate_wall
 from digs_warp.sim.fit.depth_noise import noise, sigma_of
 from digs_warp.sim.fit.estimate import UNKNOWN, Estimate
-from digs_warp.sim.fit.eye_noise import Eyes, eye_noise
-from digs_warp.sim.fit.holes import holes
-from digs_warp.sim.fit.image_noise import NO_NOISE, ImageNoise, image_noise
-from digs_warp.sim.fit.known_frame import known_frame
-from digs_warp.sim.fit.known_pair import right_image
-from digs_warp.sim.fit.range_and_step import depth_range, disparity_step, limits
+from digs_warp.sim.fit.image_noise import NO_NOISE, Eyes, ImageNoise, eye_noise, image_noise
+from digs_warp.sim.fit.known_frame import known_frame, right_image, sense_frame
+from digs_warp.sim.fit.range_and_holes import depth_range, disparity_step, holes, limits
 from digs_warp.sim.fit.result import (
     Comparison,
     Fit,
@@ -27,7 +23,6 @@ from digs_warp.sim.fit.result import (
     sort_out,
     with_figures,
 )
-from digs_warp.sim.fit.sensing import sense_frame
 from digs_warp.sim.fit.wall import Pose, Wall, describe, make_pose
 from digs_warp.sim.sensor.drift import NO_DRIFT, Drift
 from digs_warp.words import counted

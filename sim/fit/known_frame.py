@@ -1,4 +1,4 @@
-"""Frames of which only images and true disparity are known: recorded pairs, and pairs made from one image."""
+"""Stereo frames made from one image and its true disparity, and the sensor's output on them."""
 
 from functools import cached_property
 
@@ -7,9 +7,111 @@ import numpy as np
 from digs_warp.checks import DigsError
 from digs_warp.geometry.camera import Camera
 from digs_warp.sim.camera.rig import StereoRig
+from digs_warp.sim.config import Tier
 from digs_warp.sim.scene.scene import Material
+from digs_warp.sim.sensor.color.image_noise import ReadNoise, ShotNoise
+from digs_warp.sim.sensor.color.recorded import recorded_images
 from digs_warp.sim.sensor.drift import NO_DRIFT, Drift
-from digs_warp.sim.sensor.frame import FrameTruth, Motion
+from digs_warp.sim.sensor.effects.protocol import Choice
+from digs_warp.sim.sensor.effects.quantum import Quantum
+from digs_warp.sim.sensor.effects.static_field import StaticField
+from digs_warp.sim.sensor.filters import sampled
+from digs_warp.sim.sensor.frame import FrameTruth, Motion, Sensed
+from digs_warp.sim.sensor.infrared.pair import in_three_channels, one_channel
+from digs_warp.sim.sensor.tiers import sense
+
+# Steps larger than this are edges of objects: nothing is between the two sides [px].
+EDGE = 1.0
+
+# Points per pixel along a row, so that no gap opens where the right eye sees a surface wider.
+FINE = 8
+
+
+def filled(disparity: np.ndarray) -> np.ndarray:
+    """Return the disparity with each unknown value taken from the nearest pixel that has one."""
+    from scipy.ndimage import distance_transform_edt
+
+    indices = distance_transform_edt(
+        np.isnan(disparity), return_distances=False, return_indices=True
+    )
+    return disparity[tuple(np.asarray(indices))]
+
+
+def right_image(
+    left: np.ndarray, disparity: np.ndarray, unseen: np.ndarray | None = None
+) -> np.ndarray:
+    """Return what the right eye sees, by the true disparity, (height, width, 3), uint8.
+
+    Args:
+        left: sRGB, (height, width, 3), uint8.
+        disparity: true one of the left image [px], (height, width), without NaN.
+        unseen: image to take from what the left eye does not see; None: what is beside it is repeated.
+    """
+    disparity = np.asarray(disparity, np.float32)
+    seen = _seen_from_right(disparity)
+    width = disparity.shape[1]
+    rows, columns = (np.asarray(each) for each in np.indices(disparity.shape))
+    hole = np.isnan(seen)
+    shift = filled(seen) if unseen is None else np.where(hole, np.float32(0), seen)
+    source = columns + shift
+    image = sampled(left, source, rows)
+    if unseen is not None:
+        outside = hole | (source > width - 1)
+        image[outside] = unseen[outside]
+    return image
+
+
+def _seen_from_right(disparity: np.ndarray) -> np.ndarray:
+    """Return the disparity at each pixel of the right image, the nearest surface first, NaN: unseen."""
+    height, width = disparity.shape
+    nearest = np.full((height, width), -np.inf, np.float32)
+    after = np.concatenate([disparity[:, 1:], disparity[:, -1:]], axis=1)
+    joined = np.abs(after - disparity) < EDGE
+    columns = np.arange(width, dtype=np.float32)
+    for step in range(FINE):
+        share = np.float32(step / FINE)
+        value = np.where(joined, (1 - share) * disparity + share * after,
+                         disparity if share < 0.5 else after)  # fmt: skip
+        target = columns + share - value
+        column = np.floor(target + 0.5).astype(int)
+        rows, at = np.nonzero((column >= 0) & (column < width))
+        # The surface continues to the pixel's center as it is here: half a pixel at most.
+        slope = np.where(joined, after - disparity, 0)[rows, at]
+        rest = (column - target)[rows, at] / (1 - np.minimum(slope, np.float32(0.9)))
+        np.maximum.at(nearest, (rows, column[rows, at]), value[rows, at] + slope * rest)
+    nearest[np.isinf(nearest)] = np.nan
+    return nearest
+
+
+# Noise of the images, static field and fixed point are as strong as the rig says; a drift is in the frame.
+ON_IMAGES = (ShotNoise(), ReadNoise())
+ON_DEPTH = (StaticField.name, Quantum.name)
+
+
+def sense_frame(
+    frame: FrameTruth, tier: Tier = "guided", seed: int = 0, gray: bool = False
+) -> tuple[tuple[np.ndarray, np.ndarray], Sensed]:
+    """Return the two images as recorded, and what the sensor measures on them.
+
+    Args:
+        frame: what the eyes see; its rig has the figures.
+        tier: of the sensor.
+        seed: of the noise.
+        gray: the eyes see no color, as those of an infrared pair: the noise of a pixel is one value. Three
+            independent ones have a third less on their brightness, which is matched.
+    """
+    recorded = recorded_images(frame, ON_IMAGES, seed)
+    if gray:
+        left, right = (in_three_channels(one_channel(image)) for image in recorded)
+        recorded = left, right
+    choices = [Choice(name, True, "", "", "") for name in ON_DEPTH]
+    return recorded, sense(frame, tier, choices, seed, recorded=recorded)
+
+
+def is_gray(images: np.ndarray) -> bool:
+    """Whether recorded images, (..., 3), are of eyes without color; noise of others differs by channel."""
+    return bool((images == images[..., :1]).all())
+
 
 # Surfaces are the same when their disparities differ by no more than this [px].
 SAME_SURFACE = 1.0
@@ -50,11 +152,11 @@ class WarpedRays:
 
     def reflection_distance(self, where: np.ndarray | None = None) -> np.ndarray:
         """Unknown for a recorded pair."""
-        raise DigsError("a recorded pair has no information about reflections")
+        raise DigsError("a pair of images has no information about reflections")
 
     def depth_behind(self, where: np.ndarray | None = None) -> np.ndarray:
         """Unknown for a recorded pair."""
-        raise DigsError("a recorded pair has no information about what lies behind its surfaces")
+        raise DigsError("a pair of images has no information about what lies behind its surfaces")
 
 
 def known_frame(

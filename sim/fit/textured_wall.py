@@ -12,8 +12,7 @@ from digs_warp.geometry.camera import Intrinsics
 from digs_warp.record.progress import progress
 from digs_warp.sim.camera.rig import StereoRig
 from digs_warp.sim.config import Tier
-from digs_warp.sim.fit.known_frame import known_frame
-from digs_warp.sim.fit.sensing import ON_IMAGES, sense_frame
+from digs_warp.sim.fit.known_frame import ON_IMAGES, known_frame, sense_frame
 from digs_warp.sim.record.frame_maker import COLOR_SEED
 from digs_warp.sim.record.recorded_facts import rig_record
 from digs_warp.sim.sensor.color.recorded import recorded_images

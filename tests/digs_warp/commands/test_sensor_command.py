@@ -109,7 +109,7 @@ def test_other_folders_are_refused_with_what_is_expected(
 ) -> None:
     (tmp_path / "photo.png").write_bytes(b"")
     assert fit(tmp_path, "--out", tmp_path / "p.yaml") == EXIT_BAD_INPUT
-    assert "neither a capture nor a stereo pair" in capsys.readouterr().err
+    assert "no transforms.json" in capsys.readouterr().err
     assert fit(tmp_path / "none", "--out", tmp_path / "p.yaml") == EXIT_BAD_INPUT
     assert "none': no such folder" in capsys.readouterr().err
 

@@ -8,13 +8,19 @@ from scipy.ndimage import gaussian_filter
 
 from digs_warp.geometry.camera import Intrinsics
 from digs_warp.sim.camera.profiles import load_profile
-from digs_warp.sim.fit.bias import bias, fit_line
+from digs_warp.sim.fit.calibration import bias, fit_line
 from digs_warp.sim.fit.depth_noise import noise
 from digs_warp.sim.fit.estimate import BLOCKS, Estimate, block_numbers, block_sums, jackknife, ratio
-from digs_warp.sim.fit.holes import holes, median_size, small_share
 from digs_warp.sim.fit.image_noise import image_noise
 from digs_warp.sim.fit.plane import _median_distances, fit_plane
-from digs_warp.sim.fit.range_and_step import depth_range, disparity_step, limits
+from digs_warp.sim.fit.range_and_holes import (
+    depth_range,
+    disparity_step,
+    holes,
+    limits,
+    median_size,
+    small_share,
+)
 from digs_warp.sim.fit.wall import Wall, make_pose
 from digs_warp.sim.sensor.color.encoding import decode, encode
 from digs_warp.sim.sensor.color.image_noise import ReadNoise, ShotNoise

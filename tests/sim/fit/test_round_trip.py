@@ -11,8 +11,8 @@ from digs_warp.sim.camera.profiles import load_profile
 from digs_warp.sim.camera.rig import StereoRig
 from digs_warp.sim.config import Tier
 from digs_warp.sim.fit.fit_wall import fit_wall
+from digs_warp.sim.fit.known_frame import is_gray, sense_frame
 from digs_warp.sim.fit.result import Fit
-from digs_warp.sim.fit.sensing import is_gray, sense_frame
 from digs_warp.sim.fit.textured_wall import PLACES, in_memory, photograph, record_wall
 from digs_warp.sim.fit.wall import read_wall
 from digs_warp.sim.sensor.drift import NO_DRIFT, Drift
