@@ -28,7 +28,7 @@ def main() -> None:
         ]
         for name, value in recorded.items()
     ]
-    headings = ["", "recorded", "simulated, mean (5 to 95 % of 20)", "with `--unsteadiness 0`"]
+    headings = ["", "recorded", "simulated, mean (5 to 95 % of 20)", "with `unsteadiness: 0`"]
     fill("walks.md", "hand", Table("hand", headings, rows).markdown())
 
 

@@ -5,8 +5,10 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
+from tyro.conf import arg
+
 from digs_warp.checks import DigsError
-from digs_warp.settings import ANGLE, FRAMES, SEED, SIDE, Range, Settings
+from digs_warp.settings import ANGLE, FRAMES, NO_FLAG, SEED, SIDE, Range, Settings
 from digs_warp.sim.camera.walk.settings import WalkSettings
 from digs_warp.sim.camera.walk.timing import kept_count
 from digs_warp.sim.record.labels.names import labels_named
@@ -43,15 +45,15 @@ class SimulateConfig(Settings):
     """What the object stands on. 'floor': the lower part of the environment, projected from the height of a
     photographer; the built-in room has its own. 'table': a table on that floor. 'none': the object hangs in
     the middle of a sphere. auto: a table for objects up to half a metre, a floor for larger ones and in the
-    built-in room; none with --renderer gl, which draws no ground."""
+    built-in room; none with the renderer gl, which draws no ground."""
 
-    object_turn: Annotated[float, ANGLE] = 0.0
+    object_turn: Annotated[float, ANGLE, NO_FLAG] = 0.0
     """Turn the objects about the vertical axis [degree], counterclockwise from above."""
 
-    distractors: Annotated[int, Range(0, 100)] = 0
+    distractors: Annotated[int, Range(0, 100), NO_FLAG] = 0
     """Number of plain shapes of random size and color that stand beside the objects. They are in no mask."""
 
-    distractor_meshes: tuple[Path, ...] = ()
+    distractor_meshes: Annotated[tuple[Path, ...], NO_FLAG] = ()
     """Mesh files of other things beside the objects, in no mask either. One that would be in the way of the
     camera is scaled down."""
 
@@ -86,11 +88,11 @@ class SimulateConfig(Settings):
     'hole-filling-nearest') are librealsense's; 'dense' stands for the neural depth modes of the ZED family:
     smooth, hardly any holes, blurred steps. For the tiers 'guided' and 'matcher'."""
 
-    confidence_threshold: Annotated[float, Range(0, 1)] = 0.0
+    confidence_threshold: Annotated[float, Range(0, 1), NO_FLAG] = 0.0
     """Drop matches with less confidence before any filter, 0 (none) to 1. For the tiers 'guided' and
     'matcher'."""
 
-    strength: Annotated[float, Range(0, 100)] = 1.0
+    strength: Annotated[float, Range(0, 100), arg(name="error-strength")] = 1.0
     """Factor on the errors of the sensor; 0: none, 2: twice those of the real sensor. Limits (the range, the
     band that only one eye sees) do not change."""
 
@@ -100,18 +102,18 @@ class SimulateConfig(Settings):
     optical flow and change of disparity to the next frame, and what that does not show. 'normals'.
     'instances': the number of the object at each pixel."""
 
-    renderer: Literal["raycast", "gl"] = "raycast"
+    renderer: Annotated[Literal["raycast", "gl"], NO_FLAG] = "raycast"
     """'raycast' needs no graphics driver; 'gl' uses OpenGL: a cross-check, without reflections."""
 
     object_size: Annotated[float | None, Range(0.001, 100)] = None
     """Scale the object: its longest side [m]. Default: the size that the file gives it. With --scene: the
     longest side of the longest object; the others keep their proportion to it."""
 
-    unit: Unit = "auto"
+    unit: Annotated[Unit, arg(name="mesh-unit")] = "auto"
     """Unit of the mesh file. auto: metres for GLB and glTF; the other formats have none, so it is guessed
     from the size and printed."""
 
-    up: Literal["auto", "y", "z"] = "auto"
+    up: Annotated[Literal["auto", "y", "z"], arg(name="mesh-up")] = "auto"
     """Which axis of the mesh file points up. auto: that of the format, y for GLB, glTF and OBJ, z for PLY and
     STL, with a warning if the object then lies where it could stand; one that would fall is turned so that it
     rests. An axis that is named here keeps the object's pose."""
@@ -134,12 +136,12 @@ class SimulateConfig(Settings):
             raise DigsError("--arrange drop: nothing to drop; name mesh files with --scene")
         if self.object_size is not None and self.unit != "auto":
             raise DigsError(
-                f"--object-size {self.object_size:g} and --unit {self.unit} both set the size of the object; "
-                "give one of them"
+                f"--object-size {self.object_size:g} and --mesh-unit {self.unit} both set the size of the "
+                "object; give one of them"
             )
         if self.renderer == "gl" and self.ground not in ("auto", "none"):
             raise DigsError(
-                f"--ground {self.ground}: --renderer gl draws no ground; choose --renderer raycast or "
+                f"--ground {self.ground}: the renderer gl draws no ground; choose raycast or "
                 "--ground none"
             )
         filters_named(self.filters)
@@ -147,7 +149,7 @@ class SimulateConfig(Settings):
         for flag, value, idle in (
             ("--effects", self.effects, "auto"),
             ("--filters", self.filters, "none"),
-            ("--confidence-threshold", self.confidence_threshold, 0),
+            ("confidence_threshold", self.confidence_threshold, 0),
         ):
             if value != idle and not self.plans_effects:
                 raise DigsError(

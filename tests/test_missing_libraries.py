@@ -76,7 +76,7 @@ def test_without_pycolmap_matching_is_refused_before_any_work(
         ("trimesh", "trimesh", "simulate --mesh {mesh} --frames 1 --width 32 --out {out}"),
         ("yaml", "pyyaml", "simulate --config {yaml} --out {out}"),
         ("pxr", "usd-core", "usd info {usda}"),
-        ("pyrender", "pyrender", "simulate --renderer gl --frames 1 --width 32 --out {out}"),
+        ("pyrender", "pyrender", "simulate --config {gl} --frames 1 --width 32 --out {out}"),
         (
             "cv2",
             "opencv-python-headless",
@@ -98,6 +98,8 @@ def test_without_a_library_the_job_that_needs_it_names_it(
     (tmp_path / "a.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")
     (tmp_path / "a.yaml").write_text("settings: {frames: 1}\n")
     places = {"splats": splats, "usda": tmp_path / "a.usda", "mesh": tmp_path / "a.obj"}
+    (tmp_path / "gl.json").write_text('{"settings": {"renderer": "gl"}}')
+    places |= {"gl": tmp_path / "gl.json"}
     places |= {"yaml": tmp_path / "a.yaml", "out": tmp_path / "out", "capture": Path(capture)}
     words = command.format(**places).split()
     codes, errors = without(

@@ -31,6 +31,8 @@ def masks_that_disagree(capture: Capture) -> list[Finding]:
     )
     return [
         Finding(
-            "masks disagree", what, "'reconstruct' mends them; --mask-agreement off keeps them."
+            "masks disagree",
+            what,
+            "'reconstruct' mends them; the setting mask_agreement: off keeps them.",
         )
     ]

@@ -20,9 +20,9 @@ _log = logging.getLogger(__name__)
 CHOSEN = {
     "--strategy": "init.strategy",
     "--voxel-size": "init.voxel_size",
-    "--voxel-unit": "init.voxel_unit",
+    "voxel_unit": "init.voxel_unit",
     "--target-points": "init.target_points",
-    "--max-points": "init.max_points",
+    "max_points": "init.max_points",
     "--iterations": "train.stop.iterations",
     "--density": "train.density.strategy",
 }

@@ -24,8 +24,9 @@ class SettingsCommand(Command):
     # The flags that --help shows, with underscores; --help-all shows the rest, too.
     main_flags: ClassVar[tuple[str, ...]]
 
-    # The command in whose run.json its settings are.
+    # The command in whose run.json its settings are, and the dataclass of those.
     recorded_as: ClassVar[str]
+    recorded: ClassVar[type]
 
     @classmethod
     def from_settings(cls, settings: Mapping[str, Any]) -> Self:

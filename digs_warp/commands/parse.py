@@ -1,6 +1,7 @@
 """From words to a command: follows the tree of commands, then lets tyro read the flags."""
 
 import inspect
+import re
 from collections.abc import Sequence
 from dataclasses import field, fields, make_dataclass
 from typing import Annotated, Any, NoReturn, Union
@@ -12,7 +13,7 @@ from digs_warp.commands.command import Command, Group, Node, Preset, SettingsCom
 from digs_warp.commands.common_flags import CommonFlags
 from digs_warp.commands.flag_rules import FlagRules, RefusedSettings, paragraphs
 from digs_warp.commands.registry import COMMANDS
-from digs_warp.commands.setting_names import setting_names
+from digs_warp.commands.setting_names import file_settings, setting_names
 from digs_warp.commands.settings_file import read_defaults
 from digs_warp.words import counted, did_you_mean
 
@@ -53,6 +54,9 @@ def read_command(words: Sequence[str], common: CommonFlags) -> Command:
     except SystemExit as stop:
         if not stop.code and rules.hidden:
             print(f"'{program} --help-all' shows {counted(len(rules.hidden), 'more flag')}.")
+        elif not stop.code and issubclass(kind, SettingsCommand):
+            more = counted(len(file_settings(kind.recorded)), "more setting")
+            print(f"{more} can be set in a file for --config; docs/command-line.md lists them.")
         raise
 
 
@@ -102,11 +106,17 @@ def _check_flags(kind: type[Command], words: Sequence[str], program: str) -> Non
     """Raise a `DigsError` for a flag that the command does not have, with the nearest one that it has."""
     common = [name for name in COMMON_FLAGS if name not in _useless(kind)]
     flags = [f"--{name.replace('_', '-')}" for name in (*setting_names(kind), *common)]
+    in_file = file_settings(kind.recorded) if issubclass(kind, SettingsCommand) else {}
     known = {*HELP, *flags, *(flag.replace("--", "--no-", 1) for flag in flags)}
     for word in words[: words.index("--") if "--" in words else None]:
         flag = word.partition("=")[0].replace("_", "-")
         if flag in MOVED_FLAGS:
             raise DigsError(f"'{program}' has no flag '{flag}' any more; use {MOVED_FLAGS[flag]}")
+        place = in_file.get(re.sub("^--(no-)?", "", flag).replace("-", "_"))
+        if place and flag not in known:
+            raise DigsError(
+                f"'{program}' has no flag '{flag}'; it is the setting {place} in a file for --config"
+            )
         if flag.startswith("--") and flag not in known:
             raise DigsError(f"'{program}' has no flag '{word}'{did_you_mean(flag, flags)}")
 

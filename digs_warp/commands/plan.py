@@ -37,9 +37,10 @@ class Plan(SettingsCommand):
     """Replace that file if it exists."""
 
     recorded_as: ClassVar[str] = "simulate"
+    recorded: ClassVar[type] = SimulateConfig
     main_flags: ClassVar[tuple[str, ...]] = (
         *("mesh", "environment", "frames", "profile", "width", "tier", "effects", "filters"),
-        *("confidence_threshold", "strength", "seed", "json", "overwrite"),
+        *("error_strength", "json", "overwrite"),
     )
 
     @classmethod

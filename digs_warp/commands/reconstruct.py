@@ -13,7 +13,7 @@ from digs_warp.commands.chosen_settings import check_left_open, recommended_conf
 from digs_warp.commands.command import SettingsCommand
 from digs_warp.commands.facts import format_facts, reconstruction_words
 from digs_warp.commands.many_captures import find_jobs, is_data_set, reconstruct_many
-from digs_warp.commands.output import ANY_FOLDER, OutputFolder
+from digs_warp.commands.output import ANY_FOLDER, OUTPUT_FLAGS, OutputFolder
 from digs_warp.commands.reconstruction_options import ReconstructionOptions
 from digs_warp.commands.result_files import reconstruction_files
 from digs_warp.commands.watched import watched_training
@@ -66,23 +66,10 @@ class Reconstruct(ReconstructionOptions, _Output):
 
     can_resume: ClassVar[bool] = True
     recorded_as: ClassVar[str] = "reconstruct"
+    recorded: ClassVar[type] = ReconstructionOptions
     main_flags: ClassVar[tuple[str, ...]] = (
-        "captures",
-        "out",
-        "resume",
-        "overwrite",
-        "recommended",
-        "seed",
-        "device",
-        "poses",
-        "masks",
-        "mask_folder",
-        "strategy",
-        "voxel_size",
-        "target_points",
-        "iterations",
-        "time_budget",
-        "density",
+        *("captures", *OUTPUT_FLAGS, "poses", "masks", "subject", "strategy", "voxel_size"),
+        *("iterations", "time_budget", "device"),
     )
 
     def __post_init__(self) -> None:

@@ -54,16 +54,17 @@ class Run(ReconstructionOptions, _Recording):
 
     can_resume: ClassVar[bool] = True
     recorded_as: ClassVar[str] = "run"
+    recorded: ClassVar[type] = _Settings
     main_flags: ClassVar[tuple[str, ...]] = (
         *OUTPUT_FLAGS,
         *RECORDING_FLAGS,
-        *("poses", "strategy", "voxel_size", "iterations", "time_budget"),
+        *("iterations", "time_budget"),
     )
 
     @classmethod
     def from_settings(cls, settings: Mapping[str, Any]) -> Self:
         """Return the command with the settings of a run.json; required flags are `tyro.MISSING`."""
-        record = settings_from_json(_Settings, settings)
+        record = settings_from_json(cls.recorded, settings)
         return cls(output=ANY_FOLDER, recording=record.recording, **vars(record.reconstruction))
 
     def execute(self) -> str:

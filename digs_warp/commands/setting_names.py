@@ -32,6 +32,18 @@ def settings_of(kind: type) -> list[tuple[str, str, Any]]:
     return found
 
 
+def file_settings(kind: type, within: str = "") -> dict[str, str]:
+    """Return the settings of a dataclass that have no flag: by name, where they are in its settings file."""
+    found: dict[str, str] = {}
+    for name, hint in get_type_hints(kind, include_extras=True).items():
+        inner = next((each for each in alternatives(hint) if is_dataclass(each)), None)
+        if isinstance(inner, type):
+            found |= file_settings(inner, f"{within}{name}.")
+        elif NO_FLAG in getattr(hint, "__metadata__", ()) and not name.endswith("seed"):
+            found[name] = f"{within}{name}"
+    return found
+
+
 def alternatives(hint: Any) -> list[Any]:
     """Return the types that a value may have, without annotations."""
     if get_origin(hint) is Annotated:

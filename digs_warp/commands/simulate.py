@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from digs_warp.sim.record.data_set import SceneJob
 
 # Flags of a recording that the help of `run` and `simulate` shows.
-RECORDING_FLAGS = ("mesh", "environment", "frames", "width", "profile", "tier", "seed")
+RECORDING_FLAGS = ("mesh", "environment", "profile", "frames", "width", "tier")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -57,11 +57,11 @@ class Simulate(SettingsCommand):
 
     can_resume: ClassVar[bool] = True
     recorded_as: ClassVar[str] = "simulate"
+    recorded: ClassVar[type] = SimulateConfig
     main_flags: ClassVar[tuple[str, ...]] = (
         *OUTPUT_FLAGS,
         *RECORDING_FLAGS,
-        *("scene", "meshes"),
-        *("scenes", "randomize", "engine"),
+        *("meshes", "scenes"),
     )
 
     def __post_init__(self) -> None:

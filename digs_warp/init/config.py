@@ -5,7 +5,7 @@ from typing import Annotated, Literal
 
 from digs_warp.checks import DigsError
 from digs_warp.init.strategies import STRATEGIES, StrategyName, VoxelUnit
-from digs_warp.settings import MANY, SPLATS, VOXEL, Range, Settings
+from digs_warp.settings import MANY, NO_FLAG, SPLATS, VOXEL, Range, Settings
 
 Shape = Literal["round", "flat", "ray"]
 ScaleStatistic = Literal["mode", "mean"]
@@ -25,7 +25,7 @@ class InitConfig(Settings):
     """Edge length of the voxel grid: one point per occupied voxel. Smaller voxels give finer detail and
     slower training. Default: two pixels (depth: five) at the object's distance, at most 200,000 points."""
 
-    voxel_unit: VoxelUnit = "metre"
+    voxel_unit: Annotated[VoxelUnit, NO_FLAG] = "metre"
     """Unit of the voxel size. metre; object: fraction of the object's longest side (default 0.008 and 0.02),
     the same number of points for a cup and a car; sfm: unit of structure from motion (default 0.04 and 0.1,
     as in the paper)."""
@@ -33,29 +33,29 @@ class InitConfig(Settings):
     target_points: Annotated[int | None, SPLATS] = None
     """Choose the voxel size that gives about this many points. Default: use --voxel-size."""
 
-    max_points: Annotated[int | None, SPLATS] = None
+    max_points: Annotated[int | None, SPLATS, NO_FLAG] = None
     """Keep at most this many points from depth, chosen at random. This limits the time of a training step
     without a coarser grid. Default: keep all."""
 
-    scale: ScaleStatistic = "mode"
+    scale: Annotated[ScaleStatistic, NO_FLAG] = "mode"
     """How to combine the ratios of depth in structure from motion to measured depth: mode (paper eq. 7), or
     for comparison mean, which every mismatch affects."""
 
-    mask_filter: bool = True
+    mask_filter: Annotated[bool, NO_FLAG] = True
     """Drop depth outside the object's mask (paper eq. 9). Without it, only the other filters separate the
     object from its background; training uses the masks in any case."""
 
-    mask_threshold: Annotated[int, Range(0, 254)] = 20
+    mask_threshold: Annotated[int, Range(0, 254), NO_FLAG] = 20
     """A pixel belongs to the object if its mask value (0 to 255) is above this (paper section 4.1)."""
 
-    edge_filter: bool = True
+    edge_filter: Annotated[bool, NO_FLAG] = True
     """Drop depth at jumps, where stereo is least reliable (paper eq. 9)."""
 
-    foreground_filter: bool = True
+    foreground_filter: Annotated[bool, NO_FLAG] = True
     """Split the depth into two clusters and drop the far one: background inside a mask that leaks (paper
     eq. 9)."""
 
-    background_weight: Annotated[float, Range(1, MANY)] = 3.0
+    background_weight: Annotated[float, Range(1, MANY), NO_FLAG] = 3.0
     """A pixel is background if its depth is this many times closer to the background's mean than to the
     foreground's (paper section 4.1)."""
 
@@ -69,10 +69,10 @@ class InitConfig(Settings):
     weight_by_confidence: bool = False
     """Weight measurements by the confidence that the sensor reports."""
 
-    visibility_check: bool = True
+    visibility_check: Annotated[bool, NO_FLAG] = True
     """Drop points that more views see through than confirm: floaters around the object."""
 
-    fill_unseen: Literal["auto", "on", "off"] = "auto"
+    fill_unseen: Annotated[Literal["auto", "on", "off"], NO_FLAG] = "auto"
     """Close the object where no view has seen it, in the colors around: without a back, views from there look
     into a shell. auto: with at most 6 views to train on, and masks."""
 
@@ -83,12 +83,12 @@ class InitConfig(Settings):
     disparity_noise: Annotated[float, Range(1e-6, 1000)] = 0.15
     """Standard deviation of the sensor's disparity [px]: sets the length of shape ray."""
 
-    opacity: Annotated[float | None, Range(1e-6, 1 - 1e-6)] = None
+    opacity: Annotated[float | None, Range(1e-6, 1 - 1e-6), NO_FLAG] = None
     """Opacity of every Gaussian at the start, above 0 and below 1; where views disagree about depth, it is
     less (docs/training.md). Default: 0.8 for points from depth, which lie on the surface, 0.5 in a scene;
     0.1 (3DGS) for sparse or random ones."""
 
-    splat_width: Annotated[float | None, Range(1e-3, 1000)] = None
+    splat_width: Annotated[float | None, Range(1e-3, 1000), NO_FLAG] = None
     """Standard deviation of every Gaussian at the start, as a fraction of the distance to its neighbors.
     Default: 0.6 for points from depth, which already cover the surface; 1 (3DGS) for the others."""
 

@@ -164,7 +164,7 @@ def _edge(config: InitConfig, pixel: float, longest: float) -> float:
     wanted = config.voxel_pixels * pixel
     if config.voxel_edge is not None:
         if config.voxel_unit == "sfm":
-            raise DigsError("--voxel-unit sfm: a hull has no such unit; choose metre or object")
+            raise DigsError("voxel_unit sfm: a hull has no such unit; choose metre or object")
         wanted = config.voxel_edge * (longest if config.voxel_unit == "object" else 1.0)
     return wanted
 

@@ -106,7 +106,7 @@ def scene_points(
 def _levels(frames: Sequence[Frame], config: InitConfig) -> Levels:
     if config.voxel_unit == "object":
         raise DigsError(
-            "--voxel-unit object: a whole scene has no object to measure; choose metre, or no voxel size"
+            "voxel_unit object: a whole scene has no object to measure; choose metre, or no voxel size"
         )
     if config.voxel_edge is not None:
         return Levels(config.voxel_edge, None)

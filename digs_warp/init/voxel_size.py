@@ -49,7 +49,7 @@ def first_voxel_size(
         return config.voxel_edge
     if sfm_per_metre is None:
         raise DigsError(
-            "--voxel-unit sfm: needs structure from motion (--poses sfm); with the recorded poses choose "
+            "voxel_unit sfm: needs structure from motion (--poses sfm); with the recorded poses choose "
             "metre or object"
         )
     return config.voxel_edge / sfm_per_metre

@@ -45,7 +45,7 @@ def agreed_masks(frames: Sequence[Frame], folder: Path) -> tuple[list[Frame], st
         f"{counted(len(odd), 'mask')} of {len(frames)} contradicted most other views and "
         f"{'was' if len(odd) == 1 else 'were'} mended: {names}{more}."
     )
-    logger.warning("masks: %s --mask-agreement off keeps them.", sentence)
+    logger.warning("masks: %s The setting mask_agreement: off keeps them.", sentence)
     return mended, sentence
 
 

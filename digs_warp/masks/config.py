@@ -18,7 +18,7 @@ class SegmentConfig(Settings):
     on the part of the image where the depth has a foreground, and only there; degraded: those of the
     recording with errors, to measure what they cost."""
 
-    mask_agreement: Literal["on", "off"] = "on"
+    mask_agreement: Annotated[Literal["on", "off"], NO_FLAG] = "on"
     """Mend masks that most other views contradict: with 'on', a point that most of them call surround is
     surround. Needs depth."""
 

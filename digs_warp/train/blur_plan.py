@@ -118,13 +118,13 @@ def _obstacle(frames: Sequence[Frame], times: Sequence[float | None]) -> str | N
     if not any(known):
         if known:
             return "the recording tells an exposure of 0 s, in which nothing blurs"
-        return "the recording tells no exposure time; --exposure-time gives it"
+        return "the recording tells no exposure time; the setting exposure_time gives it"
     if all(frame.exposure.motion is None for frame in frames):
         return f"nothing tells how the cameras of {counted(len(frames), 'frame')} moved"
     gaps = np.diff(sorted(frame.time for frame in frames))
     if len(gaps) and 0 < gaps.min() < max(known):
         return (
             f"an exposure of {max(known):g} s is longer than the {gaps.min():g} s between two frames; "
-            "correct the times of the recording or --exposure-time"
+            "correct the times of the recording or the setting exposure_time"
         )
     return None

@@ -33,6 +33,9 @@ DEPTH_WEIGHT = 0.008
 # Weights of mean opacity and mean scale with density "mcmc": the values of 3dgs-mcmc and gsplat.
 MCMC_WEIGHT = 0.01
 
+# Iterations after which held-out views are measured: denser at first, where quality rises fast.
+EVALUATE_AT = (100, 300, 500, 1000, 3000, 7000, 12000)
+
 
 @dataclass(frozen=True)
 class LearningRates:
@@ -75,26 +78,26 @@ def rates_of_sparse_start(steps: int) -> LearningRates:
 class Rates(Settings):
     """How fast the parameters learn."""
 
-    means: Annotated[float | None, LEARNING_RATE, arg(name="means-rate")] = None
+    means: Annotated[float | None, LEARNING_RATE, NO_FLAG] = None
     """Learning rate of the centers, in units of the scene's extent; falls to 1 % during the run. Default:
     5e-4 with --density fixed and in runs of up to 1000 steps; 1.6e-4 (3DGS) at 30,000 and with mcmc."""
 
-    scales: Annotated[float | None, LEARNING_RATE, arg(name="scales-rate")] = None
+    scales: Annotated[float | None, LEARNING_RATE, NO_FLAG] = None
     """Learning rate of the logarithmic scales. Default: 0.02 with --density fixed and in runs of up to
     1000 steps; 0.005 (3DGS) at 30,000 and with mcmc."""
 
-    quats: Annotated[float | None, LEARNING_RATE, arg(name="quats-rate")] = None
+    quats: Annotated[float | None, LEARNING_RATE, NO_FLAG] = None
     """Learning rate of the rotations. Default: 0.01 with --density fixed and in runs of up to 1000
     steps; 0.001 (3DGS) at 30,000 and with mcmc."""
 
-    opacities: Annotated[float | None, LEARNING_RATE, arg(name="opacities-rate")] = None
+    opacities: Annotated[float | None, LEARNING_RATE, NO_FLAG] = None
     """Learning rate of the opacity logits. Default: 0.05 (3DGS)."""
 
-    colors: Annotated[float | None, LEARNING_RATE, arg(name="colors-rate")] = None
+    colors: Annotated[float | None, LEARNING_RATE, NO_FLAG] = None
     """Learning rate of the base color; higher bands learn at a twentieth of it. Default: 0.02 with --density
     fixed and in runs of up to 1000 steps; 0.0025 (3DGS) at 30,000 and with mcmc."""
 
-    end: Annotated[float, Range(1e-6, 1000), arg(name="rates-end")] = 1.0
+    end: Annotated[float, Range(1e-6, 1000), NO_FLAG] = 1.0
     """Fraction of their initial value that the rates of scales, rotations and colors decay to. 1, as in 3DGS,
     is best up to 1000 iterations from a dense start; a smaller value stabilizes the end of long runs."""
 
@@ -114,7 +117,7 @@ class Stop(Settings):
     time_budget: Annotated[float | None, DURATION, SECONDS] = None
     """Stop after this much training time, for example 60s, 20min or 2h. Default: no limit."""
 
-    target_psnr: Annotated[float | None, Range(1e-3, 100)] = None
+    target_psnr: Annotated[float | None, Range(1e-3, 100), NO_FLAG] = None
     """Stop as soon as the held-out views reach this PSNR on the object [dB], which is then measured every 100
     iterations.
     Default: no target."""
@@ -132,7 +135,7 @@ class Density(Settings):
     max_splats: Annotated[int, SPLATS] = 1_000_000
     """The number of Gaussians never grows beyond this."""
 
-    splat_memory: Annotated[float | None, Range(1e-3, MANY)] = None
+    splat_memory: Annotated[float | None, Range(1e-3, MANY), NO_FLAG] = None
     """Memory limit for the Gaussians and the optimizer [MiB]. Default: no limit."""
 
 
@@ -155,7 +158,7 @@ class TrainConfig(Settings):
     """What lies outside the masks. object: nothing, so Gaussians there are errors; ignore: unknown, so pixels
     there are not compared."""
 
-    dssim_weight: Annotated[float, Range(0, 1)] = 0.2
+    dssim_weight: Annotated[float, Range(0, 1), NO_FLAG] = 0.2
     """Fraction lambda of D-SSIM in the loss; the rest is L1."""
 
     coverage_weight: Annotated[float, WEIGHT] = 0.0
@@ -166,18 +169,18 @@ class TrainConfig(Settings):
     """Weight of the difference between rendered and measured depth: holds the surface where it was measured.
     Default: 0.008 where the recording has depth."""
 
-    opacity_weight: Annotated[float | None, WEIGHT] = None
+    opacity_weight: Annotated[float | None, WEIGHT, NO_FLAG] = None
     """Weight of the mean opacity: fades out Gaussians that no view needs. Default: 0.01 with --density mcmc,
     else 0."""
 
-    scale_weight: Annotated[float | None, WEIGHT] = None
+    scale_weight: Annotated[float | None, WEIGHT, NO_FLAG] = None
     """Weight of the mean scale, in units of the scene's extent. Default: 0.01 with --density mcmc, else 0."""
 
     fit_exposure: Literal["on", "off"] = "on"
     """Exposure, white balance and tone of each photograph. on: fitted, so that the colors of the Gaussians
     are those of all photographs; off: taken as equal in all of them."""
 
-    clean_rim: Literal["on", "off"] = "on"
+    clean_rim: Annotated[Literal["on", "off"], NO_FLAG] = "on"
     """Pixels at the rim of the object, which mix it with the room. on: with --mask-role object, they are
     given the color of the object alone before the training; off: they keep the color of the photograph."""
 
@@ -192,17 +195,17 @@ class TrainConfig(Settings):
     more in that time; on: by 0.5 px."""
 
     # No video camera exposes longer; a larger number was meant in milliseconds.
-    exposure_time: Annotated[float | None, Range(0, 1, "seconds")] = None
+    exposure_time: Annotated[float | None, Range(0, 1, "seconds"), NO_FLAG] = None
     """Motion blur: how long each row was exposed [s]; 0: for an instant. Default: as the recording says."""
 
     half_size_until: Annotated[float | None, Range(0, 1)] = None
     """Fraction of the run that trains on half-size images, which is faster. Default: 0.5, but at most 100
     steps, with --density fixed and Gaussians wide enough for such images; else 0."""
 
-    image_memory: Annotated[float, Range(1e-12, MANY)] = 2048.0
+    image_memory: Annotated[float, Range(1e-12, MANY), NO_FLAG] = 2048.0
     """Memory for photographs [MiB]. Those that do not fit are read again in the background."""
 
-    evaluate_at: Annotated[tuple[int, ...], ITERATIONS] = (100, 300, 500, 1000, 3000, 7000, 12000)
+    evaluate_at: Annotated[tuple[int, ...], ITERATIONS, NO_FLAG] = EVALUATE_AT
     """Measure the held-out views every this many iterations, and at the first and the last one."""
 
     keep_course: bool = False

@@ -34,7 +34,7 @@ def camera_distance(scene: Scene, rig: StereoRig, walk: WalkSettings) -> float:
         distance = walk.distance_factor * _usual_distance(scene, rig, walk)
     nearest, _ = distance_limits(walk.unsteadiness)
     if nearest * distance < LEAST_RADII * radius:
-        flag = "--distance" if walk.distance is not None else "--distance-factor"
+        flag = "--camera-distance" if walk.distance is not None else "distance_factor"
         raise DigsError(
             f"{flag}: {distance:.3g} m from the middle of the objects, which reach out to {radius:.3g} m: "
             f"the camera would run into them; choose {LEAST_RADII * radius / nearest:.3g} m or more"
@@ -70,7 +70,8 @@ def check_reach(scene: Scene, rig: StereoRig, walk: WalkSettings) -> None:
         )
     if distance < rig.min_depth:
         _log.warning(
-            "object of %s: %s %.3g m away, but %s; only its far parts get depth. Choose another --distance",
+            "object of %s: %s %.3g m away, but %s; only its far parts get depth. "
+            "Choose another --camera-distance",
             *(size, how, distance, measured),
         )
     filling = fitting_distance(scene.object_radius, rig.image_intrinsics, shake=0, unsteadiness=0)
@@ -126,9 +127,9 @@ def _hint(scene: Scene) -> str:
     if placement is None:
         return "Choose another camera with --profile"
     return (
-        f"Size of the file: {placement.scale.origin}. Is that right? --unit or --object-size say "
+        f"Size of the file: {placement.scale.origin}. Is that right? --mesh-unit or --object-size say "
         "otherwise; or choose a camera that sees wider or farther with --profile, or come nearer "
-        "with --distance"
+        "with --camera-distance"
     )
 
 

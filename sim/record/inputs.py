@@ -73,8 +73,8 @@ def _load_object(config: SimulateConfig) -> Scene:
         return load_objects(files, config.seed, size, up, unit, falls)
     if config.object_size is not None or (config.up, config.unit) != ("auto", "auto"):
         raise DigsError(
-            "--object-size, --unit and --up tell how to read a mesh file; the built-in object has none. "
-            "Leave them out, or name a mesh with --mesh"
+            "--object-size, --mesh-unit and --mesh-up tell how to read a mesh file; the built-in object has "
+            "none. Leave them out, or name a mesh with --mesh"
         )
     from digs_warp.sim.scene.procedural import procedural_scene
 

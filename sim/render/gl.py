@@ -70,7 +70,7 @@ class GlRenderer:
         self._threads = threads
         if environment.floor is not None:
             raise DigsError(
-                "renderer 'gl': draws no ground; choose --ground none or --renderer raycast"
+                "renderer 'gl': draws no ground; choose --ground none or the renderer raycast"
             )
         self.surround_radius = environment.radius
         self.surround = environment.surround

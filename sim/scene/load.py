@@ -196,14 +196,14 @@ def _say_pose(path: Path, placement: Placement, better: str | None) -> None:
         how = f"; turned by {turned:.1f} degrees, so that it rests" if turned else ""
         logger.warning(
             "mesh '%s': lies on its side with %s up, as is usual for %s%s. It would stand with %s up: turn "
-            "it with --up %s, or keep it as it is with --up %s",
+            "it with --mesh-up %s, or keep it as it is with --mesh-up %s",
             *(path.name, up, path.suffix[1:].upper(), how, better, better, up),
         )
     elif turned:
         logger.log(
             logging.INFO if turned < SAME_POSE else logging.WARNING,
-            "mesh '%s': does not rest with %s up; turned by %.1f degrees, so that it does. --up %s keeps it "
-            "as it is",
+            "mesh '%s': does not rest with %s up; turned by %.1f degrees, so that it does. "
+            "--mesh-up %s keeps it as it is",
             *(path.name, up, turned, up),
         )
 

@@ -111,7 +111,7 @@ def test_info_names_size_unit_and_axis_of_a_mesh(tmp_path: Path) -> None:
     facts = describe(save(tmp_path / "a.ply", trimesh.creation.box(extents=(2.0, 1.0, 0.5))))
     assert facts["size"] == "2.000 x 1.000 x 0.500 m in a capture, z up"
     assert facts["up axis"] == "z of the file"
-    assert facts["unit"].startswith("PLY has no unit: 2 x 1 x 0.5 taken as m; --unit")
+    assert facts["unit"].startswith("PLY has no unit: 2 x 1 x 0.5 taken as m; --mesh-unit")
 
 
 def test_many_meshes_can_be_scaled(tmp_path: Path) -> None:
@@ -133,5 +133,5 @@ def test_the_summary_names_size_and_axis_and_why(tmp_path: Path) -> None:
     recorded(path, tmp_path / "capture")
     assert recorded_object(tmp_path / "capture") == (
         "0.187 x 0.095 x 0.240 m, y up in the file; OBJ has no unit: 187 x 240 x 95 taken as mm; "
-        "--unit m|cm|mm|in says otherwise"
+        "--mesh-unit m|cm|mm|in says otherwise"
     )

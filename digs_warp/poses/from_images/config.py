@@ -23,7 +23,7 @@ class SfmConfig(Settings):
     features: Annotated[int, Range(50, 100_000)] = 2000
     """Keep at most this many features per image, the largest ones first; more take longer to match."""
 
-    double_size: bool | None = None
+    double_size: Annotated[bool | None, NO_FLAG] = None
     """Also detect features in the image enlarged twice: more and smaller ones, in four times the time.
     Default: only if its longest side is at most 1000 px."""
 
@@ -32,10 +32,10 @@ class SfmConfig(Settings):
     similar (loops), for a video; exhaustive: each with all others, for unordered images; auto: exhaustive
     up to 40 images."""
 
-    overlap: Annotated[int, Range(1, 1000)] = 6
+    overlap: Annotated[int, Range(1, 1000), NO_FLAG] = 6
     """For sequential pairing: how many images before and after each one are matched with it."""
 
-    loop_images: Annotated[int, Range(0, 1000)] = 3
+    loop_images: Annotated[int, Range(0, 1000), NO_FLAG] = 3
     """For sequential pairing: how many of the most similar images are matched as well; closes loops. 0:
     none."""
 

@@ -260,6 +260,6 @@ def _plans(laws: dict[str, Law]) -> Section:
         "machine, so a second machine only helps with a second scene. The frames of one scene could be "
         "distributed for the share in the column 'per frame', rendering and back-projection, but matching "
         "and training could not. The plans exceed the measured sizes by up to a few hundred times: read them "
-        "as orders of magnitude. Photographs beyond --image-memory are read again instead of kept in memory."
+        "as orders of magnitude. Photographs beyond the setting image_memory are read again instead of kept."
     )
     return Section("Plans", text, [Table("plans", headings, rows)])

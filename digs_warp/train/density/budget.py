@@ -31,6 +31,6 @@ def check_start(count: int, cap: int) -> None:
     """Raise a `DigsError` when a run starts with more Gaussians than it may hold."""
     if count > cap:
         raise DigsError(
-            f"training: starts with {count:,} Gaussians, but --max-splats and --splat-memory allow only "
+            f"training: starts with {count:,} Gaussians, but --max-splats and splat_memory allow only "
             f"{cap:,}; raise them, or start with fewer points (a larger --voxel-size)"
         )

@@ -3,8 +3,10 @@
 from dataclasses import dataclass, replace
 from typing import Annotated, Literal
 
+from tyro.conf import arg
+
 from digs_warp.checks import DigsError
-from digs_warp.settings import FRAME_RATE, Range, Settings
+from digs_warp.settings import FRAME_RATE, NO_FLAG, Range, Settings
 
 PathName = Literal["orbits", "arc", "hover", "approach"]
 
@@ -31,7 +33,7 @@ HOVERING = 10.0
 class WalkSettings(Settings):
     """Where the camera is carried, how steadily, and when it takes its frames."""
 
-    path: PathName = "orbits"
+    path: Annotated[PathName, arg(name="camera-path")] = "orbits"
     """'orbits': once round the objects at each elevation. 'arc': to and fro in front of them, a third of the
     circle at each elevation. 'hover': a hand that holds the camera still, as well as it can. 'approach':
     toward them, from two and a half times the distance."""
@@ -40,14 +42,14 @@ class WalkSettings(Settings):
     """Heights of the camera above the horizon, seen from the objects [degree]. Default: 10 35 60; 35 for
     hover and approach. Hover takes the first."""
 
-    distance: Annotated[float | None, Range(0.01, 1000)] = None
+    distance: Annotated[float | None, Range(0.01, 1000), arg(name="camera-distance")] = None
     """Distance from the middle of the objects [m]; 'approach' ends there. Default: the objects just stay in
     the image, and nothing is too near for the depth camera."""
 
-    distance_factor: Annotated[float, Range(0.1, 10)] = 1.0
-    """Factor on the default of --distance, for objects of many sizes."""
+    distance_factor: Annotated[float, Range(0.1, 10), NO_FLAG] = 1.0
+    """Factor on the default of --camera-distance, for objects of many sizes."""
 
-    speed: Annotated[float, Range(0.001, 100)] = WALKING_SPEED
+    speed: Annotated[float, Range(0.001, 100), arg(name="camera-speed")] = WALKING_SPEED
     """Speed along the path [m/s]; hover has none. Three orbits around a mug take half a minute, around a
     chair five."""
 
@@ -59,18 +61,18 @@ class WalkSettings(Settings):
     """Frames per second. With --duration it gives the number of frames, with --frames the duration. Default:
     the frames are spread evenly over the walk."""
 
-    unsteadiness: Annotated[float, Range(0, 4)] = 1.0
+    unsteadiness: Annotated[float, Range(0, 4), NO_FLAG] = 1.0
     """Factor on the slow wander of a hand: distance, height and pace that vary, and an aim that drifts. 0: a
     perfect path."""
 
-    shake: Annotated[float, Range(0, 10)] = 1.0
+    shake: Annotated[float, Range(0, 10), NO_FLAG] = 1.0
     """Factor on the shake of a hand, above half a hertz; 0: a gimbal."""
 
-    time_jitter: Annotated[float, Range(0, 10)] = 0.0
+    time_jitter: Annotated[float, Range(0, 10), NO_FLAG] = 0.0
     """Standard deviation of the moments at which frames are taken from an even beat [s]. The time stamps say
     when they were."""
 
-    dropped_frames: Annotated[float, Range(0, 0.9)] = 0.0
+    dropped_frames: Annotated[float, Range(0, 0.9), NO_FLAG] = 0.0
     """Share of the frames that are lost, at random; the recording has that many fewer."""
 
     imu: bool = False
@@ -80,8 +82,8 @@ class WalkSettings(Settings):
         super().__post_init__()
         if self.distance is not None and self.distance_factor != 1:
             raise DigsError(
-                f"--distance {self.distance:g} and --distance-factor {self.distance_factor:g} contradict "
-                "each other; give one of them"
+                f"--camera-distance {self.distance:g} and distance_factor {self.distance_factor:g} "
+                "contradict each other; give one of them"
             )
 
     def for_frames(self, beats: int) -> "WalkSettings":

@@ -35,7 +35,7 @@ def frame_moments(beats: int, settings: WalkSettings, end: float, seed: int) -> 
         largest = period / (2 * MOST_DEVIATIONS)
         if settings.time_jitter >= largest:
             raise DigsError(
-                f"--time-jitter {settings.time_jitter:g}: frames are {period:.3g} s apart and would change "
+                f"time_jitter {settings.time_jitter:g}: frames are {period:.3g} s apart and would change "
                 f"places; expected less than {largest:.3g}"
             )
         rng = np.random.default_rng([seed, JITTER])

@@ -65,7 +65,7 @@ def stated_scale(size: float | None, unit: str, extent: np.ndarray, is_gltf: boo
     if size is not None:
         return Scale(size / float(extent.max()), f"scaled to {size:g} m (--object-size)")
     if unit != "auto":
-        return Scale(METRES_PER_UNIT[unit], f"in {unit} (--unit)")
+        return Scale(METRES_PER_UNIT[unit], f"in {unit} (--mesh-unit)")
     return Scale(1.0, "glTF is in metres") if is_gltf else None
 
 
@@ -84,7 +84,8 @@ def guessed_scale(extent: np.ndarray, kind: str) -> Scale:
     sides = " x ".join(f"{side:.3g}" for side in extent)
     return Scale(
         METRES_PER_UNIT[unit],
-        f"{kind} has no unit: {sides} taken as {unit}; --unit {'|'.join(METRES_PER_UNIT)} says otherwise",
+        f"{kind} has no unit: {sides} taken as {unit}; --mesh-unit {'|'.join(METRES_PER_UNIT)} says "
+        "otherwise",
     )
 
 

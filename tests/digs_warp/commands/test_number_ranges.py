@@ -111,12 +111,12 @@ def test_the_ends_pass_and_the_message_shows_them(
 
 
 def test_the_command_line_refuses_by_the_name_of_the_flag() -> None:
-    with pytest.raises(DigsError, match=r"^--means-rate: 1e\+30, expected 1e-12 to 1,000$"):
-        read_command(["run", "--out", "x", "--means-rate", "1e30"], CommonFlags())
+    with pytest.raises(DigsError, match=r"^--depth-weight: 1e\+30, expected 0 to 1,000,000$"):
+        read_command(["run", "--out", "x", "--depth-weight", "1e30"], CommonFlags())
 
 
 def test_large_real_work_is_within_the_ranges() -> None:
-    words = "--width 7680 --max-splats 6000000 --frames 20000 --iterations 30000 --strength 4"
+    words = "--width 7680 --max-splats 6000000 --frames 20000 --iterations 30000 --error-strength 4"
     read_command(
         ["run", "--out", "x", *words.split(), "--samples-per-pixel", "1024"], CommonFlags()
     )

@@ -39,7 +39,9 @@ def test_filters_are_listed_with_their_cost(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     path = tmp_path / "plan.json"
-    asked = ["--filters", "temporal,dense", "--confidence-threshold", "0.5"]
+    config = tmp_path / "settings.yaml"
+    config.write_text("settings: {confidence_threshold: 0.5}\n")
+    asked = ["--filters", "temporal,dense", "--config", str(config)]
     assert main(["plan", *TINY, *asked, "--json", str(path)]) == EXIT_OK
     _, *table = capsys.readouterr().out.partition("After matching:\n")[2].splitlines()
     assert [row.split()[:2] for row in table] == [

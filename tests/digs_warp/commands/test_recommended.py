@@ -103,8 +103,6 @@ def test_a_stated_machine_needs_no_training(
                 ("--strategy", "random"),
                 ("--density", "mcmc"),
                 ("--target-points", "9"),
-                ("--max-points", "9"),
-                ("--voxel-unit", "object"),
             )
         ),
     ],

@@ -2,6 +2,7 @@
 
 import json
 import os
+import re
 from pathlib import Path
 from typing import Any
 
@@ -13,17 +14,18 @@ from digs_warp.cli import EXIT_BAD_INPUT, EXIT_OK, EXIT_WRONG_USAGE, main
 from digs_warp.commands.plan import Plan
 from digs_warp.commands.reconstruct import Reconstruct
 from digs_warp.commands.run import Run
+from digs_warp.commands.setting_names import file_settings
 from digs_warp.commands.simulate import Simulate
 from digs_warp.record.run_log import RunLog
 
 RECORDING = [
-    *("--frames", "7", "--mesh", "a b.glb", "--strength", "0.1", "--seed", "3"),
+    *("--frames", "7", "--mesh", "a b.glb", "--error-strength", "0.1", "--seed", "3"),
     *("--labels", "normals"),
 ]
 RECONSTRUCTION = [
-    *("--poses", "sfm", "--strategy", "fusion", "--voxel-size", "0.0037", "--no-edge-filter"),
-    *("--iterations", "12", "--time-budget", "3min", "--density", "mcmc", "--means-rate", "1e-5"),
-    *("--evaluate-at", "3", "5", "--test-every", "4", "--masks", "folder", "--mask-folder", "m"),
+    *("--poses", "sfm", "--refine-focal", "--strategy", "fusion", "--voxel-size", "0.0037"),
+    *("--iterations", "12", "--time-budget", "3min", "--density", "mcmc"),
+    *("--test-every", "4", "--masks", "folder", "--mask-folder", "m"),
 ]
 
 
@@ -94,11 +96,42 @@ def test_a_run_can_be_repeated_from_its_record(tmp_path: Path) -> None:
 def test_flags_override_the_file(tmp_path: Path) -> None:
     first = cli.parse(["run", "--out", "a", *RECORDING, *RECONSTRUCTION])
     record = save(tmp_path / "run.json", "run", settings_of(first))
-    flags = ["--frames", "9", "--strategy", "depth", "--edge-filter"]
+    flags = ["--frames", "9", "--strategy", "depth", "--no-refine-focal"]
     command = cli.parse(["--config", str(record), "run", "--out", "b", *flags])
     assert isinstance(command, Run)
     assert (command.recording.frames, command.recording.strength) == (9, 0.1)
-    assert (command.init.strategy, command.init.edge_filter) == ("depth", True)
+    assert (command.init.strategy, command.sfm.refine_focal) == ("depth", False)
+
+
+WITHOUT_FLAG = {"recording": {"look": {"tint": [0.2]}}}
+WITHOUT_FLAG["reconstruction"] = {
+    "init": {"edge_filter": False},
+    "train": {"rates": {"means": 1e-5}, "evaluate_at": [3, 5]},
+}
+
+
+def test_settings_without_a_flag_come_from_the_file_and_are_checked(tmp_path: Path) -> None:
+    record = save(tmp_path / "run.json", "run", WITHOUT_FLAG)
+    command = cli.parse(["run", "--config", str(record), "--out", "x", "--depth-weight", "0.1"])
+    assert isinstance(command, Run)
+    config = command.reconstruct_config(0)
+    assert command.recording.look.tint == (0.2,)
+    assert (config.init.edge_filter, config.train.rates.means) == (False, 1e-5)
+    assert (config.train.evaluate_at, config.train.depth_weight) == ((3, 5), 0.1)
+    WITHOUT_FLAG["reconstruction"]["train"]["rates"]["means"] = -1.0
+    record = save(tmp_path / "wrong.json", "run", WITHOUT_FLAG)
+    with pytest.raises(DigsError, match=r"wrong.json': means: -1.0, expected 1e-12 to 1,000"):
+        cli.parse(["run", "--config", str(record), "--out", "x"])
+
+
+def test_the_documentation_lists_the_settings_without_a_flag() -> None:
+    page = (Path(__file__).parents[3] / "docs/command-line.md").read_text()
+    listed = {
+        f"{where}.{name}"
+        for where, names in re.findall(r"^- `([a-z.]+)`: (`.*`)$", page, re.MULTILINE)
+        for name in re.findall("`([a-z_]+)`", names)
+    }
+    assert listed == set(file_settings(Run.recorded).values())
 
 
 def test_yaml_with_a_few_settings_is_enough(tmp_path: Path) -> None:

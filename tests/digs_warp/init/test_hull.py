@@ -98,7 +98,7 @@ def test_masks_are_needed(frames: list[Frame]) -> None:
 
 
 def test_the_unit_of_structure_from_motion_means_nothing_to_it(frames: list[Frame]) -> None:
-    with pytest.raises(DigsError, match="--voxel-unit sfm"):
+    with pytest.raises(DigsError, match="voxel_unit sfm"):
         initialize(frames, InitConfig(strategy="hull", voxel_unit="sfm"))
 
 

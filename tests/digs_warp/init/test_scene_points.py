@@ -189,5 +189,5 @@ def test_a_scene_without_depth_says_what_to_check(frames: tuple[Frame, ...]) -> 
 
 
 def test_a_voxel_size_as_a_fraction_of_the_object_is_refused(frames: tuple[Frame, ...]) -> None:
-    with pytest.raises(DigsError, match="--voxel-unit object: a whole scene has no object"):
+    with pytest.raises(DigsError, match="voxel_unit object: a whole scene has no object"):
         scene_points(frames, replace(CONFIG, voxel_unit="object"))

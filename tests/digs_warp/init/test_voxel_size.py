@@ -40,7 +40,7 @@ def test_voxel_sizes_in_units_of_structure_from_motion(capture: Capture) -> None
         config = InitConfig(strategy=strategy, voxel_unit="sfm")  # pyright: ignore[reportArgumentType]
         found = initialize(capture.frames, config, sfm_per_metre=SFM_PER_METRE)
         assert edge_length(found) == pytest.approx(gamma / SFM_PER_METRE)
-    with pytest.raises(DigsError, match="--voxel-unit sfm: needs structure from motion"):
+    with pytest.raises(DigsError, match="voxel_unit sfm: needs structure from motion"):
         initialize(capture.frames, InitConfig(voxel_unit="sfm"))
 
 

@@ -78,7 +78,7 @@ def test_the_course_is_kept_where_views_are_measured(capture: Capture, tmp_path:
     assert load_snapshots(tmp_path) == ()
 
 
-OPTIONS = "--iterations 300 --sh-degree 0 --voxel-size 0.02 --evaluate-at 300".split()
+OPTIONS = "--iterations 300 --sh-degree 0 --voxel-size 0.02".split()
 
 
 @pytest.fixture(scope="module")

@@ -89,7 +89,7 @@ def test_an_object_that_would_be_out_of_reach_is_seen_from_nearer(
 def test_an_object_beyond_the_farthest_depth_is_refused_before_rendering(tmp_path: Path) -> None:
     config = SimulateConfig(mesh=box(tmp_path, 111.0), frames=1)
     with pytest.raises(
-        DigsError, match=r"object of 111 m: .*0\.3 to 20 m.*glTF is in metres.*--unit"
+        DigsError, match=r"object of 111 m: .*0\.3 to 20 m.*glTF is in metres.*--mesh-unit"
     ):
         simulate(config, tmp_path / "capture")
     assert not (tmp_path / "capture").exists()

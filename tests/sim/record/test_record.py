@@ -226,7 +226,7 @@ def test_settings_of_a_mesh_file_need_one() -> None:
 
 
 def test_a_unit_and_a_size_contradict_each_other() -> None:
-    with pytest.raises(DigsError, match=r"--object-size 0\.3 and --unit mm"):
+    with pytest.raises(DigsError, match=r"--object-size 0\.3 and --mesh-unit mm"):
         SimulateConfig(mesh=Path("a.obj"), object_size=0.3, unit="mm")
 
 

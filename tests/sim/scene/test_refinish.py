@@ -59,9 +59,9 @@ def test_one_value_counts_for_all_objects_and_several_for_one_each() -> None:
 
 
 def test_values_out_of_range_are_refused() -> None:
-    with pytest.raises(DigsError, match=r"--tint: 1\.2, expected 0 to 1"):
+    with pytest.raises(DigsError, match=r"tint: 1\.2, expected 0 to 1"):
         LookSettings(tint=(0.2, 1.2))
-    with pytest.raises(DigsError, match=r"--light-temperature: 500\.0, expected 2,000 to 25,000"):
+    with pytest.raises(DigsError, match=r"light_temperature: 500\.0, expected 2,000 to 25,000"):
         LookSettings(light_temperature=500.0)
 
 

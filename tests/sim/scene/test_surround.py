@@ -140,6 +140,6 @@ def test_large_objects_get_large_surrounds() -> None:
 
 
 def test_opengl_draws_no_ground() -> None:
-    with pytest.raises(DigsError, match="--ground floor: --renderer gl draws no ground"):
+    with pytest.raises(DigsError, match="--ground floor: the renderer gl draws no ground"):
         SimulateConfig(renderer="gl", ground="floor")
     assert SimulateConfig(renderer="gl").chosen_ground == "none"

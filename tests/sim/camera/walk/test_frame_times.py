@@ -31,7 +31,7 @@ def test_jitter_strays_by_as_much_as_it_says_and_keeps_the_order() -> None:
 
 
 def test_jitter_that_would_change_the_order_is_refused() -> None:
-    with pytest.raises(DigsError, match=r"--time-jitter 0\.02: .*expected less than 0\.00556"):
+    with pytest.raises(DigsError, match=r"time_jitter 0\.02: .*expected less than 0\.00556"):
         frame_moments(10, WalkSettings(fps=30.0, time_jitter=0.02), 10.0, 0)
 
 

@@ -83,5 +83,7 @@ def test_a_distance_that_is_asked_for_is_kept_and_one_within_the_object_is_refus
     )
     # Paths of other lengths wander otherwise.
     assert farther / usual == pytest.approx(1.5, rel=0.1)
-    with pytest.raises(DigsError, match=r"--distance: 0\.2 m .* run into them; choose 0\.2\d+ m"):
+    with pytest.raises(
+        DigsError, match=r"--camera-distance: 0\.2 m .* run into them; choose 0\.2\d+ m"
+    ):
         load_inputs(replace(CONFIG, walk=WalkSettings(distance=0.2)))

@@ -200,7 +200,7 @@ def test_bad_settings_are_refused() -> None:
         WalkSettings(elevations=(90.0,))
     with pytest.raises(DigsError, match="object radius"):
         fitting_distance(float("nan"), INTRINSICS)
-    with pytest.raises(DigsError, match="--distance 2 and --distance-factor 3 contradict"):
+    with pytest.raises(DigsError, match="--camera-distance 2 and distance_factor 3 contradict"):
         WalkSettings(distance=2.0, distance_factor=3.0)
 
 

@@ -132,8 +132,11 @@ def test_what_is_wrong_is_named_with_file_and_key(
 @pytest.mark.parametrize(
     ("text", "words"),
     [
-        ("strength: {uniform: [1, 200]}", ["strength {uniform: [1, 200]}: --strength: 200.0"]),
-        ("tint: {choice: [[0.1, 2]]}", ["tint {choice: [[0.1, 2]]}: --tint: 2.0, expected 0 to 1"]),
+        (
+            "strength: {uniform: [1, 200]}",
+            ["strength {uniform: [1, 200]}: --error-strength: 200.0"],
+        ),
+        ("tint: {choice: [[0.1, 2]]}", ["tint {choice: [[0.1, 2]]}: tint: 2.0, expected 0 to 1"]),
         ("profile: {choice: [d435, d436]}", ["profile", "'d436'", "did you mean 'd435'"]),
         ("mesh: nothing.glb", ["mesh: '", "no such file"]),
         ("effects: flying-pigs", ["effects: ", "flying-pigs"]),

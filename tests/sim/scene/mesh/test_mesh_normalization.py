@@ -48,7 +48,9 @@ def test_the_unit_of_a_file_without_one_is_stated_or_guessed(
     if unit == "auto" and max(extents) > 20:
         kind = suffix[1:].upper()
         assert "0.187 x 0.24 x 0.095 m" in caplog.text
-        assert f"{kind} has no unit: 187 x 240 x 95 taken as mm; --unit m|cm|mm|in" in caplog.text
+        assert (
+            f"{kind} has no unit: 187 x 240 x 95 taken as mm; --mesh-unit m|cm|mm|in" in caplog.text
+        )
     else:
         assert not caplog.records
 
@@ -203,4 +205,4 @@ def test_a_large_thing_in_assumed_metres_is_a_warning(
     """A mug in inches is five metres wide."""
     box = trimesh.creation.box(extents=(size, size / 2, size / 2))
     load_scene(save(tmp_path / "mug.stl", box))
-    assert ("taken as m; --unit" in caplog.text) == warns
+    assert ("taken as m; --mesh-unit" in caplog.text) == warns

@@ -41,7 +41,8 @@ def test_a_bottle_with_the_wrong_axis_up_is_named_with_the_flag(
     scene = load_scene(path, unit="m")
     (record,) = caplog.records
     assert (
-        f"turn it with --up {other}, or keep it as it is with --up {usual}" in record.getMessage()
+        f"turn it with --mesh-up {other}, or keep it as it is with --mesh-up {usual}"
+        in record.getMessage()
     )
     assert scene.size[2] < 0.1
     caplog.clear()

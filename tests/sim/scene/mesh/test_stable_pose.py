@@ -92,7 +92,7 @@ def test_up_keeps_the_pose_of_the_file(tmp_path: Path, caplog: pytest.LogCapture
     assert not caplog.records
     scene = load_scene(path)
     assert scene.size == pytest.approx((0.2, 0.3, 0.1), abs=1e-6)
-    assert "turned by 40.0 degrees, so that it does. --up z keeps it" in caplog.text
+    assert "turned by 40.0 degrees, so that it does. --mesh-up z keeps it" in caplog.text
     placement = scene.objects[0].placement
     assert placement is not None and placement.turned == pytest.approx(40.0, abs=1e-3)
 
