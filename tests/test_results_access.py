@@ -15,15 +15,16 @@ RUN_RECORD = {"RUN_RECORD", "run.json"}
 OWNERS = {
     "digs_warp/record/layout.py",  # the names
     "digs_warp/pipeline/reconstruction.py",
-    "digs_warp/pipeline/results.py",
+    "digs_warp/pipeline/records.py",
     "digs_warp/pipeline/stored_views.py",
     "digs_warp/pipeline/reconstruct.py",  # resumes from them
+    "digs_warp/pipeline/optimize.py",  # takes over a finished training
     "digs_warp/train/session.py",  # writes the course
     "digs_warp/commands/result_files.py",  # names what --overwrite may delete
 }
 # May take values by key out of a run.json's results.
 RECORD_READERS = {
-    "digs_warp/pipeline/results.py",
+    "digs_warp/pipeline/records.py",
     "digs_warp/data/recorded_object.py",  # of a simulated capture
     "digs_warp/data/other_folders.py",  # says which capture a folder of results belongs to
 }

@@ -53,15 +53,18 @@ class ExportUsd(Command):
         """Read, write, say what was written."""
         from digs_warp.data.capture import read_capture
         from digs_warp.pipeline.scene_files import read_scene
-        from digs_warp.pipeline.usd_scene import write_capture_package, write_scene
+        from digs_warp.pipeline.usd_scene import write_capture_package
+        from digs_warp.usd.writer import write_gaussians
 
         inputs = [self.source, self.capture, *self.also]
         check_output_file(self.out, self.overwrite, inputs)
         capture = read_capture(self.capture) if self.capture else None
         results = [read_scene(path, capture=capture) for path in (self.source, *self.also)]
         if capture is not None:
-            write_capture_package(capture, results, self.out, self.storage, self.surface)
+            scenes = [result.in_scene() for result in results]
+            write_capture_package(capture, scenes, self.out, self.storage, self.surface)
         else:
-            write_scene(results[0], self.out, self.storage)
+            first = results[0]
+            write_gaussians(self.out, first.gaussians, first.scene_metadata, self.storage)
         size = self.out.stat().st_size / 1e6
         return f"{self.out}: {counted(len(results[0].gaussians), 'Gaussian')}, {size:.1f} MB"

@@ -16,10 +16,8 @@ def format_facts(facts: dict[str, str]) -> str:
 
 def reconstruction_words(result: "Reconstruction", frames: int) -> str:
     """Say how many Gaussians there are, from what, and how good they are."""
-    from digs_warp.show.report.facts.results import surface_words
-
     depth = result.start.depth if result.start else None
-    scale = result.metric_scale
+    scale = result.poses.metric_scale
     is_known = scale is None or scale.known
     voxels = ""
     if depth:
@@ -28,4 +26,7 @@ def reconstruction_words(result: "Reconstruction", frames: int) -> str:
     gaussians = counted(len(result.gaussians), "Gaussian")
     unknown = [] if is_known else ["scale unknown"]
     words = [f"{gaussians} from {counted(frames, 'frame')}{voxels}", result.quality]
-    return ", ".join(words + surface_words(result) + unknown)
+    words += [str(result.scores.surface)] if result.scores.surface else []
+    adherence = result.training.adherence
+    words += [f"adherence to the measured depth {1e3 * adherence:.2f} mm"] if adherence else []
+    return ", ".join(words + unknown)

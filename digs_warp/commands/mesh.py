@@ -68,7 +68,7 @@ class Mesh(Command):
         start = perf_counter()
         capture = read_capture(self.capture) if self.capture else None
         result = self.scene.read(self.source, capture)
-        found = extract_mesh(result, self.voxel_size, self.views)
+        found = extract_mesh(result.gaussians, result.poses, self.voxel_size, self.views)
         write_mesh(self.out, found.mesh)
         lines = [
             f"{self.out}: {counted(len(found.mesh), 'triangle')} from {counted(found.views, 'view')}, "

@@ -134,7 +134,7 @@ class ReconstructionOptions(Settings):
     def _strategy(self, capture: "Capture | None") -> StrategyName:
         if capture is None:
             return chosen_strategy(self.init.strategy, has_depth=True, has_masks=True)
-        from digs_warp.pipeline.subject import subject_of
+        from digs_warp.pipeline.config import subject_of
 
         subject = subject_of(capture, self.subject, self.segment)
         has_depth = capture.has_depth or self.mono.mono_depth is not None

@@ -16,8 +16,7 @@ def reconstruction_files() -> list[str]:
     """Return what `reconstruct` writes."""
     from digs_warp.data.posed_frames import CAMERAS
     from digs_warp.masks.masks import SETTINGS
-    from digs_warp.pipeline.frame_masks import HELD_OUT, MASKS, MENDED
-    from digs_warp.pipeline.front_end import SFM
+    from digs_warp.pipeline.front_end import HELD_OUT, MASKS, MENDED, SFM
     from digs_warp.pipeline.stored_views import RENDERS
     from digs_warp.poses.from_images.workspace import DATABASE, IMAGES, MODEL, STAGES
 

@@ -110,7 +110,8 @@ class Run(ReconstructionOptions, _Recording):
             "held_out": result.scores.mean.to_json(),
         }
         with log.saved(record), log.stage("export"):
-            write_capture_package(capture, [result], folder / layout.SCENE, WriteOptions())
+            scene = folder / layout.SCENE
+            write_capture_package(capture, [result.in_scene()], scene, WriteOptions())
             write_scene_file(folder / layout.SPLATS, result, reconstruction)
         with log.saved(record), log.stage("report"):
             write_report(capture, result, folder / layout.REPORT)

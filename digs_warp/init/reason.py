@@ -10,7 +10,7 @@ def start_reason(strategy: StrategyName, sources: dict[str, int], has_depth: boo
 
     Args:
         strategy: how the points were made.
-        sources: number of points by where they came from, as in `Initialization`.
+        sources: number of points by where they came from, as in `Start`.
         has_depth: whether a frame has a depth map.
     """
     if strategy in ("depth", "highdepth", "fusion"):

@@ -25,7 +25,7 @@ from digs_warp.init.ray_points import ray_points
 from digs_warp.init.reason import start_reason
 from digs_warp.init.scene_points import scene_points
 from digs_warp.init.shell import shell_points
-from digs_warp.init.start import Initialization, Subject
+from digs_warp.init.start import Start, Subject
 from digs_warp.init.unseen import fills_unseen, unseen_points
 from digs_warp.words import counted
 
@@ -45,7 +45,7 @@ def initialize(
     baseline: float | None = None,
     subject: Subject = "object",
     recorded: PointCloud | None = None,
-) -> Initialization:
+) -> Start:
     """Return the points of the configured strategy.
 
     Args:
@@ -93,15 +93,15 @@ def _without_depth(
     sfm: SfmModel | None,
     recorded: PointCloud | None,
     subject: Subject,
-) -> Initialization:
+) -> Start:
     if config.strategy == "default":
         if recorded is not None:
-            return Initialization(recorded, {"recorded": len(recorded)})
+            return Start(recorded, {"recorded": len(recorded)})
         points = _needed(sfm, config).points
-        return Initialization(points, {"sfm": len(points)})
+        return Start(points, {"sfm": len(points)})
     if config.strategy == "hull":
         points = hull_points(frames, config)
-        return Initialization(points, {"hull": len(points)})
+        return Start(points, {"hull": len(points)})
     count = config.target_points
     if count is None:
         count = len(_needed(sfm, config).points if recorded is None else recorded)
@@ -111,7 +111,7 @@ def _without_depth(
         points = random_points_in_hull(frames, config, count)
     else:
         points = random_points([frame.camera for frame in frames], count)
-    return Initialization(points, {"random": len(points)})
+    return Start(points, {"random": len(points)})
 
 
 def _tell_the_hull(frames: Sequence[Frame]) -> bool:
@@ -129,7 +129,7 @@ def _from_depth(
     sfm_per_metre: float | None,
     baseline: float | None,
     subject: Subject,
-) -> Initialization:
+) -> Start:
     if subject == "scene":
         from_depth, report = scene_points(frames, config, baseline)
     else:
@@ -144,7 +144,7 @@ def _from_depth(
         unseen = unseen_points(frames, from_depth, report.voxel_size, config)
         if len(unseen):
             points, sources["unseen"] = _union(points, unseen, report.voxel_size), len(unseen)
-    return Initialization(points, sources, report)
+    return Start(points, sources, report)
 
 
 def _unmasked_points_in_box(

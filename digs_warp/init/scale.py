@@ -21,6 +21,7 @@ from typing import Literal
 import numpy as np
 
 from digs_warp.checks import DigsError
+from digs_warp.words import counted
 
 logger = logging.getLogger(__name__)
 
@@ -66,6 +67,13 @@ class ScaleEstimate:
     modes: int
     bandwidth: float
     warning: str = ""
+
+    def __str__(self) -> str:
+        spread = 100 * self.width / self.sfm_per_metre
+        known = f"{self.sfm_per_metre:.4f} units of the model per metre, spread {spread:.2f} %"
+        peaks = counted(self.modes, "peak")
+        warning = f"; warning: {self.warning}" if self.warning else ""
+        return f"{known} over {counted(self.values, 'measurement')}, {peaks}{warning}"
 
 
 def estimate_scale(

@@ -1,9 +1,10 @@
 """What an initialization returns. Imports nothing heavy: reading a result must not load the init code."""
 
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 from digs_warp.data.point_cloud import PointCloud
+from digs_warp.record.results import ELSEWHERE, Figure
 
 if TYPE_CHECKING:
     from digs_warp.init.scene_view import SceneView
@@ -29,6 +30,15 @@ class DepthReport:
     voxels: dict[str, int] = field(default_factory=dict)
     seconds: dict[str, float] = field(default_factory=dict)
 
+    def __str__(self) -> str:
+        size = f"voxels of {1e3 * self.voxel_size:.2f} mm; " if self.voxel_size else ""
+        counts = {"pixels": self.pixels, "voxels": self.voxels}
+        return size + "; ".join(
+            f"{what} " + ", ".join(f"{name} {count:,}" for name, count in each.items())
+            for what, each in counts.items()
+            if each
+        )
+
     def add(self, view: "ViewPoints | SceneView") -> None:
         """Count a view."""
         for name, count in view.pixels.items():
@@ -38,18 +48,18 @@ class DepthReport:
 
 
 @dataclass(frozen=True, eq=False)
-class Initialization:
-    """The points to start from, and how they were made.
+class Start:
+    """The record of the initialization: the points to start from, and how they were made.
 
     Attributes:
-        points: in the world [m].
+        points: in the world [m]; initial_points.npz has them.
         sources: number of points by where they came from: "depth", "sfm", "recorded" (with the recording),
             "hull" (of the masks), "random", "shell", "unseen" (where they close the object).
         depth: how many pixels of the depth maps were used; None if the strategy does not use depth.
         because: what they are and why, in words; empty where it is not known.
     """
 
-    points: PointCloud
-    sources: dict[str, int]
-    depth: DepthReport | None = None
-    because: str = ""
+    points: Annotated[PointCloud, ELSEWHERE]
+    sources: Annotated[dict[str, int], Figure("initial points")] = field(default_factory=dict)
+    depth: Annotated[DepthReport | None, Figure("used of the depth maps")] = None
+    because: Annotated[str, Figure("started from")] = ""

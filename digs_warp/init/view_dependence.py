@@ -16,7 +16,7 @@ it counts where other photographs see the point darker than that, and nowhere el
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -55,29 +55,16 @@ class ViewDependence:
         errors: how well each degree from 0 on predicts a photograph from the others [dB, as PSNR of the
             points]; empty where too few points were seen often enough.
         points: how many were.
+        because: the reason, in words.
     """
 
     degree: int
     errors: tuple[float, ...] = ()
     points: int = 0
+    because: str = ""
 
-    def to_json(self) -> dict[str, Any]:
-        """Return the decision as run.json holds it."""
-        return {
-            "degree": self.degree,
-            "because": self.because,
-            "prediction_psnr": list(self.errors),
-            "points": self.points,
-        }
-
-    @property
-    def because(self) -> str:
-        """The reason, in words."""
-        if not self.errors:
-            return f"too few points are seen by {FEWEST_VIEWS} photographs or more"
-        gain = gain_over_usual(self.errors)
-        found = f"higher degrees predict a photograph from the others {gain:.1f} dB better"
-        return f"{found} than degree {USUAL_DEGREE}, and are used from {WORTH_DB:g} dB on"
+    def __str__(self) -> str:
+        return f"of degree {self.degree}: {self.because}"
 
 
 def view_dependence(seen: "SeenColors") -> ViewDependence:
@@ -86,7 +73,8 @@ def view_dependence(seen: "SeenColors") -> ViewDependence:
     colors = in_one_exposure(seen.colors[often])
     still = _seen_often(colors)
     if not len(still):
-        return ViewDependence(USUAL_DEGREE)
+        few = f"too few points are seen by {FEWEST_VIEWS} photographs or more"
+        return ViewDependence(USUAL_DEGREE, because=few)
     points, colors = seen.points_world[often][still], colors[still]
     plain = plainest(points, colors)
     some = plain[evenly(range(len(plain)), POINTS)]
@@ -149,8 +137,13 @@ def chosen(directions: np.ndarray, colors: np.ndarray) -> ViewDependence:
         prediction_error(basis[..., : coefficient_count(d)], colors) for d in range(MAX_DEGREE + 1)
     ]
     errors = tuple(round(-10 * float(np.log10(max(miss, 1e-12))), 3) for miss in misses)
-    worth = gain_over_usual(errors) >= WORTH_DB
-    return ViewDependence(MAX_DEGREE if worth else USUAL_DEGREE, errors, len(colors))
+    gain = gain_over_usual(errors)
+    degree = MAX_DEGREE if gain >= WORTH_DB else USUAL_DEGREE
+    because = (
+        f"higher degrees predict a photograph from the others {gain:.1f} dB better than degree "
+        f"{USUAL_DEGREE}, and are used from {WORTH_DB:g} dB on"
+    )
+    return ViewDependence(degree, errors, len(colors), because)
 
 
 def gain_over_usual(errors: Sequence[float]) -> float:

@@ -3,12 +3,36 @@
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 
 from digs_warp.record.fields import Fields
+from digs_warp.record.results import ELSEWHERE, Figure
 from digs_warp.words import counted
+
+
+@dataclass(frozen=True)
+class SurfaceError:
+    """Distances between the rendered and the true surface [m].
+
+    Attributes:
+        accuracy: mean distance of the rendered surface to the true one.
+        completeness: mean distance of the true surface to the rendered one; what no camera saw counts.
+        seen_completeness: the same of what cameras saw alone; None where that is not known.
+    """
+
+    accuracy: float
+    completeness: float
+    seen_completeness: float | None = None
+
+    def __str__(self) -> str:
+        known = (
+            f"accuracy {1e3 * self.accuracy:.2f} mm, completeness {1e3 * self.completeness:.2f} mm"
+        )
+        if self.seen_completeness is None:
+            return known
+        return f"{known} ({1e3 * self.seen_completeness:.2f} mm of what cameras see)"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -66,14 +90,22 @@ class ViewScore(Score):
 
 @dataclass(frozen=True)
 class Scores:
-    """The scores of all held-out views; empty if nothing was measured."""
+    """The record of the evaluation; empty if nothing was measured.
 
-    views: tuple[ViewScore, ...] = ()
+    Attributes:
+        views: of every held-out view; evaluation.json has them.
+        mean: of each metric over the views where it is defined.
+        surface: how far the surface is from the true one; None where that is not known.
+    """
 
-    @property
-    def mean(self) -> Score:
-        """The mean of each metric over the views where it is defined."""
-        return mean_score(self.views)
+    views: Annotated[tuple[ViewScore, ...], ELSEWHERE] = ()
+    mean: Score = Score()
+    surface: Annotated[SurfaceError | None, Figure("surface")] = None
+
+    @staticmethod
+    def of(views: Sequence[ViewScore], surface: SurfaceError | None = None) -> "Scores":
+        """Return the record of some views."""
+        return Scores(tuple(views), mean_score(views), surface)
 
     def __str__(self) -> str:
         """Return one phrase for summaries, of an object."""
@@ -94,7 +126,7 @@ class Scores:
         return f"{on_object} in {counted(len(self.views), 'held-out view')}{frame}"
 
     def to_json(self) -> dict[str, Any]:
-        """Return the views and their mean."""
+        """Return the views and their mean, as evaluation.json holds them."""
         views = [{"name": view.name, **view.to_json()} for view in self.views]
         return {"views": views, "mean": self.mean.to_json()}
 
@@ -108,7 +140,7 @@ class Scores:
         scores = Fields.of(content, "scores")
         _metrics(scores.section("mean"))  # stored for other readers; we compute it from the views
         views = scores.sections("views")
-        return Scores(tuple(ViewScore(name=view.text("name"), **_metrics(view)) for view in views))
+        return Scores.of([ViewScore(name=view.text("name"), **_metrics(view)) for view in views])
 
 
 def _figures(psnr: float, ssim: float) -> str:

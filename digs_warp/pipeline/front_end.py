@@ -8,37 +8,70 @@ import logging
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 from digs_warp.check.check import Plausibility, check_capture
 from digs_warp.check.frame_doubts import frame_doubts
 from digs_warp.data.capture import Capture
+from digs_warp.data.layers import Layer
 from digs_warp.data.point_cloud import PointCloud
 from digs_warp.data.posed_frames import CAMERAS, PosedFrames
 from digs_warp.init.mono_depth import guessed_depth
 from digs_warp.init.recipes import initialize
 from digs_warp.init.recorded_points import recorded_points
-from digs_warp.init.start import Initialization, Subject
+from digs_warp.init.start import Start, Subject
 from digs_warp.masks.agreed import agreed_masks
+from digs_warp.masks.config import SegmentConfig
+from digs_warp.masks.masks import segment, with_masks
+from digs_warp.pipeline.config import FrontEndConfig, say_subject, subject_of
 from digs_warp.pipeline.found_poses import chosen_way, depth_doubt
-from digs_warp.pipeline.frame_masks import MASKS, MENDED, masked, without_masks
-from digs_warp.pipeline.front_end_config import FrontEndConfig, check_front_end
 from digs_warp.pipeline.known_distance import in_true_size, metric_scale_of
 from digs_warp.pipeline.left_frames import only_registered, with_held_out
 from digs_warp.pipeline.matched_images import MetricModel, in_metres, match_images, registered
 from digs_warp.pipeline.perturbed import perturbed
-from digs_warp.pipeline.prepared import Prepared
+from digs_warp.pipeline.records import Poses, store, stored
 from digs_warp.pipeline.refined_poses import refined
-from digs_warp.pipeline.subject import say_subject, subject_of
 from digs_warp.pipeline.tracked_poses import tracked
 from digs_warp.poses.from_images.config import SfmConfig
 from digs_warp.poses.tracking import Tracking
-from digs_warp.record.layout import INITIAL_POINTS
+from digs_warp.record.layout import INITIAL_POINTS, RUN_RECORD
 from digs_warp.record.manifest import is_kept
-from digs_warp.record.run_log import RunLog
+from digs_warp.record.run_log import RunLog, RunRecord
 
 if TYPE_CHECKING:
     from digs_warp.poses.from_images.estimate import SfmResult
+
+
+MASKS = "masks"
+HELD_OUT = "held_out"
+MENDED = "mended"
+
+
+def masked(frames: PosedFrames, config: SegmentConfig, folder: Path) -> PosedFrames:
+    """Make masks for the frames. Held-out frames keep theirs: the evaluation must not use our own masks.
+
+    The masks of one of several objects are those of the recording; the frames know that others may hide it.
+    """
+    training = with_masks(frames.training, segment(frames.training, config, folder))
+    held_out = list(frames.held_out)
+    if config.source == "instance" or any(not frame.has(Layer.MASK) for frame in held_out):
+        held_out = with_masks(held_out, segment(held_out, config, folder / HELD_OUT))
+    if config.instance is not None:
+        training, held_out = (
+            [replace(frame, instance=config.instance) for frame in group]
+            for group in (training, held_out)
+        )
+    return replace(frames, training=tuple(training), held_out=tuple(held_out))
+
+
+def without_masks(frames: PosedFrames) -> PosedFrames:
+    """Return the frames for a whole scene, which uses no masks."""
+    training, held_out = (
+        tuple(frame.without_layer(Layer.MASK) for frame in group)
+        for group in (frames.training, frames.held_out)
+    )
+    return replace(frames, training=training, held_out=held_out)
+
 
 logger = logging.getLogger(__name__)
 
@@ -48,20 +81,34 @@ SFM = "sfm"
 SHORT = 60
 
 
+class FrontEnd(NamedTuple):
+    """What the training starts from."""
+
+    poses: Poses
+    start: Start
+
+
 def front_end(
     capture: Capture, config: FrontEndConfig, folder: Path, log: RunLog, resume: bool = False
-) -> Prepared:
+) -> FrontEnd:
     """Return the frames as the reconstruction uses them, and the initial points.
 
-    Also saves them to ``folder``, next to the workspace of structure from motion and new masks, if any;
-    ``resume`` reuses what is finished there.
+    Also saves them to ``folder``, next to the workspace of structure from motion and new masks, if any, and
+    what is known of them to the results of ``log``; ``resume`` reuses what is finished there.
+
+    Args:
+        capture: the recording, which `check_front_end` accepts.
+        config: settings.
+        folder: of the reconstruction.
+        log: receives times and results.
+        resume: whether ``folder`` is that of an interrupted run.
 
     Raises:
         DigsError: too few frames, a failed structure from motion, or nothing to initialize from.
     """
     if resume and is_kept(folder / INITIAL_POINTS) and is_kept(folder / CAMERAS):
-        return Prepared.load(capture, folder)
-    check_front_end(capture, config)
+        return load_front_end(capture, folder)
+    recording = capture
     capture, sfm_config, tracking = _with_poses(capture, config, folder, log)
     config = replace(config, sfm=sfm_config)
     subject = subject_of(capture, config.subject, config.segment)
@@ -72,20 +119,35 @@ def front_end(
         if config.needs_sfm or config.segment.source != "capture":
             with log.stage("check"):
                 check.result()  # before what takes minutes
-        prepared = _prepared(capture, config, subject, check, folder, log)
-    prepared = replace(prepared, tracking=tracking)
-    prepared.save(capture, folder, log)
-    return prepared
+        poses, start = _poses_and_start(capture, config, subject, check, folder, log)
+    poses = replace(poses, tracking=tracking)
+    log.results = store(recording.stored_in, poses=poses, start=start)
+    log.save(folder / RUN_RECORD)
+    poses.posed.save(folder)
+    start.points.save(folder / INITIAL_POINTS)  # the last: tells a resumed run that all is there
+    return FrontEnd(poses, start)
 
 
-def _prepared(
+def load_front_end(capture: Capture, folder: Path) -> FrontEnd:
+    """Return what `front_end` left in ``folder``.
+
+    Raises:
+        DigsError: a file is missing or broken.
+    """
+    record = RunRecord.find(folder)
+    points = PointCloud.load(folder / INITIAL_POINTS)
+    poses = stored(Poses, record, folder, frames=PosedFrames.load(capture, folder))
+    return FrontEnd(poses, stored(Start, record, folder, points=points))
+
+
+def _poses_and_start(
     capture: Capture,
     config: FrontEndConfig,
     subject: Subject,
     check: "Future[tuple[str, ...]]",
     folder: Path,
     log: RunLog,
-) -> Prepared:
+) -> FrontEnd:
     """Return the frames of a recording whose poses are known, or are estimated from its images."""
     frames = PosedFrames.split(capture, config.test_every)
     recorded, sparse = _sparse_points(capture, frames, config, folder, log)
@@ -123,16 +185,16 @@ def _prepared(
         doubts = (*check.result(), *doubts)  # before the initialization, which counts its CPU time
     start = _start(capture, frames, subject, model, recorded, config, log)
     logger.info("%s: starting from %s", capture, start.because)
-    return Prepared(
-        frames,
-        start,
-        sfm=sparse.quality if sparse else None,
-        scale=model.estimate if model else None,
-        doubts=doubts,
+    poses = Poses(
+        frames=frames,
         subject=subject,
         metric_scale=metric_scale,
+        doubts=doubts,
+        sfm=sparse.quality if sparse else None,
+        scale=model.estimate if model else None,
         refinement=refinement,
     )
+    return FrontEnd(poses, start)
 
 
 def _with_poses(
@@ -187,7 +249,7 @@ def _start(
     recorded: PointCloud | None,
     config: FrontEndConfig,
     log: RunLog,
-) -> Initialization:
+) -> Start:
     """Return the points to start from; a network guesses the depth where the settings name one."""
     sfm = model.sfm if model else None
     training, network = frames.training, config.mono.mono_depth

@@ -8,10 +8,11 @@ from digs_warp.data.layers import Layer
 
 if TYPE_CHECKING:
     from digs_warp.data.frame import Frame
+    from digs_warp.data.gaussians import Gaussians
     from digs_warp.data.posed_frames import PosedFrames
     from digs_warp.data.triangle_mesh import TriangleMesh
     from digs_warp.geometry.camera import Camera
-    from digs_warp.pipeline.reconstruction import Reconstruction
+    from digs_warp.pipeline.records import Poses
     from digs_warp.surface.extract import Scene
 
 # More cameras add little and take longer.
@@ -47,12 +48,13 @@ class ExtractedMesh:
 
 
 def extract_mesh(
-    result: "Reconstruction", voxel: float | None = None, views: int = MOST_VIEWS
+    gaussians: "Gaussians", poses: "Poses", voxel: float | None = None, views: int = MOST_VIEWS
 ) -> ExtractedMesh:
     """Return the surface of Gaussians as seen by the cameras of their capture, or by rings of cameras.
 
     Args:
-        result: Gaussians of one object, or of all in view; their views, if known, have cameras and masks.
+        gaussians: of one object, or of all in view.
+        poses: which of the two; its frames, if known, have cameras and masks.
         voxel: finest detail [m]; default: a 160th of the object's size.
         views: the most cameras to use, evenly spread.
 
@@ -63,15 +65,15 @@ def extract_mesh(
     from digs_warp.show.film.camera_path import find_subject
     from digs_warp.surface.extract import Scene, extract_surface
 
-    subject = find_subject(result.gaussians)
+    subject = find_subject(gaussians)
     scene = Scene(subject.center_world, subject.radius)
-    frames = _chosen(result.frames, views)
+    frames = _chosen(poses.frames, views)
     cameras = [f.camera for f in frames] or evenly(_rings(scene), views)
     masked = bool(frames) and all(frame.has(Layer.MASK) for frame in frames)
-    is_object = result.subject == "object"
-    depth = measured_depth(result.gaussians, frames, scene.center_world, is_object)
+    is_object = poses.subject == "object"
+    depth = measured_depth(gaussians, frames, scene.center_world, is_object)
     found = extract_surface(
-        *(result.gaussians, cameras, scene, voxel),
+        *(gaussians, cameras, scene, voxel),
         masks=[f.load_mask for f in frames] if masked else None,
         is_object=is_object,
         measured=depth.load if depth else None,

@@ -12,15 +12,12 @@ import numpy as np
 from digs_warp.checks import DigsError
 from digs_warp.data.capture import Capture
 from digs_warp.data.gaussians import Gaussians
-from digs_warp.data.metric_scale import MetricScale
 from digs_warp.data.point_cloud import PointCloud
 from digs_warp.data.posed_frames import PosedFrames
 from digs_warp.geometry.camera import Camera
-from digs_warp.init.scale import ScaleEstimate
-from digs_warp.init.start import Initialization, Subject
-from digs_warp.init.view_dependence import ViewDependence
+from digs_warp.init.start import Start
 from digs_warp.measure.scores import Scores
-from digs_warp.pipeline.results import Results
+from digs_warp.pipeline.records import Poses, store, stored, stored_capture
 from digs_warp.pipeline.stored_views import (
     RENDERS,
     find_frames,
@@ -28,9 +25,6 @@ from digs_warp.pipeline.stored_views import (
     read_scores,
     write_scores,
 )
-from digs_warp.poses.from_images.quality import SfmQuality
-from digs_warp.poses.refinement import PoseRefinement
-from digs_warp.poses.tracking import Tracking
 from digs_warp.record.fields import Fields
 from digs_warp.record.files import copy_folder
 from digs_warp.record.layout import (
@@ -42,13 +36,14 @@ from digs_warp.record.layout import (
     TRAINING,
     find_gaussians,
 )
+from digs_warp.record.results import figures
 from digs_warp.record.run_log import RunRecord
-from digs_warp.surface.error import SurfaceError
 from digs_warp.train.course import CourseRow, read_course, write_course
-from digs_warp.train.shutter import ShutterPlan
 from digs_warp.train.snapshots import load_snapshots
+from digs_warp.train.training import Training
 
 if TYPE_CHECKING:
+    from digs_warp.pipeline.usd_scene import SceneResult
     from digs_warp.splat.render import RenderOutput
 
 MASKS = "masks"
@@ -61,52 +56,35 @@ class Reconstruction:
     A finished reconstruction has everything; for Gaussians from elsewhere only the Gaussians are known.
 
     Attributes:
-        gaussians: the result, in metres unless ``metric_scale`` says otherwise.
-        frames: training and held-out views with the cameras and masks that were used, where these were not
-            stored those of the capture; None where the capture is not known.
+        gaussians: the result, in metres unless ``poses.metric_scale`` says otherwise.
+        poses: the frames with the cameras and masks that were used, where these were not stored those of the
+            capture, and where their poses come from.
         start: the points that the training started from, and where they come from.
-        scale: between structure from motion and metres; None for given poses.
-        sfm: quality of structure from motion; None where no images were matched.
-        scores: how well the held-out views match.
-        course: loss and quality along the training, a row every few iterations.
-        stopped_by: what ended the training: "iterations", "target psnr" or "time budget".
-        exposure_stops: how much exposure and white balance vary between the photographs [stops]; 0 where they
-            are known to be constant, None if that was not fitted.
-        tone_lift: how much contrast and black level vary, as lifts of values [sRGB, 0 to 1]; None like it.
+        training: loss and quality along the training, and what it decided.
+        scores: how well the held-out views match, and how far the surface is from the true one.
         run: settings, versions and machine, and the seconds of each stage.
         folder: where it is stored.
         capture: folder of the recording; None if it is not known, or only in memory.
-        doubts: what does not fit together in the recording; empty for a good one.
-        subject: what was reconstructed, the object in the masks or the whole scene.
-        metric_scale: whether lengths are in metres, and how that is known; None where nothing says it.
-        surface: how far the surface is from the true one; None where that is not known.
-        refinement: whether the poses were refined, and why; None where it is not known.
-        tracking: how well poses found by color and depth fit together, where they were.
-        shutter: whether the training drew the rolling shutter, and why; None where it is not known.
-        color: the degree of the color that the photographs called for; None where the settings said which.
     """
 
     gaussians: Gaussians
-    frames: PosedFrames | None = None
-    start: Initialization | None = None
-    scale: ScaleEstimate | None = None
-    sfm: SfmQuality | None = None
+    poses: Poses = field(default_factory=Poses)
+    start: Start | None = None
+    training: Training = field(default_factory=Training)
     scores: Scores = field(default_factory=Scores)
-    course: tuple[CourseRow, ...] = ()
-    stopped_by: str | None = None
-    exposure_stops: float | None = None
-    tone_lift: float | None = None
     run: RunRecord = field(default_factory=lambda: RunRecord("", {}, {}))
     folder: Path | None = None
     capture: Path | None = None
-    doubts: tuple[str, ...] = ()
-    subject: Subject = "object"
-    metric_scale: MetricScale | None = None
-    surface: SurfaceError | None = None
-    refinement: PoseRefinement | None = None
-    tracking: Tracking | None = None
-    shutter: ShutterPlan | None = None
-    color: ViewDependence | None = None
+
+    @property
+    def frames(self) -> PosedFrames | None:
+        """Training and held-out views; None where the capture is not known."""
+        return self.poses.frames
+
+    @property
+    def course(self) -> tuple[CourseRow, ...]:
+        """Loss and quality along the training, a row every few iterations."""
+        return self.training.course
 
     @property
     def settings(self) -> dict[str, Any]:
@@ -135,39 +113,25 @@ class Reconstruction:
         return segment.whole("instance", default=None)
 
     @property
-    def adherence(self) -> float | None:
-        """Median distance of the surface to the measured depth [m]; None where none was measured."""
-        measured = [row.adherence for row in self.course if row.adherence is not None]
-        return measured[-1] if measured else None
-
-    @property
     def quality(self) -> str:
         """How well the held-out views match, in a phrase that names what was compared."""
-        return self.scores.words(has_object=self.subject == "object")
+        return self.scores.words(has_object=self.poses.subject == "object")
 
     @property
-    def results(self) -> Results:
-        """The counts and figures in run.json."""
-        last = self.course[-1] if self.course else None
-        return replace(
-            Results.of_start(self.capture, self.start, self.sfm, self.scale),
-            doubts=self.doubts,
-            subject=self.subject,
-            metric_scale=self.metric_scale,
-            refinement=self.refinement,
-            tracking=self.tracking,
-            shutter=self.shutter,
-            color=self.color,
-            gaussians=len(self.gaussians),
-            iterations=last.iteration if last else None,
-            stopped_by=self.stopped_by,
-            training_seconds=round(last.seconds, 3) if last else None,
-            exposure_stops=self.exposure_stops,
-            tone_lift=self.tone_lift,
-            held_out=self.scores.mean if self.scores.views else None,
-            adherence=self.adherence,
-            surface=self.surface,
-        )
+    def figures(self) -> dict[str, dict[str, str]]:
+        """All results in words: for each stage, names and values."""
+        return {name: figures(record) for name, record in self._stages().items()}
+
+    @property
+    def results(self) -> dict[str, Any]:
+        """The results as run.json holds them."""
+        return store(self.capture, **self._stages())
+
+    def _stages(self) -> dict[str, Any]:
+        """Return the records of the stages that are done."""
+        stages = {"poses": self.poses, "start": self.start, "training": self.training}
+        stages |= {"scores": self.scores if self.scores.views else None}
+        return {name: record for name, record in stages.items() if record is not None}
 
     def render(self, camera: Camera, **settings: Any) -> "RenderOutput":
         """Return a view of the Gaussians; the settings are those of `digs_warp.splat.render.render`."""
@@ -185,12 +149,34 @@ class Reconstruction:
         Raises:
             DigsError: another suffix, or the scene cannot be written.
         """
-        from digs_warp.pipeline.usd_scene import write_capture_package, write_scene
+        from digs_warp.pipeline.usd_scene import write_capture_package
+        from digs_warp.usd.writer import write_gaussians
 
         if capture is None:
-            write_scene(self, Path(path))
+            write_gaussians(Path(path), self.gaussians, self.scene_metadata)
         else:
-            write_capture_package(capture, [self], Path(path))
+            write_capture_package(capture, [self.in_scene()], Path(path))
+
+    @property
+    def scene_metadata(self) -> dict[str, Any]:
+        """What a USD scene says about the making."""
+        from digs_warp.pipeline.usd_scene import scene_metadata
+
+        return scene_metadata(self.run, self.poses, self.scores)
+
+    def in_scene(self) -> "SceneResult":
+        """Return what the USD scene of a capture shows."""
+        from digs_warp.pipeline.usd_scene import SceneResult
+
+        return SceneResult(
+            name=self.strategy or (self.folder.resolve().name if self.folder else "gaussians"),
+            gaussians=self.gaussians,
+            poses=self.poses,
+            points=self.start.points if self.start else None,
+            metadata=self.scene_metadata,
+            instance=self.instance,
+            snapshots=self.load_snapshots(),
+        )
 
     def in_memory(self) -> "Reconstruction":
         """Return the reconstruction without its folder; masks that were made for it are loaded.
@@ -200,7 +186,7 @@ class Reconstruction:
         frames = self.frames
         if frames and self.folder:
             frames = frames.with_masks_loaded(self.folder)
-        return replace(self, frames=frames, folder=None)
+        return replace(self, poses=replace(self.poses, frames=frames), folder=None)
 
     def load_render(self, name: str, shape: tuple[int, ...]) -> np.ndarray:
         """Return a held-out view as the Gaussians show it on white, sRGB, uint8.
@@ -240,10 +226,10 @@ class Reconstruction:
             self.start.points.save(folder / INITIAL_POINTS)
         write_course(folder / TRAINING, self.course)
         write_scores(folder, self.scores)
-        run = replace(self.run, results=self.results.to_json())
+        run = replace(self.run, results=self.results)
         run.save(folder / RUN_RECORD)
         self.gaussians.save(folder / GAUSSIANS)
-        return replace(self, folder=folder, frames=frames, run=run)
+        return replace(self, folder=folder, poses=replace(self.poses, frames=frames), run=run)
 
     @staticmethod
     def load(
@@ -270,31 +256,21 @@ class Reconstruction:
         scores = read_scores(folder / EVALUATION) if wanted(EVALUATION) else Scores()
         course = read_course(folder / TRAINING) if wanted(TRAINING) else ()
         run = RunRecord.load(folder / RUN_RECORD) if not partial else RunRecord.find(folder)
-        results = Results.read(run, folder / RUN_RECORD) if run else Results()
         points = folder / INITIAL_POINTS
-        frames, place = find_frames(folder, capture, results.capture)
+        frames, place = find_frames(folder, capture, stored_capture(run, folder))
+        start = None
+        if points.is_file():
+            start = stored(Start, run, folder, points=PointCloud.load(points))
+        measured = stored(Scores, run, folder)
         return Reconstruction(
             gaussians=gaussians,
-            frames=frames,
-            start=results.start(PointCloud.load(points)) if points.is_file() else None,
-            scale=results.scale,
-            sfm=results.sfm,
-            scores=scores,
-            course=course,
-            stopped_by=results.stopped_by,
-            exposure_stops=results.exposure_stops,
-            tone_lift=results.tone_lift,
+            poses=stored(Poses, run, folder, frames=frames),
+            start=start,
+            training=stored(Training, run, folder, course=course),
+            scores=replace(scores, surface=measured.surface),
             run=run or RunRecord("", {}, {}),
             folder=folder,
             capture=place,
-            doubts=results.doubts,
-            subject=results.subject,
-            metric_scale=results.metric_scale,
-            surface=results.surface,
-            refinement=results.refinement,
-            tracking=results.tracking,
-            shutter=results.shutter,
-            color=results.color,
         )
 
     @staticmethod
@@ -306,7 +282,7 @@ class Reconstruction:
         Without ``capture``, it is the one that a run left in or beside the folder, if any.
         """
         frames, place = find_frames(folder, capture)
-        return Reconstruction(gaussians=gaussians, frames=frames, capture=place)
+        return Reconstruction(gaussians=gaussians, poses=Poses(frames=frames), capture=place)
 
     def _setting(self, group: str, name: str) -> str | None:
         return Fields(self.settings, "settings").section(group, optional=True).text(name, None)

@@ -11,7 +11,6 @@ from digs_warp.data.capture import Capture
 from digs_warp.data.frame import Frame
 from digs_warp.data.layers import Layer
 from digs_warp.data.posed_frames import PosedFrames
-from digs_warp.pipeline.prepared import Prepared
 from digs_warp.poses.from_images.config import SfmConfig
 from digs_warp.poses.refinement import PoseRefinement
 from digs_warp.poses.tracking import some_of
@@ -67,19 +66,18 @@ def refined(
 
 
 def with_trained_poses(
-    prepared: Prepared, views: Sequence[TestView], poses: np.ndarray | None, folder: Path
-) -> tuple[Prepared, Sequence[TestView]]:
+    frames: PosedFrames, views: Sequence[TestView], poses: np.ndarray | None, folder: Path
+) -> tuple[PosedFrames, Sequence[TestView]]:
     """Return frames and held-out views with the poses that the training found, and write cameras.json.
 
     Args:
-        prepared: what the training started from.
+        frames: that the training started from.
         views: of the held-out frames.
         poses: of the training frames, then the held-out ones, (n, 4, 4); None: they were not trained.
         folder: of the reconstruction.
     """
     if poses is None:
-        return prepared, views
-    frames = prepared.frames
+        return frames, views
     count = len(frames.training)
 
     def posed(some: Sequence[Frame], found: np.ndarray) -> tuple[Frame, ...]:
@@ -96,4 +94,4 @@ def with_trained_poses(
         replace(view, camera=replace(view.camera, world_from_cam=pose))
         for view, pose in zip(views, poses[count:], strict=True)
     ]
-    return replace(prepared, frames=new), turned
+    return new, turned

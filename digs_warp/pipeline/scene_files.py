@@ -7,7 +7,6 @@ from digs_warp.checks import DigsError, require_file
 from digs_warp.data.capture import Capture
 from digs_warp.data.gaussians import Gaussians
 from digs_warp.pipeline.reconstruction import Reconstruction
-from digs_warp.pipeline.usd_scene import write_scene
 from digs_warp.record.layout import GAUSSIANS, find_gaussians
 
 UpAxis = Literal["z", "y", "-y"]
@@ -68,12 +67,11 @@ def write_scene_file(
         write_splat_file(target, result.gaussians, up, spz_version, vertex_colors)
     elif suffix not in USD_SUFFIXES:
         result.gaussians.save(target)
-    elif result.folder is not None:
-        write_scene(result, target)
     else:
         from digs_warp.usd.writer import write_gaussians
 
-        write_gaussians(target, result.gaussians, {"source": source.name})
+        metadata = result.scene_metadata if result.folder else {"source": source.name}
+        write_gaussians(target, result.gaussians, metadata)
 
 
 def _read_gaussians(path: Path, up: UpAxis, drop_broken: bool) -> Gaussians:

@@ -2,7 +2,7 @@
 
 import logging
 from collections.abc import Sequence
-from dataclasses import asdict, replace
+from dataclasses import asdict, dataclass, replace
 from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -10,9 +10,13 @@ from typing import TYPE_CHECKING, Any
 from digs_warp.checks import DigsError
 from digs_warp.data.capture import Capture
 from digs_warp.data.capture_writer import recorded_hash
+from digs_warp.data.gaussians import Gaussians
+from digs_warp.data.point_cloud import PointCloud
 from digs_warp.data.posed_frames import PosedFrames
+from digs_warp.measure.scores import Scores
 from digs_warp.pipeline.mesh import extract_mesh
-from digs_warp.pipeline.reconstruction import Reconstruction
+from digs_warp.pipeline.records import Poses
+from digs_warp.record.run_log import RunRecord
 
 if TYPE_CHECKING:
     from digs_warp.data.triangle_mesh import TriangleMesh
@@ -23,16 +27,32 @@ if TYPE_CHECKING:
 logger = logging.getLogger(__name__)
 
 
-def write_scene(result: Reconstruction, path: Path, options: "WriteOptions | None" = None) -> None:
-    """Write the Gaussians alone, with what is known about their origin as metadata."""
-    from digs_warp.usd.writer import write_gaussians
+@dataclass(frozen=True, eq=False)
+class SceneResult:
+    """What a scene shows of a reconstruction.
 
-    write_gaussians(path, result.gaussians, scene_metadata(result), options)
+    Attributes:
+        name: of its initialization or folder.
+        gaussians: the result.
+        poses: its frames as posed.
+        points: that the training started from; None: not known.
+        metadata: how it was made, see `scene_metadata`.
+        instance: the number of the one object that it is of, of several.
+        snapshots: (iteration, Gaussians) of the training, ascending.
+    """
+
+    name: str
+    gaussians: Gaussians
+    poses: Poses
+    points: PointCloud | None
+    metadata: dict[str, Any]
+    instance: int | None
+    snapshots: tuple[tuple[int, Gaussians], ...]
 
 
 def write_capture_package(
     capture: Capture,
-    results: Sequence[Reconstruction],
+    results: Sequence[SceneResult],
     path: Path,
     options: "WriteOptions | None" = None,
     surface: bool = False,
@@ -53,19 +73,20 @@ def write_capture_package(
     from digs_warp.usd.capture_scene import CaptureScene, write_capture_scene
 
     shown = results[0]
-    posed = shown.frames or PosedFrames.as_recorded(capture)
+    posed = shown.poses.frames or PosedFrames.as_recorded(capture)
+    poses = replace(shown.poses, frames=posed)
     scene = CaptureScene(
-        variants=tuple(map(_variant, results, variant_labels(results))),
+        variants=tuple(map(_variant, results, variant_labels([each.name for each in results]))),
         cameras=_camera_path(capture, posed),
         source_mesh=_source_mesh(capture, shown.instance),
-        surface=extract_mesh(replace(shown, frames=posed)).mesh if surface else None,
-        course=shown.load_snapshots(),
-        metadata=scene_metadata(shown) | _origin(capture, shown.instance),
+        surface=extract_mesh(shown.gaussians, poses).mesh if surface else None,
+        course=shown.snapshots,
+        metadata=shown.metadata | _origin(capture, shown.instance),
     )
     write_capture_scene(path, scene, options)
 
 
-def scene_metadata(result: Reconstruction) -> dict[str, Any]:
+def scene_metadata(run: RunRecord, poses: Poses, scores: Scores) -> dict[str, Any]:
     """Return what is known about the making of a reconstruction.
 
     It includes the constants of the renderer that the training used, for which USD has no attributes.
@@ -79,13 +100,13 @@ def scene_metadata(result: Reconstruction) -> dict[str, Any]:
             "max_alpha": options.max_alpha,
         }
     }
-    if result.run.versions:
-        metadata |= {"settings": result.settings, "versions": result.run.versions}
-    if result.metric_scale is not None:
+    if run.versions:
+        metadata |= {"settings": run.settings, "versions": run.versions}
+    if poses.metric_scale is not None:
         # A stage has to name a unit: without a scale, its metersPerUnit of 1 means nothing.
-        metadata["metric_scale"] = asdict(result.metric_scale)
-    if result.scores.views:
-        metadata["held_out"] = result.scores.mean.to_json()
+        metadata["metric_scale"] = asdict(poses.metric_scale)
+    if scores.views:
+        metadata["held_out"] = scores.mean.to_json()
     return metadata
 
 
@@ -103,25 +124,19 @@ def _origin(capture: Capture, instance: int | None) -> dict[str, Any]:
     return origin
 
 
-def variant_labels(results: Sequence[Reconstruction]) -> list[str]:
-    """Return a name for each: its initialization, else its folder; numbered where they repeat."""
-    names = [
-        result.strategy or (result.folder.resolve().name if result.folder else "gaussians")
-        for result in results
-    ]
+def variant_labels(names: Sequence[str]) -> list[str]:
+    """Return the names, numbered where they repeat."""
     return [
         f"{name} {names[: i + 1].count(name)}" if names.count(name) > 1 else name
         for i, name in enumerate(names)
     ]
 
 
-def _variant(result: Reconstruction, name: str) -> "SceneVariant":
+def _variant(result: SceneResult, name: str) -> "SceneVariant":
     from digs_warp.usd.capture_scene import SceneVariant
 
-    metadata = scene_metadata(result)
-    own = {key: metadata[key] for key in ("settings", "held_out") if key in metadata}
-    points = result.start.points if result.start else None
-    return SceneVariant(name, result.gaussians, points, own)
+    own = {key: value for key, value in result.metadata.items() if key in ("settings", "held_out")}
+    return SceneVariant(name, result.gaussians, result.points, own)
 
 
 def _camera_path(capture: Capture, posed: PosedFrames) -> "CameraPath | None":

@@ -22,3 +22,9 @@ class PoseRefinement:
     turned_deg: float = 0.0
     in_training: bool = False
     adjusted: bool = False
+
+    def __str__(self) -> str:
+        if not self.refined:
+            return f"not refined: {self.because}"
+        moved = f"moved {self.moved_mm:.2f} mm and turned {self.turned_deg:.3f}°"
+        return f"refined: {self.because}; {moved} (root mean square)"

@@ -127,6 +127,13 @@ class Fields:
             raise self._wrong(name, value, "a list of texts")
         return tuple(value)
 
+    def choice(self, name: str, choices: Sequence[str]) -> str:
+        """Return one of several texts."""
+        value = self._find(name, NEEDED)
+        if value not in choices:
+            raise self._wrong(name, value, f"one of {', '.join(choices)}")
+        return value
+
     def flag(self, name: str, default: T | _Needed = NEEDED) -> bool | T:
         """Return true or false."""
         value = self._find(name, default)

@@ -102,9 +102,9 @@ def _measured(capture: Capture, perfect: Sequence[Frame], iterations: int) -> di
     drawn, dear = _trained(capture, replace(short, motion_blur="on"))
     longer, _ = _trained(capture, replace(short, stop=Stop(iterations=2 * iterations)))
     qualities = [_quality(result, perfect) for result in (ignored, drawn, longer)]
-    assert drawn.shutter is not None
+    assert drawn.training.rolling_shutter is not None
     return {
-        PIXELS: drawn.shutter.blur.blur_px or 0.0,
+        PIXELS: drawn.training.rolling_shutter.blur.blur_px or 0.0,
         **dict(zip((IGNORED, DRAWN, LONGER), qualities, strict=True)),
         GAIN: qualities[1] - qualities[0],
         COST: dear / cheap,

@@ -126,11 +126,11 @@ def measure_capture(
         result = _trained(capture, weight, iterations)
         if number == 0:
             yield FUSED, {MILLIMETERS: _millimeters(fused_depth(result), truth)}
-        mesh = extract_mesh(result, MESH_VOXEL).mesh
+        mesh = extract_mesh(result.gaussians, result.poses, MESH_VOXEL).mesh
         values = {
             MILLIMETERS: _millimeters(mesh, truth),
             "PSNR, object [dB]": result.scores.mean.psnr_object,
-            "adherence [mm]": 1e3 * (result.results.adherence or 0.0),
+            "adherence [mm]": 1e3 * (result.training.adherence or 0.0),
         }
         yield f"weight {weight:g}", values
 

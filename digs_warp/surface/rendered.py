@@ -10,6 +10,7 @@ from digs_warp.data.frame import Frame
 from digs_warp.data.gaussians import Gaussians
 from digs_warp.data.layers import Layer
 from digs_warp.data.triangle_mesh import TriangleMesh
+from digs_warp.measure.scores import SurfaceError
 from digs_warp.measure.surface_metrics import (
     DEFAULT_SAMPLES,
     distances_to_surface,
@@ -17,7 +18,6 @@ from digs_warp.measure.surface_metrics import (
 )
 from digs_warp.measure.visible_places import visible_places
 from digs_warp.surface.depth_views import surface_depths
-from digs_warp.surface.error import SurfaceError
 from digs_warp.surface.extract import depth_within
 
 # Of all around the object; the figures hardly change with more views, or more points for the accuracy.

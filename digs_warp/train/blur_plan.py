@@ -7,12 +7,13 @@ shutter is open, the recording tells.
 import logging
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any, Literal
+from typing import Annotated, Literal
 
 import numpy as np
 
 from digs_warp.checks import DigsError
 from digs_warp.data.frame import Frame
+from digs_warp.record.results import ELSEWHERE
 from digs_warp.splat.blur import Blur
 from digs_warp.splat.row_motion import RowMotion
 from digs_warp.train.image_motion import image_speed, some_of
@@ -44,7 +45,12 @@ class BlurPlan:
     blur_px: float | None = None
     frames: int = 0
     moments: int = 1
-    blurs: Mapping[str, Blur] = field(default_factory=dict, repr=False, compare=False)
+    blurs: Annotated[Mapping[str, Blur], ELSEWHERE] = field(
+        default_factory=dict, repr=False, compare=False
+    )
+
+    def __str__(self) -> str:
+        return f"{'drawn' if self.drawn else 'not drawn'}: {self.because}"
 
     @property
     def drawn(self) -> bool:
@@ -54,10 +60,6 @@ class BlurPlan:
     def of(self, frame: Frame) -> Blur | None:
         """Return how the camera of a frame moves while its shutter is open; None: it is drawn sharp."""
         return self.blurs.get(frame.name)
-
-    def to_json(self) -> dict[str, Any]:
-        """Return all but the motions as JSON values."""
-        return {name: getattr(self, name) for name in ("because", "blur_px", "frames", "moments")}
 
 
 NO_BLUR = BlurPlan("the shutter is open for an instant")

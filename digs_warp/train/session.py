@@ -21,13 +21,13 @@ from digs_warp.splat.device import DeviceGaussians
 from digs_warp.train.adherence import MeasuredView, load_measured_views
 from digs_warp.train.checkpoint import checkpoint_step, load_checkpoint, save_checkpoint
 from digs_warp.train.config import TrainConfig
-from digs_warp.train.course import CourseRow
 from digs_warp.train.evaluate import MeasuredViews, TestView
 from digs_warp.train.moved_views import moved_views
 from digs_warp.train.recorder import LOG_EVERY, CourseRecorder
 from digs_warp.train.shutter import NO_SHUTTER, ShutterPlan
 from digs_warp.train.trained_poses import PoseTraining, TrainedPoses
 from digs_warp.train.trainer import Trainer
+from digs_warp.train.training import Training
 from digs_warp.train.view_store import ViewStore, open_views
 
 # A finished scene keeps Gaussians from this opacity on: a lower one changes a pixel by at most 3 of 255.
@@ -50,19 +50,13 @@ class Trained:
 
     Attributes:
         gaussians: the result.
-        course: one row every few iterations; the last one is from the end of the run.
-        exposure_stops: root mean square of the photographs' gains [stops]; None if they were not fitted.
-        tone_lift: that of their lifts [sRGB, 0 to 1], 0 where the tone is constant; None like it.
+        record: what the training found.
         poses: of the training frames, then of the held-out ones, (n, 4, 4); None if they were not trained.
-        stopped_by: what ended the run: "iterations", "target psnr" or "time budget"; None if unknown.
         measured: the held-out views as the result shows them; None where nobody measured just that.
     """
 
     gaussians: Gaussians
-    course: tuple[CourseRow, ...]
-    stopped_by: str | None
-    exposure_stops: float | None = None
-    tone_lift: float | None = None
+    record: Training
     poses: np.ndarray | None = None
     measured: MeasuredViews | None = None
 
@@ -168,13 +162,26 @@ def train_gaussians(
         write_arrays(folder / TRAINED_POSES, {"world_from_cam": poses})
     gaussians.save(folder / GAUSSIANS)
     remove(checkpoint)
-    exposures = trainer.exposures
-    stops = round(exposures.rms_stops, 4) if exposures is not None else None
-    lift = round(exposures.rms_lift, 4) if exposures is not None else None
     # The last line measured all Gaussians, with the held-out cameras where they were.
     is_result = poses is None and len(gaussians) == len(trainer.gaussians)
     measured = course.measured if is_result else None
-    return Trained(gaussians, tuple(course.rows), stopped, stops, lift, poses, measured)
+    record = _record(trainer, course, len(gaussians), stopped)
+    return Trained(gaussians, record, poses, measured)
+
+
+def _record(trainer: Trainer, course: CourseRecorder, gaussians: int, stopped: str) -> Training:
+    exposures, rows = trainer.exposures, tuple(course.rows)
+    distances = [row.adherence for row in rows if row.adherence is not None]
+    return Training(
+        course=rows,
+        gaussians=gaussians,
+        iterations=rows[-1].iteration,
+        stopped_by=stopped,
+        training_seconds=round(rows[-1].seconds, 3),
+        exposure_stops=round(exposures.rms_stops, 4) if exposures is not None else None,
+        tone_lift=round(exposures.rms_lift, 4) if exposures is not None else None,
+        adherence=distances[-1] if distances else None,
+    )
 
 
 def load_trained_poses(folder: Path, count: int) -> np.ndarray | None:

@@ -6,14 +6,15 @@ and after it say; those are of use only in a video, for a hand shakes several ti
 
 import logging
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
-from typing import Any, Literal
+from dataclasses import dataclass, field, replace
+from typing import Annotated, Literal
 
 import numpy as np
 
 from digs_warp.checks import DigsError
 from digs_warp.data.camera_motion import CameraMotion
 from digs_warp.data.frame import Frame
+from digs_warp.record.results import ELSEWHERE
 from digs_warp.splat.row_motion import RowMotion
 from digs_warp.train.blur_plan import NO_BLUR, BlurPlan
 from digs_warp.train.image_motion import image_speed, some_of
@@ -41,14 +42,17 @@ class ShutterPlan:
         readout_time: from the first to the last row [s].
         skew_px: how far the object's image moves meanwhile [px], median over the frames whose motion is
             known; None: unknown.
-        blur: what moves while the shutter is open.
+        blur: what moves while the shutter is open; a result of its own in `Training`.
     """
 
     rolling: bool
     because: str
     readout_time: float = 0.0
     skew_px: float | None = None
-    blur: BlurPlan = NO_BLUR
+    blur: Annotated[BlurPlan, ELSEWHERE] = field(default=NO_BLUR, compare=False)
+
+    def __str__(self) -> str:
+        return f"{'drawn' if self.rolling else 'not drawn'}: {self.because}"
 
     def rows_of(self, frame: Frame) -> RowMotion | None:
         """Return how the camera of a frame moves while its rows are read; None: it is not drawn."""
@@ -57,11 +61,6 @@ class ShutterPlan:
             return None
         turn, shift = np.array(motion.angular_velocity), np.array(motion.velocity)
         return RowMotion(self.readout_time * turn, self.readout_time * shift)
-
-    def to_json(self) -> dict[str, Any]:
-        """Return all but the blur as JSON values."""
-        names = ("rolling", "because", "readout_time", "skew_px")
-        return {name: getattr(self, name) for name in names}
 
 
 NO_SHUTTER = ShutterPlan(rolling=False, because="all rows at once")

@@ -18,7 +18,7 @@ def test_one_thing_is_singular() -> None:
         "1 entry",
         "1,000 entries",
     )
-    assert str(Scores((ViewScore(psnr_object=20.0, ssim_object=0.5, name="0"),))).endswith(
+    assert str(Scores.of([ViewScore(psnr_object=20.0, ssim_object=0.5, name="0")])).endswith(
         "in 1 held-out view"
     )
 

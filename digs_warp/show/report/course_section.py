@@ -5,7 +5,7 @@ from math import isfinite
 
 from digs_warp.init.start import Subject
 from digs_warp.pipeline.reconstruction import Reconstruction
-from digs_warp.show.report.markup import chart, section, table
+from digs_warp.show.report.markup import chart, section
 from digs_warp.show.report.plots import Line, line_chart
 from digs_warp.train.course import CourseRow
 
@@ -18,7 +18,7 @@ _Value = Callable[[CourseRow], float | None]
 def course_section(result: Reconstruction) -> str:
     """Return the section; charts without two values are left out."""
     rows = result.course
-    psnr, ssim = _shown(_PSNR, result.subject), _shown(_SSIM, result.subject)
+    psnr, ssim = _shown(_PSNR, result.poses.subject), _shown(_SSIM, result.poses.subject)
     charts = [
         *_quality_chart(rows, _iteration, "iterations", psnr, "PSNR [dB]"),
         *_quality_chart(rows, lambda row: row.seconds, "training time [s]", psnr, "PSNR [dB]"),
@@ -29,11 +29,9 @@ def course_section(result: Reconstruction) -> str:
     ]
     if not charts:
         return section("Course of the optimization", "The training log holds too few records.")
-    decisions = _decisions(result)
     return section(
         "Course of the optimization",
         "Held-out views are rendered at intervals during training to measure its progress.",
-        *([table(["Decision", "Because"], decisions)] if decisions else []),
         f"<div class=charts>{''.join(charts)}</div>",
     )
 
@@ -41,20 +39,6 @@ def course_section(result: Reconstruction) -> str:
 def _shown(metrics: dict[str, str], subject: Subject) -> dict[str, str]:
     """Return the metrics to show: without an object, only those of the whole frame."""
     return {k: v for k, v in metrics.items() if subject == "object" or k.endswith("_frame")}
-
-
-def _decisions(result: Reconstruction) -> list[tuple[str, str]]:
-    """Return what the training decided by looking at the recording, and why."""
-    rows = []
-    if result.shutter is not None:
-        state = "is drawn" if result.shutter.rolling else "is not drawn"
-        rows.append((f"rolling shutter {state}", result.shutter.because))
-        blur = result.shutter.blur
-        state = "is drawn" if blur.drawn else "is not drawn"
-        rows.append((f"motion blur {state}", blur.because))
-    if result.color is not None:
-        rows.append((f"color of degree {result.color.degree}", result.color.because))
-    return rows
 
 
 def _quality_chart(

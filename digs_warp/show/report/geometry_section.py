@@ -64,7 +64,7 @@ def geometry_section(result: Reconstruction, posed: PosedFrames) -> str:
 
 def _errors(result: Reconstruction, frames: Sequence[Frame]) -> list[_Errors]:
     """Return the differences that are known: of the surface and of the sensor."""
-    shutter = result.shutter or NO_SHUTTER
+    shutter = result.training.rolling_shutter or NO_SHUTTER
     measured = load_measured_views(frames, shutter)
     true = load_measured_views(frames, shutter, Layer.DEPTH_TRUE)
     gaussians = DeviceGaussians.from_numpy(result.gaussians)

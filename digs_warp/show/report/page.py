@@ -8,7 +8,7 @@ from digs_warp.checks import DigsError
 from digs_warp.data.capture import Capture
 from digs_warp.data.posed_frames import PosedFrames
 from digs_warp.init.start import Subject
-from digs_warp.measure.scores import Score
+from digs_warp.measure.scores import Score, SurfaceError
 from digs_warp.pipeline.reconstruction import Reconstruction
 from digs_warp.record import layout
 from digs_warp.record.files import write_atomically
@@ -16,13 +16,16 @@ from digs_warp.show.report.capture_section import capture_section
 from digs_warp.show.report.course_section import course_section
 from digs_warp.show.report.geometry_section import geometry_section
 from digs_warp.show.report.markup import card, number
-from digs_warp.show.report.run_section import RunRecords, settings_section, times_section
+from digs_warp.show.report.run_section import (
+    RunRecords,
+    figures_section,
+    settings_section,
+    times_section,
+)
 from digs_warp.show.report.sensor_section import sensor_section
-from digs_warp.show.report.start_section import start_section
 from digs_warp.show.report.style import CSS
 from digs_warp.show.report.view3d.section import start_view, view_section
 from digs_warp.show.report.views_section import views_section
-from digs_warp.surface.error import SurfaceError
 from digs_warp.words import counted
 
 # The page needs nothing from elsewhere, and browsers refuse it should text from a file ask for it.
@@ -84,8 +87,8 @@ def _body(
         *([geometry_section(result, posed)] if view else []),
         views_section(capture, result),
         course_section(result),
-        start_section(result),
-        capture_section(capture, result.doubts),
+        figures_section(result),
+        capture_section(capture, result.poses.doubts),
         sensor_section(capture),
         times_section(records),
         settings_section(records),
@@ -108,12 +111,12 @@ def _subject(capture: Capture, records: RunRecords) -> str:
 def _surface_cards(result: Reconstruction) -> list[str]:
     """Return the distances of the surface that are known."""
     cards = []
-    if result.surface is not None:
-        accuracy = number(1e3 * result.surface.accuracy, 2, "mm")
+    if result.scores.surface is not None:
+        accuracy = number(1e3 * result.scores.surface.accuracy, 2, "mm")
         cards.append(card("Accuracy", accuracy, "from the surface to the true one"))
-        cards.append(_completeness_card(result.surface))
-    if result.adherence is not None:
-        value = number(1e3 * result.adherence, 2, "mm")
+        cards.append(_completeness_card(result.scores.surface))
+    if result.training.adherence is not None:
+        value = number(1e3 * result.training.adherence, 2, "mm")
         cards.append(card("Adherence", value, "from the surface to the measured depth, median"))
     return cards
 
@@ -160,9 +163,9 @@ def _header(capture: Capture, result: Reconstruction, records: RunRecords, path:
     last = result.course[-1] if result.course else None
     points = len(result.start.points) if result.start else None
     cards = [
-        *(_object_cards(mean) if result.subject == "object" else []),
+        *(_object_cards(mean) if result.poses.subject == "object" else []),
         *_surface_cards(result),
-        *_frame_cards(mean, result.subject),
+        *_frame_cards(mean, result.poses.subject),
         card("Gaussians", f"{len(result.gaussians):,}", f"from {number(points, 0)} points"),
         card(
             "Training",

@@ -18,10 +18,10 @@ def path_chart(by_time: Sequence[tuple[Frame, bool]], result: Reconstruction) ->
     looks = np.array([frame.camera.world_from_cam[:3, 2] for frame, _ in by_time]) @ level.T
     held_out = np.array([out for _, out in by_time])
     ball = None
-    if result.subject == "object":
+    if result.poses.subject == "object":
         subject = find_framed_subject(result.gaussians)
         ball = (level @ subject.center_world, subject.radius)
-    unit = result.metric_scale.unit if result.metric_scale else "m"
+    unit = result.poses.metric_scale.unit if result.poses.metric_scale else "m"
     svg = map_chart(eyes, looks, held_out, ball, unit)
     seen = "; the dashed circle is the object" if ball else ""
     caption = f"From above, in the order of the recording: the cameras and where they look{seen}."

@@ -1,4 +1,4 @@
-"""Where the time went, and the settings and versions that made the result."""
+"""All results in words, where the time went, and the settings and versions that made the result."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -36,6 +36,23 @@ class RunRecords:
         """Wall-clock time of all stages [s]."""
         parts = [self.whole] if self.whole else [self.capture, self.reconstruction]
         return sum(sum(_seconds(part).values()) for part in parts)
+
+
+def figures_section(result: Reconstruction) -> str:
+    """Return the section of the results of each stage, as run.json holds them."""
+    titles = {
+        "poses": "Poses",
+        "start": "Points to start from",
+        "training": "Training",
+        "scores": "Evaluation",
+    }
+    tables = [
+        f"<h3>{titles[stage]}</h3>{table(['', ''], rows.items())}"
+        for stage, rows in result.figures.items()
+        if rows
+    ]
+    intro = "What each stage found and decided."
+    return section("Figures", intro, *tables)
 
 
 def times_section(records: RunRecords) -> str:

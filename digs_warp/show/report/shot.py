@@ -66,7 +66,7 @@ def plan_shot(result: Reconstruction, frames: list[Frame]) -> Shot:
     k = recorded[0].intrinsics
     width = min(WIDTH, k.width // 4 * 4) or 4
     height = max(2, width * 3 // 8 * 2)
-    if result.subject == "scene":
+    if result.poses.subject == "scene":
         poses = [camera.world_from_cam for camera in evenly(recorded, FRAMES)]
         # By number: times can stand still, and only the path is shown.
         path = along(poses, range(len(poses)), same_width_of_view(k, width, height), FRAMES)

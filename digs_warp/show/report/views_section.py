@@ -74,7 +74,7 @@ def views_section(capture: Capture, result: Reconstruction) -> str:
         DigsError: the evaluation names a view that the capture or the renders lack.
     """
     views = result.scores.views
-    of = _OF[result.subject]
+    of = _OF[result.poses.subject]
     ranked = sorted(views, key=lambda view: _or_zero(getattr(view, of.psnr)))
     if not ranked:
         return section("Held-out views", "No view was held out.")
@@ -111,14 +111,18 @@ def _all(count: int) -> str:
 
 def _aligned_words(result: Reconstruction) -> str:
     words = "Color-aligned: after exposure, white balance and tone of the photograph were fitted."
-    if result.exposure_stops is None:
+    if result.training.exposure_stops is None:
         return words
-    if not result.exposure_stops and not result.tone_lift:
+    if not result.training.exposure_stops and not result.training.tone_lift:
         return f"{words} The training views have the same."
-    words = f"{words} Those of the training views differ by {result.exposure_stops:.2f} stops."
-    if not result.tone_lift:
+    words = (
+        f"{words} Those of the training views differ by {result.training.exposure_stops:.2f} stops."
+    )
+    if not result.training.tone_lift:
         return words
-    return f"{words} Their tone differs, too: by {result.tone_lift:.1%} of white beside that."
+    return (
+        f"{words} Their tone differs, too: by {result.training.tone_lift:.1%} of white beside that."
+    )
 
 
 def _or_zero(value: float) -> float:
@@ -142,7 +146,7 @@ def _cells(capture: Capture, result: Reconstruction, name: str) -> list[str]:
             f"'{capture.folder}' lacks; give the capture that was reconstructed"
         )
     truth = frame.load_image()
-    if frame.has(Layer.MASK) and result.subject == "object":
+    if frame.has(Layer.MASK) and result.poses.subject == "object":
         mask = frame.load_mask()
         truth = over_white(without_surround(truth, mask), mask)
     rendered = result.load_render(frame.name, truth.shape)

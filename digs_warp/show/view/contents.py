@@ -155,10 +155,10 @@ def _facts(result: Reconstruction) -> tuple[str, ...]:
     if result.scores.views:
         mean = result.scores.mean
         facts.append(f"held out: {mean.psnr_object:.2f} dB, SSIM {mean.ssim_object:.3f}")
-    if result.surface is not None:
-        facts.append(f"accuracy {1e3 * result.surface.accuracy:.2f} mm")
-    if result.adherence is not None:
-        facts.append(f"{1e3 * result.adherence:.2f} mm from the measured depth")
+    if result.scores.surface is not None:
+        facts.append(f"accuracy {1e3 * result.scores.surface.accuracy:.2f} mm")
+    if result.training.adherence is not None:
+        facts.append(f"{1e3 * result.training.adherence:.2f} mm from the measured depth")
     return tuple(facts)
 
 

@@ -22,6 +22,7 @@ from digs_warp.poses.from_images.config import SfmConfig
 from digs_warp.record.digest import digest
 from digs_warp.record.files import copy_folder, read_json, to_json, write_atomically
 from digs_warp.record.lock import taking_turns
+from digs_warp.record.results import to_json as record_json
 from digs_warp.record.run_log import RunLog, RunRecord, versions
 from digs_warp.sim.config import SimulateConfig
 from digs_warp.study.engine.case import Case, with_settings
@@ -128,7 +129,7 @@ def start_of_case(case: Case, folder: Path) -> tuple[Capture, PosedFrames, Point
     work = _workplace(case, capture, config, folder)
     prepared = front_end(capture, config, work, RunLog("reconstruct", config))
     shutil.rmtree(work)
-    return capture, prepared.frames, prepared.start.points
+    return capture, prepared.poses.posed, prepared.start.points
 
 
 def _workplace(case: Case, capture: Capture, config: "ReconstructConfig", folder: Path) -> Path:
@@ -182,11 +183,13 @@ def _recorded(config: SimulateConfig, key: str, folder: Path) -> Capture:
 
 
 def _measure(result: "Reconstruction") -> dict[str, Any]:
+    stages = [record_json(each) for each in (result.poses, result.training, result.scores)]
+    known = {name: value for stage in stages for name, value in stage.items()}
     return {
         "metrics": result.scores.mean.to_json(),
         "course": [row.to_json() for row in result.course if row.score],
         "seconds": dict(result.seconds),
-        "results": result.results.to_json(),
+        "results": known | {"initial_points": len(result.start.points) if result.start else None},
     }
 
 

@@ -23,9 +23,9 @@ from digs_warp.init.seen_colors import look_up
 from digs_warp.init.start import Subject
 from digs_warp.init.view_dependence import ViewDependence, view_dependence
 from digs_warp.init.voxel_size import MOST_POINTS, pixel_size
+from digs_warp.pipeline.config import subject_of
 from digs_warp.pipeline.front_end import quick_check
 from digs_warp.pipeline.reconstruct import ReconstructConfig
-from digs_warp.pipeline.subject import subject_of
 from digs_warp.train.config import TrainConfig
 from digs_warp.train.trainer import Trainer
 from digs_warp.train.view_store import open_views

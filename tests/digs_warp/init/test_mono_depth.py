@@ -157,8 +157,8 @@ def test_photographs_start_from_depth_by_the_network(photographs: Capture, tmp_p
     assert result.start.because == "points from the depth maps, guessed by net.onnx"
     radii = np.linalg.norm(result.start.points.points_world, axis=1)
     assert np.median(radii) == pytest.approx(0.2, abs=0.02)  # the ball's
-    assert result.metric_scale is not None and not result.metric_scale.known
-    assert result.adherence is None  # nothing was measured
+    assert result.poses.metric_scale is not None and not result.poses.metric_scale.known
+    assert result.training.adherence is None  # nothing was measured
     assert result.frames is not None and not result.frames.training[0].has(Layer.DEPTH)
 
 

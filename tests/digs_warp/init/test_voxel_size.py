@@ -14,7 +14,7 @@ from digs_warp.data.capture import Capture
 from digs_warp.data.layers import Layer
 from digs_warp.init import voxel_size
 from digs_warp.init.config import InitConfig
-from digs_warp.init.recipes import Initialization, initialize
+from digs_warp.init.recipes import Start, initialize
 from reference.ball_capture import INTRINSICS, RADIUS, ball_views, write_capture
 from reference.larger_world import larger
 
@@ -30,7 +30,7 @@ def radii(points: np.ndarray) -> np.ndarray:
     return np.linalg.norm(points, axis=1)
 
 
-def edge_length(found: Initialization) -> float:
+def edge_length(found: Start) -> float:
     assert found.depth is not None
     return found.depth.voxel_size
 

@@ -12,9 +12,8 @@ from digs_warp.data.layers import Layer
 from digs_warp.masks.agreed import agreed_masks
 from digs_warp.masks.config import SegmentConfig
 from digs_warp.masks.score import intersection_over_union
-from digs_warp.pipeline.front_end import front_end
-from digs_warp.pipeline.front_end_config import FrontEndConfig
-from digs_warp.pipeline.prepared import Prepared
+from digs_warp.pipeline.config import FrontEndConfig
+from digs_warp.pipeline.front_end import front_end, load_front_end
 from digs_warp.record.run_log import RunLog
 from digs_warp.sim.config import SimulateConfig
 from digs_warp.sim.record.record import simulate_in_memory
@@ -89,11 +88,11 @@ def test_the_reconstruction_starts_from_mended_masks(
     config = FrontEndConfig(segment=segment)
     log = RunLog("test", config)
     prepared = front_end(wrong, config, tmp_path, log)
-    masks = {frame.name: frame.load_mask() for frame in prepared.frames.training}
+    masks = {frame.name: frame.load_mask() for frame in prepared.poses.posed.training}
     assert (masks[good.frames[2].name].max() > 0) == (agreement == "on")
-    named = [doubt for doubt in prepared.doubts if "contradicted most other views" in doubt]
+    named = [doubt for doubt in prepared.poses.doubts if "contradicted most other views" in doubt]
     assert len(named) == (agreement == "on")
     log.save(tmp_path / "run.json")
-    again = Prepared.load(wrong, tmp_path)
-    for frame in again.frames.training:
+    again = load_front_end(wrong, tmp_path)
+    for frame in again.poses.posed.training:
         np.testing.assert_array_equal(frame.load_mask(), masks[frame.name])

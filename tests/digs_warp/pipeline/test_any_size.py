@@ -38,7 +38,9 @@ def test_a_world_of_another_size_becomes_the_same_splats(
     sizes = [np.median(result.gaussians.scales) for result in (other, usual)]
     assert sizes[0] == pytest.approx(factor * sizes[1], rel=0.05)
     radii = [
-        np.median(np.linalg.norm(extract_mesh(result).mesh.points_world, axis=1))
+        np.median(
+            np.linalg.norm(extract_mesh(result.gaussians, result.poses).mesh.points_world, axis=1)
+        )
         for result in (other, usual)
     ]
     assert radii[0] == pytest.approx(factor * radii[1], rel=0.01)

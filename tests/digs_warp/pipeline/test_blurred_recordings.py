@@ -44,11 +44,11 @@ def test_the_result_is_closer_to_what_a_perfect_camera_sees(
 
 
 def test_the_run_says_what_was_decided_and_why(drawn: Reconstruction) -> None:
-    assert drawn.folder is not None and drawn.shutter is not None
-    said = json.loads((drawn.folder / "run.json").read_text())["results"]["motion_blur"]
+    assert drawn.folder is not None and drawn.training.motion_blur is not None
+    said = json.loads((drawn.folder / "run.json").read_text())["results"]["training"]["motion_blur"]
     assert said["frames"] == 16 and said["moments"] >= 2
     assert f"moves {said['blur_px']:.2f} px" in said["because"]
-    assert Reconstruction.load(drawn.folder).shutter == drawn.shutter
+    assert Reconstruction.load(drawn.folder).training.motion_blur == drawn.training.motion_blur
 
 
 def test_an_interrupted_run_resumes_to_the_same_bits(

@@ -27,9 +27,9 @@ def trained(capture: Capture, folder: Path, train: TrainConfig = USUAL) -> Recon
 
 def test_constant_exposure_is_not_fitted(capture: Capture, tmp_path: Path) -> None:
     fitted = trained(capture, tmp_path / "on")
-    assert fitted.exposure_stops == fitted.tone_lift == 0.0
+    assert fitted.training.exposure_stops == fitted.training.tone_lift == 0.0
     without = trained(capture, tmp_path / "off", replace(USUAL, fit_exposure="off"))
-    assert without.exposure_stops is None
+    assert without.training.exposure_stops is None
     np.testing.assert_array_equal(fitted.gaussians.sh, without.gaussians.sh)
 
 
@@ -39,4 +39,4 @@ def test_exposures_are_fitted_where_they_vary(capture: Capture, tmp_path: Path) 
         image = np.rint(frame.load_image() * (0.7 + 0.3 * np.cos(0.5 * number)))
         frames.append(frame.with_layer(Layer.IMAGE, image.astype(np.uint8)))
     uneven = trained(replace(capture, frames=tuple(frames)), tmp_path / "uneven")
-    assert uneven.exposure_stops and uneven.exposure_stops > 0.3
+    assert uneven.training.exposure_stops and uneven.training.exposure_stops > 0.3

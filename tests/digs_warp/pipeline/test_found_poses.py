@@ -12,9 +12,9 @@ from digs_warp.data.capture import Capture
 from digs_warp.data.images import write_image
 from digs_warp.data.posed_frames import PosedFrames
 from digs_warp.geometry.rigid import matrix_from_rotation_vector, rigid
+from digs_warp.pipeline.config import FrontEndConfig
 from digs_warp.pipeline.found_poses import depth_doubt
 from digs_warp.pipeline.front_end import front_end
-from digs_warp.pipeline.front_end_config import FrontEndConfig
 from digs_warp.poses.align import in_place
 from digs_warp.poses.from_images.config import SfmConfig
 from digs_warp.record.run_log import RunLog
@@ -60,8 +60,8 @@ def test_auto_takes_color_and_depth_where_images_mislead(
     with caplog.at_level(logging.WARNING):
         prepared = front_end(unknown, config, tmp_path, RunLog("test", {}))
     assert "that repeats; trying color and depth (--poses rgbd)" in caplog.text
-    assert prepared.tracking is not None and prepared.sfm is None
-    by_time = [frame for frame, _ in prepared.frames.by_time]
+    assert prepared.poses.tracking is not None and prepared.poses.sfm is None
+    by_time = [frame for frame, _ in prepared.poses.posed.by_time]
     found = np.stack([frame.camera.world_from_cam for frame in by_time])
     true = np.stack([frame.camera.world_from_cam for frame in capture.frames])
     moved = in_place(found, true, 0.6) - true

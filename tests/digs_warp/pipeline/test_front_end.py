@@ -15,9 +15,8 @@ from digs_warp.data.layers import Layer
 from digs_warp.data.posed_frames import PosedFrames
 from digs_warp.init.config import InitConfig
 from digs_warp.masks.config import SegmentConfig
-from digs_warp.pipeline.front_end import front_end
-from digs_warp.pipeline.front_end_config import FrontEndConfig
-from digs_warp.pipeline.prepared import Prepared
+from digs_warp.pipeline.config import FrontEndConfig, check_front_end
+from digs_warp.pipeline.front_end import FrontEnd, front_end, load_front_end
 from digs_warp.poses.align import in_place
 from digs_warp.poses.from_images.config import SfmConfig
 from digs_warp.poses.from_images.evaluate import camera_errors
@@ -36,28 +35,28 @@ def capture(tmp_path_factory: pytest.TempPathFactory) -> Capture:
 
 
 @pytest.fixture(scope="module")
-def found(capture: Capture, tmp_path_factory: pytest.TempPathFactory) -> tuple[Prepared, Path]:
+def found(capture: Capture, tmp_path_factory: pytest.TempPathFactory) -> tuple[FrontEnd, Path]:
     folder = tmp_path_factory.mktemp("reconstruction")
     return front_end(capture, FIND_POSES, folder, RunLog("test", FIND_POSES)), folder
 
 
 def test_estimated_cameras_are_metric_and_lie_in_the_recordings_world(
-    capture: Capture, found: tuple[Prepared, Path]
+    capture: Capture, found: tuple[FrontEnd, Path]
 ) -> None:
-    frames = found[0].frames
+    frames = found[0].poses.posed
     true = {frame.name: frame.camera for frame in capture.frames}
     assert len(frames.training) == 9 and len(frames.held_out) == 3
     for frame in (*frames.training, *frames.held_out):
         error = frame.camera.center_world - true[frame.name].center_world
         # The depth is true, so what is left is the error of poses from photographs of 320x240 px.
         assert np.linalg.norm(error) < 0.004
-    assert found[0].scale is not None and found[0].sfm is not None
-    assert found[0].scale.sfm_per_metre == frames.sfm_per_metre
-    assert found[0].sfm.registered == 12
+    assert found[0].poses.scale is not None and found[0].poses.sfm is not None
+    assert found[0].poses.scale.sfm_per_metre == frames.sfm_per_metre
+    assert found[0].poses.sfm.registered == 12
 
 
 def test_without_depth_cameras_are_right_up_to_their_unit(
-    capture: Capture, found: tuple[Prepared, Path], tmp_path: Path
+    capture: Capture, found: tuple[FrontEnd, Path], tmp_path: Path
 ) -> None:
     shutil.copytree(found[1] / "sfm", tmp_path / "sfm")  # the images were matched before
     lost = [
@@ -68,16 +67,16 @@ def test_without_depth_cameras_are_right_up_to_their_unit(
     photographs = replace(capture, frames=tuple(lost), about=about)
     config = replace(FIND_POSES, init=InitConfig(strategy="default"))
     prepared = front_end(photographs, config, tmp_path, RunLog("test", config))
-    cameras = {frame.name: frame.camera for frame, _ in prepared.frames.by_time}
+    cameras = {frame.name: frame.camera for frame, _ in prepared.poses.posed.by_time}
     errors = camera_errors(cameras, capture.frames)
     assert len(cameras) == 12 and errors.centers_m.max() < 0.004
-    assert prepared.metric_scale is not None and not prepared.metric_scale.known
-    assert prepared.scale is None and not prepared.doubts
+    assert prepared.poses.metric_scale is not None and not prepared.poses.metric_scale.known
+    assert prepared.poses.scale is None and not prepared.poses.doubts
     assert prepared.start.sources["sfm"] == len(prepared.start.points)
 
 
 def test_the_points_lie_on_the_object(
-    capture: Capture, found: tuple[Prepared, Path], tmp_path: Path
+    capture: Capture, found: tuple[FrontEnd, Path], tmp_path: Path
 ) -> None:
     """As they do with the true poses, but for the error of the estimated ones.
 
@@ -96,22 +95,22 @@ def test_the_points_lie_on_the_object(
         assert np.quantile(distances, 0.95) < 0.01
 
 
-def test_finished_stages_are_taken_over(capture: Capture, found: tuple[Prepared, Path]) -> None:
+def test_finished_stages_are_taken_over(capture: Capture, found: tuple[FrontEnd, Path]) -> None:
     before, folder = found
     log = RunLog("test", FIND_POSES)
     again = front_end(capture, FIND_POSES, folder, log, resume=True)
     assert not log.seconds
     np.testing.assert_array_equal(again.start.points.points_world, before.start.points.points_world)
-    for a, b in zip(again.frames.training, before.frames.training, strict=True):
+    for a, b in zip(again.poses.posed.training, before.poses.posed.training, strict=True):
         np.testing.assert_array_equal(a.camera.world_from_cam, b.camera.world_from_cam)
-    assert (again.sfm, again.scale) == (before.sfm, before.scale)
+    assert (again.poses.sfm, again.poses.scale) == (before.poses.sfm, before.poses.scale)
     assert (again.start.sources, again.start.depth) == (before.start.sources, before.start.depth)
 
 
 @pytest.mark.parametrize("strategy", ["default", "fusion", "random"])
 def test_sparse_points_are_triangulated_from_given_poses(
     capture: Capture,
-    found: tuple[Prepared, Path],
+    found: tuple[FrontEnd, Path],
     strategy: str,
     tmp_path: Path,
 ) -> None:
@@ -119,7 +118,7 @@ def test_sparse_points_are_triangulated_from_given_poses(
     config = replace(FIND_POSES, sfm=replace(SFM, poses="capture"), init=init)
     shutil.copytree(found[1] / "sfm", tmp_path / "sfm")  # the same features and matches
     prepared = front_end(capture, config, tmp_path, RunLog("test", config))
-    frames, sources = prepared.frames, prepared.start.sources
+    frames, sources = prepared.poses.posed, prepared.start.sources
     assert sum(sources.values()) == len(prepared.start.points)
     assert ("sfm" in sources) == (strategy != "random")
     assert frames.sfm_per_metre == 1.0
@@ -129,7 +128,7 @@ def test_sparse_points_are_triangulated_from_given_poses(
 
 
 def test_a_recording_without_poses_ends_upright_and_metric(
-    capture: Capture, found: tuple[Prepared, Path], tmp_path: Path
+    capture: Capture, found: tuple[FrontEnd, Path], tmp_path: Path
 ) -> None:
     lost = [
         replace(frame, camera=replace(frame.camera, world_from_cam=np.eye(4)))
@@ -138,27 +137,27 @@ def test_a_recording_without_poses_ends_upright_and_metric(
     unknown = replace(capture, frames=tuple(lost), about=About(poses_known=False))
     shutil.copytree(found[1] / "sfm", tmp_path / "sfm")
     prepared = front_end(unknown, FIND_POSES, tmp_path, RunLog("test", {}))
-    frames, points = prepared.frames, prepared.start.points
+    frames, points = prepared.poses.posed, prepared.start.points
     assert len(points) == pytest.approx(
         len(found[0].start.points), rel=0.15
     )  # other voxels: turned axes
-    for a, b in zip(frames.training, found[0].frames.training, strict=True):
+    for a, b in zip(frames.training, found[0].poses.posed.training, strict=True):
         # The same distances between the cameras, and the same direction up, within the hand's tilt.
         assert a.camera.world_from_cam[2, 1] == pytest.approx(
             b.camera.world_from_cam[2, 1], abs=0.1
         )
         moved = a.camera.center_world - frames.training[0].camera.center_world
-        expected = b.camera.center_world - found[0].frames.training[0].camera.center_world
+        expected = b.camera.center_world - found[0].poses.posed.training[0].camera.center_world
         assert np.linalg.norm(moved) == pytest.approx(np.linalg.norm(expected), abs=1e-4)
     # The origin is where the cameras look: inside the object.
     low, high = points.bounds
     assert (low < 0.02).all() and (high > -0.02).all()
 
 
-def test_unknown_poses_have_to_be_estimated(capture: Capture, tmp_path: Path) -> None:
+def test_unknown_poses_have_to_be_estimated(capture: Capture) -> None:
     unknown = replace(capture, about=About(poses_known=False))
     with pytest.raises(DigsError, match="--poses sfm"):
-        front_end(unknown, FrontEndConfig(), tmp_path, RunLog("test", {}))
+        check_front_end(unknown, FrontEndConfig())
 
 
 def test_given_poses_and_depth_need_no_matching(capture: Capture, tmp_path: Path) -> None:
@@ -173,15 +172,15 @@ def test_a_capture_that_does_not_fit_together_is_doubted_and_the_doubt_recorded(
 ) -> None:
     config = FrontEndConfig(test_every=4)
     log = RunLog("test", config)
-    assert front_end(capture, config, tmp_path / "good", log).doubts == ()
-    assert "doubts" not in log.results and caplog.text == ""
+    assert front_end(capture, config, tmp_path / "good", log).poses.doubts == ()
+    assert log.results["poses"]["doubts"] == [] and caplog.text == ""
     wrong = other_focal(capture, 1.3)
     prepared = front_end(wrong, config, tmp_path / "wrong", log)
-    (doubt,) = prepared.doubts
+    (doubt,) = prepared.poses.doubts
     assert "focal length (about 0.77 times the given one fits)" in doubt
-    assert doubt in caplog.text and log.results["doubts"] == [doubt]
+    assert doubt in caplog.text and log.results["poses"]["doubts"] == [doubt]
     log.save(tmp_path / "wrong/run.json")
-    assert Prepared.load(wrong, tmp_path / "wrong").doubts == (doubt,)
+    assert load_front_end(wrong, tmp_path / "wrong").poses.doubts == (doubt,)
 
 
 def test_doubts_are_said_also_where_nothing_can_be_made(
@@ -211,7 +210,7 @@ def test_frames_that_were_not_registered_are_left_out(
     with caplog.at_level(logging.WARNING):
         frames = front_end(
             read_capture(folder), config, tmp_path / "out", RunLog("test", {})
-        ).frames
+        ).poses.posed
     assert broken.frames[5].name not in [frame.name for frame in frames.training]
     assert len(frames.training) == 8
     assert broken.frames[5].name in caplog.text
@@ -221,7 +220,7 @@ def test_other_masks_serve_the_training_and_not_the_measurement(
     capture: Capture, tmp_path: Path
 ) -> None:
     config = FrontEndConfig(test_every=4, segment=SegmentConfig(masks="depth"))
-    frames = front_end(capture, config, tmp_path, RunLog("test", {})).frames
+    frames = front_end(capture, config, tmp_path, RunLog("test", {})).poses.posed
     assert {frame.path(Layer.MASK).parent for frame in frames.training} == {tmp_path / "masks"}
     for frame, original in zip(frames.held_out, capture.split(4)[1], strict=True):
         assert frame.path(Layer.MASK) == original.path(Layer.MASK)
@@ -238,16 +237,14 @@ def test_a_recording_without_masks_gets_them_for_all_frames(
     ]
     config = FrontEndConfig(test_every=4, segment=SegmentConfig(masks="depth"))
     maskless = replace(capture, frames=tuple(bare))
-    frames = front_end(maskless, config, tmp_path, RunLog("test", {})).frames
+    frames = front_end(maskless, config, tmp_path, RunLog("test", {})).poses.posed
     for frame in (*frames.training, *frames.held_out):
         assert frame.load_mask().max() == 255
 
 
-def test_a_single_frame_is_refused(capture: Capture, tmp_path: Path) -> None:
+def test_a_single_frame_is_refused(capture: Capture) -> None:
     with pytest.raises(DigsError, match="at least 2"):
-        front_end(
-            replace(capture, frames=capture.frames[:1]), FIND_POSES, tmp_path, RunLog("test", {})
-        )
+        check_front_end(replace(capture, frames=capture.frames[:1]), FIND_POSES)
 
 
 def test_perturbed_poses_are_refined_and_written(capture: Capture, tmp_path: Path) -> None:
@@ -255,9 +252,9 @@ def test_perturbed_poses_are_refined_and_written(capture: Capture, tmp_path: Pat
     prepared = front_end(
         capture, replace(FIND_POSES, sfm=sfm), tmp_path, RunLog("test", FIND_POSES)
     )
-    assert prepared.refinement is not None and prepared.refinement.refined
+    assert prepared.poses.refinement is not None and prepared.poses.refinement.refined
     true = {frame.name: frame.camera for frame in capture.frames}
-    every = (*prepared.frames.training, *prepared.frames.held_out)
+    every = (*prepared.poses.posed.training, *prepared.poses.posed.held_out)
     assert len(every) == 12
     found = np.array([frame.camera.world_from_cam for frame in every])
     expected = np.array([true[frame.name].world_from_cam for frame in every])
@@ -265,8 +262,8 @@ def test_perturbed_poses_are_refined_and_written(capture: Capture, tmp_path: Pat
     apart = in_place(found, expected, 1.0) - expected
     looked_at = apart[:, :3, 3] + 2.0 * apart[:, :3, 2]  # a point 2 m ahead, in a room of 5 m
     assert np.sqrt((looked_at**2).sum(axis=1).mean()) < 0.012  # 24 mm as perturbed
-    again = Prepared.load(capture, tmp_path)
-    assert again.refinement == prepared.refinement
-    loaded = (*again.frames.training, *again.frames.held_out)
+    again = load_front_end(capture, tmp_path)
+    assert again.poses.refinement == prepared.poses.refinement
+    loaded = (*again.poses.posed.training, *again.poses.posed.held_out)
     for frame, kept in zip(every, loaded, strict=True):
         assert (frame.camera.world_from_cam == kept.camera.world_from_cam).all()

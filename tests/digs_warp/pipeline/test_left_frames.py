@@ -15,8 +15,8 @@ from digs_warp.data.layers import Layer
 from digs_warp.data.posed_frames import PosedFrames
 from digs_warp.init.config import InitConfig
 from digs_warp.masks.config import SegmentConfig
+from digs_warp.pipeline.config import FrontEndConfig
 from digs_warp.pipeline.front_end import front_end
-from digs_warp.pipeline.front_end_config import FrontEndConfig
 from digs_warp.pipeline.left_frames import with_held_out
 from digs_warp.pipeline.reconstruct import ReconstructConfig, reconstruct
 from digs_warp.poses.from_images.config import SfmConfig
@@ -57,8 +57,8 @@ def test_another_frame_measures_the_result_also_after_a_resumed_run(
     )
     whole = reconstruct(mirrored, config, tmp_path / "whole")
     names = names_of(mirrored.frames)
-    assert whole.frames is not None and whole.refinement is not None
-    assert f"left out: {names[0]}" in whole.refinement.because
+    assert whole.frames is not None and whole.poses.refinement is not None
+    assert f"left out: {names[0]}" in whole.poses.refinement.because
     assert names_of(whole.frames.held_out) == names[1:2]
     assert names_of(whole.frames.training) == names[2:]
     assert [view.name for view in whole.scores.views] == names[1:2]
@@ -93,8 +93,8 @@ def test_structure_from_motion_may_lose_the_only_held_out_frame(
     prepared = front_end(capture, config, tmp_path / "result", RunLog("test", config))
     names = names_of(capture.frames)
     assert f"not registered and left out: 1 frame (['{names[0]}'])" in caplog.text
-    assert names_of(prepared.frames.held_out) == names[1:2]
-    assert names_of(prepared.frames.training) == names[2:]
+    assert names_of(prepared.poses.posed.held_out) == names[1:2]
+    assert names_of(prepared.poses.posed.training) == names[2:]
 
 
 def left_of(capture: Capture, test_every: int, lost: Sequence[int]) -> PosedFrames:

@@ -79,7 +79,9 @@ def test_a_mesh_is_drawn_to_depth_that_is_trusted(frames: Sequence[Frame]) -> No
     alone = [frame.without_layer(Layer.DEPTH) for frame in frames]
 
     def radius(seen: Sequence[Frame]) -> tuple[float, float]:
-        found = extract_mesh(replace(result, frames=PosedFrames(tuple(seen), ())), 0.005)
+        found = extract_mesh(
+            result.gaussians, replace(result.poses, frames=PosedFrames(tuple(seen), ())), 0.005
+        )
         return float(np.linalg.norm(found.mesh.points_world, axis=1).mean()), found.trust
 
     result = Reconstruction(gaussians=GAUSSIANS)

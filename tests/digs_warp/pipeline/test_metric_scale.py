@@ -16,7 +16,7 @@ from digs_warp.pipeline.known_distance import KnownDistance
 from digs_warp.pipeline.reconstruction import Reconstruction
 from digs_warp.record.files import read_json
 from digs_warp.show.report.facts.describe import describe
-from digs_warp.show.report.start_section import start_section
+from digs_warp.show.report.run_section import figures_section
 from reference.tiny_capture import write_tiny_capture
 
 QUICK: dict[str, Any] = {"iterations": 5, "sh_degree": 0}
@@ -60,14 +60,16 @@ def distance_of(capture: Capture, a: str, b: str) -> float:
 def test_an_unknown_scale_is_said_everywhere(photographs: Capture, tmp_path: Path) -> None:
     out = tmp_path / "out"
     result = dw.reconstruct(photographs, out, **QUICK)
-    assert result.metric_scale is not None and not result.metric_scale.known
-    assert read_json(out / "run.json", "record")["results"]["metric_scale"]["known"] is False
+    assert result.poses.metric_scale is not None and not result.poses.metric_scale.known
+    assert (
+        read_json(out / "run.json", "record")["results"]["poses"]["metric_scale"]["known"] is False
+    )
     facts = describe(out)
     assert facts["scale"].startswith("unknown: the recording has no depth")
     assert facts["extent"].endswith(" units")
     loaded = Reconstruction.load(out)
-    assert loaded.metric_scale == result.metric_scale
-    assert "unknown: the recording has no depth" in start_section(loaded)
+    assert loaded.poses.metric_scale == result.poses.metric_scale
+    assert "unknown: the recording has no depth" in figures_section(loaded)
     loaded.save_usd(tmp_path / "scene.usda")
     assert "scale unknown" in describe(tmp_path / "scene.usda")["axes and unit"]
 
@@ -78,7 +80,7 @@ def test_a_measured_distance_gives_the_scale(
     truth = distance_of(metric, "0000", "0008")
     text = f"0000,0008={100 * truth:.6f}cm"
     result = dw.reconstruct(photographs, tmp_path, scale_from=text, **QUICK)
-    assert result.metric_scale is not None and result.metric_scale.known
+    assert result.poses.metric_scale is not None and result.poses.metric_scale.known
     assert result.frames is not None and result.start is not None
     assert result.frames.sfm_per_metre == pytest.approx(UNITS_PER_METRE, rel=1e-6)
     true = {frame.name: frame.camera for frame in metric.frames}

@@ -63,7 +63,9 @@ def test_the_folder_holds_what_the_documents_promise(result: Path, capture: Capt
         assert read_image(result / "renders" / f"{name}.png").shape == (54, 72, 3)
     record = json.loads((result / "run.json").read_text())
     assert {"initialize", "train", "evaluate"} <= set(record["seconds"])
-    assert record["results"]["gaussians"] == len(Gaussians.load(result / "gaussians.npz"))
+    assert record["results"]["training"]["gaussians"] == len(
+        Gaussians.load(result / "gaussians.npz")
+    )
     with np.load(result / "initial_points.npz") as points:
         radius = np.linalg.norm(points["points_world"], axis=1)
         np.testing.assert_allclose(radius, 0.2, atol=0.006)  # half a voxel

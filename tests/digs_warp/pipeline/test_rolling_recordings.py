@@ -45,11 +45,16 @@ def test_the_result_is_closer_to_what_a_perfect_camera_sees(
 
 def test_the_run_says_what_was_decided_and_why(corrected: Reconstruction) -> None:
     assert corrected.folder is not None
-    said = json.loads((corrected.folder / "run.json").read_text())["results"]["rolling_shutter"]
+    said = json.loads((corrected.folder / "run.json").read_text())["results"]["training"][
+        "rolling_shutter"
+    ]
     assert said["rolling"] is True
     assert said["readout_time"] == READOUT_TIME
     assert f"moves {said['skew_px']:.2f} px" in said["because"]
-    assert Reconstruction.load(corrected.folder).shutter == corrected.shutter
+    assert (
+        Reconstruction.load(corrected.folder).training.rolling_shutter
+        == corrected.training.rolling_shutter
+    )
 
 
 def test_the_readout_time_of_the_settings_counts_more_than_that_of_the_recording(
@@ -61,7 +66,7 @@ def test_the_readout_time_of_the_settings_counts_more_than_that_of_the_recording
         replace(CONFIG, train=short, sfm=SfmConfig(poses="capture", readout_time=0.0)),
         tmp_path,
     )
-    assert found.shutter is not None and not found.shutter.rolling
+    assert found.training.rolling_shutter is not None and not found.training.rolling_shutter.rolling
 
 
 def test_an_interrupted_run_resumes_to_the_same_bits(

@@ -12,10 +12,8 @@ from digs_warp.data.capture import Capture
 from digs_warp.data.layers import Layer
 from digs_warp.init.config import InitConfig
 from digs_warp.masks.config import SegmentConfig
-from digs_warp.pipeline.front_end import front_end
-from digs_warp.pipeline.front_end_config import FrontEndConfig
-from digs_warp.pipeline.prepared import Prepared
-from digs_warp.pipeline.subject import SubjectChoice, subject_of
+from digs_warp.pipeline.config import FrontEndConfig, SubjectChoice, subject_of
+from digs_warp.pipeline.front_end import FrontEnd, front_end, load_front_end
 from digs_warp.record.run_log import RunLog, RunRecord
 from reference.ball_capture import RADIUS, WALL_RADIUS, ball_views, write_capture
 
@@ -32,12 +30,12 @@ def unmasked(masked: Capture) -> Capture:
     return replace(masked, frames=tuple(f.without_layer(Layer.MASK) for f in masked.frames))
 
 
-def prepared(capture: Capture, folder: Path, choice: SubjectChoice = "auto") -> Prepared:
+def prepared(capture: Capture, folder: Path, choice: SubjectChoice = "auto") -> FrontEnd:
     config = replace(CONFIG, subject=choice)
     return front_end(capture, config, folder, RunLog("test", config))
 
 
-def farthest(result: Prepared) -> float:
+def farthest(result: FrontEnd) -> float:
     return float(np.linalg.norm(result.start.points.points_world, axis=1).max())
 
 
@@ -59,7 +57,7 @@ def test_without_masks_everything_in_view_is_reconstructed_and_the_log_says_so(
 ) -> None:
     with caplog.at_level(logging.INFO):
         result = prepared(unmasked, tmp_path)
-    assert result.subject == "scene"
+    assert result.poses.subject == "scene"
     assert farthest(result) > 0.9 * WALL_RADIUS
     assert "no masks, so everything in view is reconstructed (--subject scene)" in caplog.text
     assert "add --masks depth" in caplog.text
@@ -68,21 +66,21 @@ def test_without_masks_everything_in_view_is_reconstructed_and_the_log_says_so(
 def test_a_scene_leaves_the_masks_of_the_recording_alone(masked: Capture, tmp_path: Path) -> None:
     result = prepared(masked, tmp_path, "scene")
     assert farthest(result) > 0.9 * WALL_RADIUS
-    every = (*result.frames.training, *result.frames.held_out)
+    every = (*result.poses.posed.training, *result.poses.posed.held_out)
     assert not any(frame.has(Layer.MASK) for frame in every)
     record = RunRecord.find(tmp_path)
-    assert record is not None and record.results["subject"] == "scene"
+    assert record is not None and record.results["poses"]["subject"] == "scene"
     # What is read again, for a report or to continue, has no masks either.
-    again = Prepared.load(masked, tmp_path)
-    assert again.subject == "scene"
-    assert not any(frame.has(Layer.MASK) for frame in again.frames.training)
+    again = load_front_end(masked, tmp_path)
+    assert again.poses.subject == "scene"
+    assert not any(frame.has(Layer.MASK) for frame in again.poses.posed.training)
 
 
 def test_an_object_keeps_its_masks(masked: Capture, tmp_path: Path) -> None:
     result = prepared(masked, tmp_path)
-    assert result.subject == "object" and farthest(result) < 1.1 * RADIUS
-    assert all(frame.has(Layer.MASK) for frame in result.frames.training)
-    assert Prepared.load(masked, tmp_path).frames.training[0].has(Layer.MASK)
+    assert result.poses.subject == "object" and farthest(result) < 1.1 * RADIUS
+    assert all(frame.has(Layer.MASK) for frame in result.poses.posed.training)
+    assert load_front_end(masked, tmp_path).poses.posed.training[0].has(Layer.MASK)
 
 
 def test_an_object_without_masks_says_where_to_get_them(unmasked: Capture, tmp_path: Path) -> None:

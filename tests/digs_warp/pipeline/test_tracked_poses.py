@@ -12,12 +12,11 @@ from digs_warp.checks import DigsError
 from digs_warp.data.capture import Capture
 from digs_warp.data.images import write_image
 from digs_warp.data.layers import Layer
+from digs_warp.pipeline.config import FrontEndConfig
 from digs_warp.pipeline.front_end import front_end
-from digs_warp.pipeline.front_end_config import FrontEndConfig
-from digs_warp.pipeline.results import Results
+from digs_warp.pipeline.records import Poses, stored
 from digs_warp.poses.align import in_place
 from digs_warp.poses.from_images.config import SfmConfig
-from digs_warp.record.layout import RUN_RECORD
 from digs_warp.record.run_log import RunLog, RunRecord
 from reference.optional import open3d_or_skip
 
@@ -53,8 +52,8 @@ def test_hidden_poses_are_found_and_the_record_says_how_well_they_fit(
     few = SfmConfig(poses="auto", features=50, feature_size=120, double_size=False)
     config = replace(CONFIG, sfm=few)
     prepared = front_end(unknown(capture), config, tmp_path, RunLog("test", {}))
-    assert prepared.sfm is None
-    by_time = [frame for frame, _ in prepared.frames.by_time]
+    assert prepared.poses.sfm is None
+    by_time = [frame for frame, _ in prepared.poses.posed.by_time]
     assert len(by_time) == len(capture)  # held-out ones are placed with the others
     found = np.stack([frame.camera.world_from_cam for frame in by_time])
     true = np.stack([frame.camera.world_from_cam for frame in capture.frames])
@@ -67,13 +66,13 @@ def test_hidden_poses_are_found_and_the_record_says_how_well_they_fit(
     assert (found[:, 2, 1] < -0.5).all()
     low, high = prepared.start.points.bounds
     assert (low < 0.3).all() and (high > -0.3).all()
-    assert prepared.tracking is not None and prepared.tracking.loops > 0
+    assert prepared.poses.tracking is not None and prepared.poses.tracking.loops > 0
     # What color and depth leave, the training takes off.
-    assert prepared.refinement is not None
-    assert prepared.refinement.in_training and not prepared.refinement.refined
+    assert prepared.poses.refinement is not None
+    assert prepared.poses.refinement.in_training and not prepared.poses.refinement.refined
     record = RunRecord.find(tmp_path)
     assert record is not None
-    assert Results.read(record, tmp_path / RUN_RECORD).tracking == prepared.tracking
+    assert stored(Poses, record, tmp_path).tracking == prepared.poses.tracking
 
 
 def test_without_depth_in_all_frames_nothing_starts(capture: Capture, tmp_path: Path) -> None:

@@ -61,7 +61,7 @@ def test_an_object_starts_from_the_hull_of_its_masks(
 def test_a_model_of_colmap_gives_the_points(from_colmap: Capture, tmp_path: Path) -> None:
     result = dw.reconstruct(from_colmap, tmp_path / "out", **QUICK)
     points = from_colmap.load_points()
-    assert points is not None and result.start is not None and result.sfm is None
+    assert points is not None and result.start is not None and result.poses.sfm is None
     assert result.strategy == "default"
     assert result.start.sources["recorded"] == len(points)
     assert result.settings["train"]["density"]["strategy"] == "adaptive"
@@ -73,7 +73,7 @@ def test_a_model_of_colmap_gives_the_points(from_colmap: Capture, tmp_path: Path
 def test_a_start_that_was_asked_for_is_taken(from_colmap: Capture) -> None:
     result = dw.reconstruct(from_colmap, strategy="random", target_points=500, **QUICK)
     assert result.start is not None and result.start.sources["random"] == 500
-    assert result.sfm is None  # nothing was matched
+    assert result.poses.sfm is None  # nothing was matched
 
 
 def test_depth_is_taken_where_there_is_some(with_depth: Capture) -> None:

@@ -12,7 +12,7 @@ from digs_warp.data.frame import Frame
 from digs_warp.data.layers import Layer
 from digs_warp.geometry.camera import Camera
 from digs_warp.geometry.rigid import invert_rigid, matrix_from_rotation_vector, rigid
-from digs_warp.pipeline.reconstruct import pose_training
+from digs_warp.pipeline.optimize import pose_training
 from digs_warp.poses.agreement import got_worse
 from digs_warp.poses.align import Alignment, align, in_place
 from digs_warp.poses.bundle import adjusted

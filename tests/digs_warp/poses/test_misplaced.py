@@ -13,8 +13,8 @@ from digs_warp.data.frame import Frame
 from digs_warp.data.layers import Layer
 from digs_warp.geometry.rigid import matrix_from_rotation_vector, rigid
 from digs_warp.masks.agreed import agreed_masks
+from digs_warp.pipeline.config import FrontEndConfig
 from digs_warp.pipeline.front_end import front_end
-from digs_warp.pipeline.front_end_config import FrontEndConfig
 from digs_warp.poses.align import align
 from digs_warp.poses.from_images.config import SfmConfig
 from digs_warp.poses.from_images.perturb import perturbed_poses
@@ -194,8 +194,10 @@ def test_a_frame_in_a_wrong_place_keeps_its_good_mask(capture: Capture, tmp_path
     config = FrontEndConfig(sfm=SfmConfig(poses="capture", refine_poses="on"))
     moved = replace(capture, frames=tuple(frames))
     prepared = front_end(moved, config, tmp_path / "result", RunLog("test", config))
-    assert prepared.refinement is not None
-    assert f"registered again: {frames[WRONG].name}" in prepared.refinement.because
-    assert not [doubt for doubt in prepared.doubts if "contradicted most other views" in doubt]
-    kept = {frame.name: frame for frame in prepared.frames.training}[frames[WRONG].name]
+    assert prepared.poses.refinement is not None
+    assert f"registered again: {frames[WRONG].name}" in prepared.poses.refinement.because
+    assert not [
+        doubt for doubt in prepared.poses.doubts if "contradicted most other views" in doubt
+    ]
+    kept = {frame.name: frame for frame in prepared.poses.posed.training}[frames[WRONG].name]
     np.testing.assert_array_equal(kept.load_mask(), frames[WRONG].load_mask())

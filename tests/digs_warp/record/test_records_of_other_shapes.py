@@ -4,15 +4,20 @@ import json
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 from digs_warp.checks import DigsError
+from digs_warp.data.point_cloud import PointCloud
+from digs_warp.init.start import Start
 from digs_warp.measure.scores import Scores
-from digs_warp.pipeline.results import Results
+from digs_warp.pipeline.records import Poses, stored, stored_capture
 from digs_warp.record.run_log import RunRecord
 from digs_warp.study.engine.store import Store
 from digs_warp.train.course import read_course
+from digs_warp.train.training import Training
 
+NO_POINTS = PointCloud(np.zeros((0, 3)), np.zeros((0, 3)))
 ROW = {"iteration": 1, "seconds": 0.5, "loss": None, "splats": 3}
 RECORD: dict[str, Any] = {"command": "run", "versions": {}, "settings": {}}
 CASE = {
@@ -63,20 +68,28 @@ def test_a_run_record_of_another_shape_is_named(tmp_path: Path, change: dict[str
 @pytest.mark.parametrize(
     "results",
     [
-        {"initialization": []},
-        {"initialization": {"sources": {"depth": "many"}}},
+        {"start": []},
+        {"start": {"sources": {"depth": "many"}}},
         {"capture": 7},
-        {"iterations": "x"},
-        {"held_out": [1]},
-        {"scale": {"sfm_per_metre": "x"}},
-        {"doubts": [1]},
+        {"training": {"iterations": "x"}},
+        {"scores": {"mean": [1]}},
+        {"poses": {"scale": {"sfm_per_metre": "x"}}},
+        {"poses": {"doubts": [1]}},
+        {"poses": {"subject": "car"}},
     ],
     ids=str,
 )
 def test_results_of_another_shape_are_named(results: dict[str, Any]) -> None:
     record = RunRecord("run", {}, {}, results=results)
-    with pytest.raises(DigsError):
-        Results.read(record, Path("run.json"))
+    with pytest.raises(DigsError, match=r"run\.json', results.*; reconstruct again"):
+        stored_capture(record, Path())
+        for kind, known in (
+            (Poses, {}),
+            (Start, {"points": NO_POINTS}),
+            (Training, {}),
+            (Scores, {}),
+        ):
+            stored(kind, record, Path(), **known)
 
 
 @pytest.mark.parametrize(

@@ -1,7 +1,5 @@
 """Splats trained on photographs of a sphere alone: their skins lie on it, their centers do not."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
@@ -11,8 +9,9 @@ from digs_warp.data.point_cloud import PointCloud
 from digs_warp.data.posed_frames import PosedFrames
 from digs_warp.init.config import InitConfig
 from digs_warp.init.seed_gaussians import seed_gaussians
+from digs_warp.init.start import Subject
 from digs_warp.pipeline.mesh import extract_mesh
-from digs_warp.pipeline.reconstruction import Reconstruction
+from digs_warp.pipeline.records import Poses
 from digs_warp.surface.depth_views import depth_views
 from digs_warp.surface.extract import within_mask
 from digs_warp.train.config import Stop, TrainConfig
@@ -76,11 +75,15 @@ def test_the_mesh_of_an_object_has_its_skins_and_that_of_a_scene_its_centers(
     capture: Capture, trained: Gaussians
 ) -> None:
     open3d_or_skip()
+    subjects: tuple[Subject, ...] = ("object", "scene")
     seen = PosedFrames(capture.frames, ())
-    whole = Reconstruction(gaussians=trained, frames=seen, subject="object")
     off = [
-        np.linalg.norm(extract_mesh(result, 0.006).mesh.points_world, axis=1).mean() - RADIUS
-        for result in (whole, replace(whole, subject="scene"))
+        np.linalg.norm(
+            extract_mesh(trained, Poses(frames=seen, subject=subject), 0.006).mesh.points_world,
+            axis=1,
+        ).mean()
+        - RADIUS
+        for subject in subjects
     ]
     assert abs(off[0]) < 2 * UNBIASED
     assert off[1] < -2.5 * UNBIASED

@@ -42,12 +42,12 @@ def course(folder: Path) -> list[dict]:
 def test_a_time_budget_ends_the_run_and_measures_it(capture: Capture, tmp_path: Path) -> None:
     config = TrainConfig(stop=Stop(iterations=100_000, time_budget=0.3))
     trained = run(capture, tmp_path, config)
-    assert trained.stopped_by == "time budget"
-    assert 1 <= trained.course[-1].iteration < 100_000
+    assert trained.record.stopped_by == "time budget"
+    assert 1 <= trained.record.course[-1].iteration < 100_000
     last = course(tmp_path)[-1]
-    assert last["iteration"] == trained.course[-1].iteration
+    assert last["iteration"] == trained.record.course[-1].iteration
     assert last["seconds"] >= 0.3 and "psnr_object" in last
-    assert last["adherence"] == trained.course[-1].adherence
+    assert last["adherence"] == trained.record.course[-1].adherence
     assert 0 < last["adherence"] < 0.05
     assert len(trained.gaussians) == len(Gaussians.load(tmp_path / GAUSSIANS))
     assert not (tmp_path / CHECKPOINT).exists()
@@ -56,13 +56,13 @@ def test_a_time_budget_ends_the_run_and_measures_it(capture: Capture, tmp_path: 
 def test_a_target_quality_ends_the_run(capture: Capture, tmp_path: Path) -> None:
     trained = run(capture, tmp_path, TrainConfig(stop=Stop(iterations=5000, target_psnr=24.0)))
     measured = [line["psnr_object"] for line in course(tmp_path) if "psnr_object" in line]
-    assert trained.stopped_by == "target psnr"
+    assert trained.record.stopped_by == "target psnr"
     assert measured[-1] >= 24.0 > max(measured[:-1])
 
 
 def test_a_run_without_budgets_ends_with_its_iterations(capture: Capture, tmp_path: Path) -> None:
     trained = run(capture, tmp_path, TrainConfig(stop=Stop(iterations=3)))
-    assert (trained.stopped_by, trained.course[-1].iteration) == ("iterations", 3)
+    assert (trained.record.stopped_by, trained.record.course[-1].iteration) == ("iterations", 3)
 
 
 def test_the_course_is_kept_where_views_are_measured(capture: Capture, tmp_path: Path) -> None:

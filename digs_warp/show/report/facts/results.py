@@ -49,32 +49,16 @@ def _of_gaussians(gaussians: Gaussians, path: Path, unit: str = "m") -> Facts:
 
 
 def of_reconstruction(folder: Path) -> Facts:
-    """The Gaussians, how well they match the held-out views, and how long it took."""
+    """The Gaussians, how well they match the held-out views, what each stage found, and how long it took."""
     result = Reconstruction.load(folder, partial=True)
-    unit = result.metric_scale.unit if result.metric_scale else "m"
-    facts = _of_gaussians(result.gaussians, folder / layout.GAUSSIANS, unit)
+    scale = result.poses.metric_scale
+    facts = _of_gaussians(result.gaussians, folder / layout.GAUSSIANS, scale.unit if scale else "m")
     facts["kind"] = "reconstruction"
-    if result.metric_scale:
-        facts["scale"] = str(result.metric_scale)
     if result.scores.views:
         facts["quality"] = result.quality
-    if distances := surface_words(result):
-        facts["surface"] = ", ".join(distances)
+    for stage in result.figures.values():
+        facts |= stage
     return facts | seconds_facts(result.run)
-
-
-def surface_words(result: Reconstruction) -> list[str]:
-    """Say how far the surface is from the true one and from the measured depth, where that is known."""
-    words = []
-    if result.surface:
-        accuracy, completeness = 1e3 * result.surface.accuracy, 1e3 * result.surface.completeness
-        found = f"accuracy {accuracy:.2f} mm, completeness {completeness:.2f} mm"
-        if result.surface.seen_completeness is not None:
-            found += f" ({1e3 * result.surface.seen_completeness:.2f} mm of what cameras see)"
-        words.append(found)
-    if result.adherence is not None:
-        words.append(f"adherence to the measured depth {1e3 * result.adherence:.2f} mm")
-    return words
 
 
 def of_run(folder: Path) -> Facts:

@@ -118,7 +118,7 @@ def test_the_sensor_plan_and_the_causes_are_shown(run: tuple[Capture, Path, Path
 def test_poses_scale_and_points_are_shown(run: tuple[Capture, Path, Path]) -> None:
     path = run[1] / "run.json"
     record = json.loads(path.read_text())
-    record["results"] |= {
+    record["results"]["poses"] = {
         "sfm": {
             **{"images": 20, "registered": 19, "models": 1, "points": 12345},
             **{
@@ -138,11 +138,10 @@ def test_poses_scale_and_points_are_shown(run: tuple[Capture, Path, Path]) -> No
             },
             "warning": "a second mode is near as high",
         },
-        "initialization": {
-            "sources": {"depth": 51234, "sfm": 77},
-            "voxel_size": 0.004,
-            "pixels": {"in the mask": 999000},
-        },
+    }
+    record["results"]["start"] = {
+        "sources": {"depth": 51234, "sfm": 77},
+        "depth": {"voxel_size": 0.004, "pixels": {"in the mask": 999000}},
     }
     path.write_text(json.dumps(record))
     text = write_and_parse(run).text
@@ -154,7 +153,7 @@ def test_poses_scale_and_points_are_shown(run: tuple[Capture, Path, Path]) -> No
 def test_doubts_about_the_capture_are_shown(run: tuple[Capture, Path, Path]) -> None:
     assert "Warning:" not in write_and_parse(run).text
     record = json.loads((run[1] / "run.json").read_text())
-    record["results"]["doubts"] = ["The depth is <odd>."]
+    record["results"]["poses"] = {"doubts": ["The depth is <odd>."]}
     (run[1] / "run.json").write_text(json.dumps(record))
     assert re.search(r"Warning:\s+The depth is <odd>\.", write_and_parse(run).text)
 

@@ -21,7 +21,7 @@ OF_FRAME = "PSNR 20.25 dB and SSIM 0.8125 over the frame in 10 held-out views"
 def scene(run: tuple[Capture, Path, Path]) -> tuple[Capture, Path, Path]:
     capture, folder, page = run
     record = json.loads((folder / "run.json").read_text())
-    record["results"]["subject"] = "scene"
+    record["results"]["poses"] = {"subject": "scene"}
     (folder / "run.json").write_text(json.dumps(record))
     index = json.loads((capture.folder / "transforms.json").read_text())
     for frame in index["frames"]:

@@ -1,19 +1,55 @@
-"""The settings from a capture to posed frames and points, and what can be checked of them before any work."""
+"""The settings from a capture to Gaussians, and what can be checked of them before any work."""
 
+import logging
 from dataclasses import dataclass, field
+from typing import Literal
 
 from digs_warp.checks import DigsError
 from digs_warp.data.capture import Capture
+from digs_warp.data.layers import Layer
 from digs_warp.data.posed_frames import PosedFrames
 from digs_warp.init.config import InitConfig
 from digs_warp.init.mono_config import MonoDepthConfig
 from digs_warp.init.mono_depth import check_mono_depth
+from digs_warp.init.start import Subject
 from digs_warp.masks.config import SegmentConfig
 from digs_warp.masks.masks import check_inputs
 from digs_warp.pipeline.known_distance import check_scale_from
-from digs_warp.pipeline.subject import SubjectChoice, subject_of
 from digs_warp.poses.from_images.config import SfmConfig
 from digs_warp.poses.tracking import check_depth
+from digs_warp.train.config import TrainConfig
+
+logger = logging.getLogger(__name__)
+
+SubjectChoice = Literal["auto", "object", "scene"]
+
+
+def subject_of(capture: Capture, choice: SubjectChoice, masks: SegmentConfig) -> Subject:
+    """Return what a run reconstructs; 'auto' decides by the masks.
+
+    Raises:
+        DigsError: a whole scene, together with --masks or --instance.
+    """
+    makes_masks = masks.source != "capture"
+    if choice == "scene" and makes_masks:
+        flag = (
+            f"--masks {masks.masks}" if masks.instance is None else f"--instance {masks.instance}"
+        )
+        raise DigsError(f"--subject scene: no masks are used; leave out {flag}")
+    if choice != "auto":
+        return choice
+    has_masks = any(frame.has(Layer.MASK) for frame in capture.frames)
+    return "object" if makes_masks or has_masks else "scene"
+
+
+def say_subject(capture: Capture, choice: SubjectChoice, subject: Subject) -> None:
+    """Log the decision where the user left it open, and the recording has no masks."""
+    if choice == "auto" and subject == "scene":
+        logger.info(
+            "%s: no masks, so everything in view is reconstructed (--subject scene). For one object in "
+            "front of a background, add --masks depth",
+            capture,
+        )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -44,6 +80,13 @@ class FrontEndConfig:
         is_scaled = self.mono.mono_depth is not None and not self.init.needs_sfm
         given = self.sfm.poses == "capture"
         return given and (self.init.takes_recorded_points or is_scaled)
+
+
+@dataclass(frozen=True, kw_only=True)
+class ReconstructConfig(FrontEndConfig):
+    """How a capture becomes Gaussians."""
+
+    train: TrainConfig = field(default_factory=TrainConfig)
 
 
 def check_front_end(capture: Capture, config: FrontEndConfig) -> None:

@@ -1,0 +1,207 @@
+"""Posed frames and points -> trained Gaussians (paper section 3.4): what is drawn, read, and started from."""
+
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from digs_warp.data.capture import Capture
+from digs_warp.data.gaussians import Gaussians
+from digs_warp.data.point_cloud import PointCloud
+from digs_warp.data.posed_frames import PosedFrames
+from digs_warp.init.first_exposures import first_exposures, without_exposure
+from digs_warp.init.seed_gaussians import seed_gaussians, with_colors
+from digs_warp.init.seed_start import seed_start
+from digs_warp.init.seen_colors import look_up
+from digs_warp.init.start import Start
+from digs_warp.init.view_dependence import ViewDependence, view_dependence
+from digs_warp.pipeline.config import ReconstructConfig
+from digs_warp.pipeline.records import Poses, stored
+from digs_warp.pipeline.refined_poses import with_trained_poses
+from digs_warp.poses.refinement import PoseRefinement
+from digs_warp.record.layout import GAUSSIANS, TRAINING
+from digs_warp.record.manifest import is_kept
+from digs_warp.record.run_log import RunLog, RunRecord
+from digs_warp.train.blur_plan import plan_blur
+from digs_warp.train.config import TrainConfig
+from digs_warp.train.course import read_course
+from digs_warp.train.evaluate import TestView, load_test_views
+from digs_warp.train.session import (
+    Trained,
+    TrainingData,
+    Watch,
+    load_trained_poses,
+    open_data,
+    train_gaussians,
+)
+from digs_warp.train.shutter import ShutterPlan, plan_shutter, with_motions
+from digs_warp.train.trained_poses import PoseTraining
+from digs_warp.train.training import Training
+
+
+@dataclass(frozen=True, eq=False)
+class Optimized:
+    """What the training leaves to the evaluation.
+
+    Attributes:
+        poses: with the poses that the training found, if it trained them.
+        trained: the Gaussians, their record, and how the held-out views look if that is known.
+        test_views: held out, with these poses.
+    """
+
+    poses: Poses
+    trained: Trained
+    test_views: list[TestView]
+
+
+def optimize(
+    capture: Capture,
+    poses: Poses,
+    start: Start,
+    config: ReconstructConfig,
+    folder: Path,
+    log: RunLog,
+    before: RunRecord | None,
+    watch: Watch | None,
+) -> Optimized:
+    """Train Gaussians from ``start``, or take over a finished training.
+
+    Args:
+        capture: the recording.
+        poses: its frames as posed.
+        start: the points to start from.
+        config: of the reconstruction.
+        folder: of the reconstruction.
+        log: receives times.
+        before: the record of the run that goes on in ``folder``; None: it starts.
+        watch: looks on; None: nobody does.
+
+    Raises:
+        DigsError: bad views, a broken checkpoint, or a training that diverged.
+    """
+    poses, shutter = _with_shutter(capture, poses, start, config)
+    trained = _finished(folder, before, len(poses.posed.by_time)) if before else None
+    with log.stage("load views"):
+        seeds = _seeds(poses, start, config) if trained is None else None
+        views = _load_views(
+            poses.posed, start.points, seeds, shutter, config.train, folder, before is not None
+        )
+    if trained is None:
+        assert seeds is not None
+        train = config.train
+        if views.color is not None:
+            train = replace(train, sh_degree=views.color.degree)
+        trained = _train(seeds, views, poses.refinement, train, folder, log, watch)
+    record = replace(
+        trained.record,
+        rolling_shutter=shutter,
+        motion_blur=shutter.blur,
+        view_dependence=views.color,
+    )
+    frames, test_views = with_trained_poses(poses.posed, views.held_out, trained.poses, folder)
+    trained = replace(trained, record=record)
+    return Optimized(replace(poses, frames=frames), trained, list(test_views))
+
+
+def _with_shutter(
+    capture: Capture, poses: Poses, start: Start, config: ReconstructConfig
+) -> tuple[Poses, ShutterPlan]:
+    """Return the frames with what is known of their motion, and whether the training draws it."""
+    readout_time = config.sfm.readout_time
+    if readout_time is None:
+        readout_time = capture.readout_time
+    frames, training = poses.posed, len(poses.posed.training)
+    every = with_motions([*frames.training, *frames.held_out])
+    points, train = start.points.points_world, config.train
+    plan = plan_shutter(every, points, readout_time, train.rolling_shutter)
+    plan = replace(plan, blur=plan_blur(every, points, train.exposure_time, train.motion_blur))
+    moving = replace(frames, training=tuple(every[:training]), held_out=tuple(every[training:]))
+    return replace(poses, frames=moving), plan
+
+
+def _finished(folder: Path, before: RunRecord, frames: int) -> Trained | None:
+    """Return the finished training of an earlier run, if there is one."""
+    if not is_kept(folder / GAUSSIANS):
+        return None
+    record = stored(Training, before, folder, course=read_course(folder / TRAINING))
+    poses = load_trained_poses(folder, frames)
+    return Trained(Gaussians.load(folder / GAUSSIANS), record, poses)
+
+
+def _seeds(poses: Poses, start: Start, config: ReconstructConfig) -> Gaussians:
+    """Return the Gaussians to start from, in the colors of the first points."""
+    looks = seed_start(config.init, poses.subject, config.train.stop.iterations)
+    return seed_gaussians(start.points, config.train.usual_sh_degree, *looks)
+
+
+@dataclass(frozen=True, eq=False)
+class _LoadedViews:
+    """What is read of the frames.
+
+    Attributes:
+        data: to train on; None without a training.
+        held_out: to measure.
+        color: what the photographs show of the color; None where the settings say its degree.
+        points: to start from, in the colors of photographs of one exposure if that is fitted.
+    """
+
+    data: TrainingData | None
+    held_out: list[TestView]
+    color: ViewDependence | None
+    points: PointCloud
+
+
+def _load_views(
+    posed: PosedFrames,
+    points: PointCloud,
+    seeds: Gaussians | None,
+    shutter: ShutterPlan,
+    config: TrainConfig,
+    folder: Path,
+    resume: bool,
+) -> _LoadedViews:
+    """Read the views; what takes one core is done beside the reading for the training.
+
+    ``seeds`` are in any color; None: there is no training.
+    """
+    frames = posed.training
+    with ThreadPoolExecutor(2) as beside:
+        opening = None
+        if seeds is not None:
+            opening = beside.submit(open_data, frames, config, folder, resume, shutter, seeds)
+        held_out = load_test_views(posed.held_out, shutter)
+        judging, constant = None, False
+        evens = seeds is not None and config.fit_exposure == "on"
+        if evens or config.sh_degree is None:
+            seen = look_up(frames, points.points_world)
+            if config.sh_degree is None:
+                judging = beside.submit(view_dependence, seen)
+            found = first_exposures(points, frames, seen) if evens else None
+            if found is not None:
+                points, constant = without_exposure(points, frames, found), not found.vary
+        data = replace(opening.result(), constant_exposure=constant) if opening else None
+        return _LoadedViews(data, held_out, judging.result() if judging else None, points)
+
+
+def _train(
+    seeds: Gaussians,
+    views: _LoadedViews,
+    refinement: PoseRefinement | None,
+    config: TrainConfig,
+    folder: Path,
+    log: RunLog,
+    watch: Watch | None,
+) -> Trained:
+    seeds = with_colors(seeds, views.points.colors, config.usual_sh_degree)
+    assert views.data is not None
+    return train_gaussians(
+        *(seeds, views.data, views.held_out, config, folder, log, watch),
+        held=views.points.hidden,
+        train_poses=pose_training(refinement, config),
+    )
+
+
+def pose_training(refinement: PoseRefinement | None, config: TrainConfig) -> PoseTraining:
+    """Return what the cameras do in the training: centers that a bundle adjustment found are held."""
+    if refinement is None or not refinement.in_training or config.mask_role != "object":
+        return "held"
+    return "turned" if refinement.adjusted else "moved"
