@@ -29,10 +29,7 @@ EXIT_NO_READER = 141  # 128 + SIGPIPE
 
 # Loggers whose news are always worth a line: the first run compiles kernels for minutes, and a log file
 # shows no progress bars.
-TALKATIVE = (
-    *("digs_warp.kernels", "digs_warp.record.progress"),
-    *("digs_warp.commands.output", "digs_warp.commands.chosen_settings"),
-)
+TALKATIVE = ("digs_warp.kernels", "digs_warp.record.progress", "digs_warp.commands.output")
 
 
 def main(argv: Sequence[str] | None = None) -> int:

@@ -28,7 +28,6 @@ times, memory and quality, and `tables/` has the tables as CSV. On your own mach
 digs-warp study list
 digs-warp study run tradeoff --time-budget 20min
 digs-warp study report tradeoff
-digs-warp recommend --time-budget 60s
 ```
 
 A study that was interrupted, or has used up its budget, goes on where it stopped.

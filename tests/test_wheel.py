@@ -162,9 +162,3 @@ def test_the_command_answers(installed: Path, tmp_path: Path) -> None:
     assert f"digs-warp {__version__}" in run(installed / "digs-warp", "--version", cwd=tmp_path)
     assert "usage: digs-warp" in run(installed / "digs-warp", "--help", cwd=tmp_path)
     assert "usage: digs-warp run" in run(installed / "digs-warp", "run", "--help", cwd=tmp_path)
-
-
-def test_recommend_knows_the_published_study(installed: Path, tmp_path: Path) -> None:
-    output = run(installed / "digs-warp", "recommend", "--time-budget", "60s", cwd=tmp_path)
-    assert "digs-warp run --out" in output
-    assert f"({installed.parent}" in output

@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Self
 import tyro
 
 from digs_warp.checks import DigsError
-from digs_warp.commands.chosen_settings import check_left_open, recommended_config
 from digs_warp.commands.command import SettingsCommand
 from digs_warp.commands.facts import format_facts, reconstruction_words
 from digs_warp.commands.many_captures import find_jobs, is_data_set, reconstruct_many
@@ -20,10 +19,9 @@ from digs_warp.commands.watched import watched_training
 from digs_warp.device.libraries import loading
 from digs_warp.engines.config import EngineConfig
 from digs_warp.record import layout
-from digs_warp.record.durations import DURATION
 from digs_warp.record.run_log import RunLog
 from digs_warp.record.settings import settings_from_json
-from digs_warp.settings import SECONDS, SEED
+from digs_warp.settings import SEED
 from digs_warp.words import counted
 
 if TYPE_CHECKING:
@@ -56,10 +54,6 @@ class Reconstruct(ReconstructionOptions, _Output):
     view: tyro.conf.FlagCreatePairsOff[bool] = False
     """Show the training in the browser while it runs; prints the page's address."""
 
-    recommended: Annotated[float | None, DURATION, SECONDS] = None
-    """Choose iterations, voxels, initialization and density so that the reconstruction takes about this time,
-    for example 60s, as 'digs-warp recommend' does for the capture; run.json says what and why."""
-
     on: Annotated[EngineConfig, tyro.conf.OmitArgPrefixes, tyro.conf.arg(name="engine")] = field(
         default_factory=EngineConfig
     )
@@ -74,8 +68,6 @@ class Reconstruct(ReconstructionOptions, _Output):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        if self.recommended is not None:
-            check_left_open(self)
         if not self.captures:
             raise DigsError("CAPTURE: none given, expected the folder of a recording")
 
@@ -122,16 +114,13 @@ class Reconstruct(ReconstructionOptions, _Output):
 
             from digs_warp.pipeline.reconstruct import check_machine, reconstruct
 
-        config, chosen = self.reconstruct_config(self.seed, capture), None
+        config = self.reconstruct_config(self.seed, capture)
         check_machine(config)  # a wrong flag is named first
         with (
             self.output.opened([source], reconstruction_files()) as folder,
             watched_training(self.view) as watch,
         ):
-            if self.recommended is not None:
-                before = folder if self.output.resume else None
-                config, chosen = recommended_config(capture, config, self.recommended, before)
-            return reconstruct(capture, config, folder, self.output.resume, watch, chosen)
+            return reconstruct(capture, config, folder, self.output.resume, watch)
 
     def _reconstruct_many(self) -> str:
         from digs_warp.engines.results import RESULTS
@@ -139,8 +128,6 @@ class Reconstruct(ReconstructionOptions, _Output):
 
         if self.view:
             raise DigsError("--view shows one training; give it one capture")
-        if self.recommended is not None:
-            raise DigsError("--recommended looks at one capture; give it one")
         jobs = find_jobs(self.captures)
         names = (*reconstruction_files(), layout.RUN_RECORD, layout.MANIFEST)
         writes = [RESULTS, *(f"{job.name}/{name}" for job in jobs for name in names)]

@@ -55,7 +55,6 @@ details, --version prints the version.""",
             "sensor": "sensor.SENSOR",
             "bench": "bench.BENCH",
             "study": "study.STUDY",
-            "recommend": "recommend.Recommend",
             "preference": "preference.PREFERENCE",
         }
     ),

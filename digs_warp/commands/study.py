@@ -9,7 +9,6 @@ import tyro
 from digs_warp.checks import DigsError
 from digs_warp.commands.command import Command, Group, Preset
 from digs_warp.commands.facts import format_facts
-from digs_warp.commands.study_plan import PlanScenes
 from digs_warp.engines.config import EngineConfig
 from digs_warp.record.durations import DURATION
 from digs_warp.settings import ITERATIONS, SECONDS, Range
@@ -119,7 +118,6 @@ STUDY = Group(
     {
         "list": ListStudies,
         "run": Group("Run a study.", {study.name: _run_preset(study) for study in STUDIES}),
-        "plan": PlanScenes,
         "report": Group(
             "Draw the report of a study.", {study.name: _report_preset(study) for study in STUDIES}
         ),

@@ -4,7 +4,7 @@ docs/reconstruction-format.md describes the folder that `reconstruct` writes.
 """
 
 import logging
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path
@@ -54,7 +54,6 @@ def reconstruct(
     folder: Path,
     resume: bool = False,
     watch: Watch | None = None,
-    recommended: Mapping[str, Any] | None = None,
 ) -> Reconstruction:
     """Reconstruct a capture and save each part of the result to ``folder`` as soon as it is finished.
 
@@ -64,7 +63,6 @@ def reconstruct(
         folder: where results go; created when missing.
         resume: keep finished stages, and continue from the last checkpoint, bit for bit.
         watch: looks on while the Gaussians are trained; None: nobody does.
-        recommended: how the settings were chosen, for run.json; None: the user chose them.
 
     Raises:
         DigsError: no such device or library, too few frames, nothing to initialize from, settings that
@@ -74,7 +72,7 @@ def reconstruct(
     folder = Path(folder)
     if not resume:  # else finished stages need nothing, and the others check
         check_front_end(capture, config)
-    log = RunLog("reconstruct", config, recommended=dict(recommended or {}))
+    log = RunLog("reconstruct", config)
     with sole_writer(folder):
         before = log.continue_from(folder / RUN_RECORD) if resume else None
         with recorded_files(folder, resume) as manifest:

@@ -78,7 +78,6 @@ class RunRecord:
         machine: the machine that it ran on.
         seconds: wall-clock time of each stage [s].
         results: the figures that the command reports.
-        recommended: how the settings were chosen, where a command chose them; empty: the user did.
     """
 
     command: str
@@ -88,7 +87,6 @@ class RunRecord:
     machine: dict[str, Any] = field(default_factory=dict)
     seconds: dict[str, float] = field(default_factory=dict)
     results: dict[str, Any] = field(default_factory=dict)
-    recommended: dict[str, Any] = field(default_factory=dict)
 
     @staticmethod
     def load(path: Path) -> "RunRecord":
@@ -113,7 +111,6 @@ class RunRecord:
             machine=dict(record.section("machine", optional=True).values),
             seconds={name: seconds.number(name) for name in seconds.values},
             results=dict(record.section("results", optional=True).values),
-            recommended=dict(record.section("recommended", optional=True).values),
         )
 
     @staticmethod
@@ -130,10 +127,7 @@ class RunRecord:
 
     def save(self, path: Path) -> None:
         """Write the record; the file appears only when it is complete."""
-        content = {name: value for name, value in vars(self).items() if name != "recommended"}
-        if self.recommended:
-            content["recommended"] = self.recommended
-        write_atomically(path, to_json(content).encode())
+        write_atomically(path, to_json(vars(self)).encode())
 
 
 # Keys that every record has, and that distinguish it from another program's run.json.
@@ -152,7 +146,6 @@ class RunLog:
     settings: Any
     seconds: dict[str, float] = field(default_factory=dict)
     results: dict[str, Any] = field(default_factory=dict)
-    recommended: dict[str, Any] = field(default_factory=dict)
 
     def stage(self, name: str) -> AbstractContextManager[None]:
         """Time a stage; if it is entered twice, its times add up."""
@@ -196,7 +189,6 @@ class RunLog:
             machine={"system": platform.platform(), "cores": os.cpu_count()},
             seconds={name: round(value, 4) for name, value in self.seconds.items()},
             results=dict(self.results),
-            recommended=dict(self.recommended),
         )
 
     def save(self, path: Path) -> None:

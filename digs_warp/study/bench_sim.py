@@ -33,7 +33,6 @@ from digs_warp.sim.sensor.scores import Scores, score
 from digs_warp.sim.sensor.tiers import apply_effects, sense
 from digs_warp.study.bench_recording import WIDTHS, bench_recording
 from digs_warp.study.charts import Chart, Curve
-from digs_warp.study.planning_cost import planning_result
 from digs_warp.study.real_pair import load_motorcycle
 from digs_warp.study.results import Result
 from digs_warp.study.scenes import OBJECT_SIZE, sample_data
@@ -120,8 +119,7 @@ def bench_sim(
             bar.update()
     if (data / REAL_PAIR).is_dir():
         results += _tier_results(_real(data / REAL_PAIR))
-    plans = [planning_result(c.name, c.session, c.fresh) for c in cases if c.session is not None]
-    results += plans + _cause_results(cases) + _effect_results(cases)
+    results += _cause_results(cases) + _effect_results(cases)
     return results + bench_recording(recordings)
 
 

@@ -177,16 +177,6 @@ BENCHMARKS = (
         "initialization.md",
     ),
     Benchmark(
-        "recommend",
-        "what is recommended for a recording and a time, against the best of the front at that time",
-        "bench_recommend:bench_recommend",
-        "studies.md",
-        cases=(
-            *("ycb_mustard_bottle", "avocado"),
-            *("ycb_cracker_box", "flight_helmet", "tea_set", "boot_plain"),
-        ),
-    ),
-    Benchmark(
         "size",
         "objects of 6 cm to 2 m: Gaussians, seconds and quality by size and voxel",
         "bench_size:bench_size",
@@ -247,12 +237,6 @@ BENCHMARKS = (
         "the fit of depth cameras: known figures found again, and what fitted ones predict on real pairs",
         "bench_sensor_fit:bench_sensor_fit",
         "sensor-fit.md",
-    ),
-    Benchmark(
-        "transfer",
-        "what is learned from simulated scenes, with and without ground, tried on real frames",
-        "bench_transfer:bench_transfer",
-        "scenes.md",
     ),
     Benchmark(
         "recordings",

@@ -189,7 +189,7 @@ KINDS = (
     Kind("settings, profiles, studies", (
         *_settings("simulate", "--out", "x"), *_settings("reconstruct", "x", "--out", "x"),
         Input("settings", "camera.yaml", (PLAN,)),
-        Input("study", "results.jsonl", ("recommend --study . --time-budget 100s",)),
+        Input("study", "results.jsonl", ("study report tradeoff --out .",)),
         *(
             Input("study", name, ("preference evaluate answers.csv --key key.json",))
             for name in ("key.json", "answers.csv")

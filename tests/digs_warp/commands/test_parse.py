@@ -147,7 +147,7 @@ def test_every_benchmark_and_study_is_a_command() -> None:
             "no flag '--no-edge-filter'; it is the setting reconstruction.init.edge_filter in a file",
         ),
         (["--quite", "run", "--out", "x"], "did you mean '--quiet'?"),
-        (["recommend", "--budget", "1s"], "no flag '--budget'; did you mean '--time-budget'?"),
+        (["run", "--budget", "1s"], "no flag '--budget'; did you mean '--time-budget'?"),
         (["usd", "info", "--jsn"], "no flag '--jsn'; did you mean '--json'?"),
         (["run", "--out", "x", "--normals"], "no flag '--normals' any more; use --labels normals"),
     ],
@@ -218,8 +218,6 @@ REQUIRED = {
         "usd diff": "a b",
     },
     **{"sensor fit": "a --out x", "sensor wall": "--out x"},
-    "study plan": "--price 1",
-    "recommend": "--time-budget 9s",
     **{"preference make": "a --out x", "preference evaluate": "a --key k"},
 }
 

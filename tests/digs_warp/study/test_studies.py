@@ -34,48 +34,6 @@ def test_cases_differ_and_their_settings_are_accepted(study: Study) -> None:
             assert config.train.stop.iterations == 300
 
 
-def test_settings_are_recommended_within_a_time(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    cases = BY_NAME["tradeoff"].cases(1, 1, 500)
-    store = Store(tmp_path)
-    for case in cases:
-        record = record_of(case, 0)
-        if case.labels["value"] == 2000:
-            record["seconds"]["train"] = 60.0
-            record["yardstick"]["psnr_object_in_place"] = 35.0
-        if case.labels["value"] == 24:
-            record["yardstick"]["psnr_object_in_place"] = 30.0
-        if case.labels["value"] == "truth":  # no answer to how good a recording comes out
-            record["yardstick"]["psnr_object_in_place"] = 45.0
-        store.add(record)
-    folder = ["--study", str(tmp_path)]
-    assert main(["recommend", "--time-budget", "50s", *folder]) == 0
-    quick = capsys.readouterr().out
-    assert "frames 24" in quick and "--iterations 500" in quick
-    assert main(["recommend", "--time-budget", "5m", *folder]) == 0
-    slow = capsys.readouterr().out
-    assert "--iterations 2000" in slow and "35.00 dB" in slow
-    command = next(line for line in slow.splitlines() if line.startswith("command"))
-    cli.parse(shlex.split(command)[2:])
-    assert main(["recommend", "--time-budget", "1s", *folder]) != 0
-    assert re.search(r"takes 1 s or less, the fastest \d+\.\d s;", capsys.readouterr().err)
-
-
-def test_without_a_study_of_ones_own_the_published_one_is_taken(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    monkeypatch.chdir(tmp_path)
-    assert main(["recommend", "--time-budget", "60s", "--study", "mine"]) == 1
-    assert "digs-warp study run tradeoff --out mine" in capsys.readouterr().err
-    monkeypatch.setattr("digs_warp.study.recommend.published.PUBLISHED", tmp_path / "published")
-    for folder, psnr in (("published/tradeoff", 20.0), ("out/study/tradeoff", 40.0)):
-        case = BY_NAME["tradeoff"].cases(1, 1, 500)[0]
-        record = record_of(case, 0) | {"recording": {"frames": 40}, "reconstruction": {}}
-        record["yardstick"]["psnr_object_in_place"] = psnr
-        Store(tmp_path / folder).add(record)
-        assert main(["recommend", "--time-budget", "50s"]) == 0
-        assert f"{psnr:.2f} dB" in capsys.readouterr().out
 
 
 def test_a_study_is_measured_resumed_and_drawn(

@@ -1,1 +1,0 @@
-"""What is learned from simulated recordings, tried on real frames."""
