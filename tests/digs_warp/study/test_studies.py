@@ -1,23 +1,17 @@
-"""The studies: cases that differ, recommendations, and one study end to end."""
+"""The studies: cases that differ, and one study end to end."""
 
 import json
-import re
 import shlex
 from pathlib import Path
 
 import pytest
 
-from digs_warp import cli
 from digs_warp.cli import main
-from digs_warp.commands.recommend import flags
-from digs_warp.commands.run import Run
 from digs_warp.engines.results import RESULTS
 from digs_warp.pipeline.reconstruct import ReconstructConfig
 from digs_warp.sim.config import SimulateConfig
 from digs_warp.study.catalogue import STUDIES, Study
 from digs_warp.study.engine.case import Case, with_settings
-from digs_warp.study.engine.store import Store
-from reference.study_records import record_of
 
 BY_NAME = {study.name: study for study in STUDIES}
 
@@ -32,8 +26,6 @@ def test_cases_differ_and_their_settings_are_accepted(study: Study) -> None:
         config = with_settings(ReconstructConfig(), case.reconstruction)
         if case.labels.get("knob") != "iterations" and case.effort == 1:
             assert config.train.stop.iterations == 300
-
-
 
 
 def test_a_study_is_measured_resumed_and_drawn(
@@ -118,14 +110,3 @@ def test_unknown_studies_and_numbers_are_refused(arguments: list[str]) -> None:
 def test_a_report_of_nothing_says_what_to_measure(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["study", "report", "tradeoff", "--out", "/nonexistent"]) == 1
     assert "digs-warp study run tradeoff" in capsys.readouterr().err
-
-
-def test_every_setting_that_a_study_turns_has_a_flag() -> None:
-    from digs_warp.study.studies.tradeoff import KNOBS
-
-    turned = {name: values[0] for _, name, values in KNOBS.values()}
-    command = cli.parse(["run", "--out", "x", *flags(turned)])
-    assert isinstance(command, Run)
-    config = command.reconstruct_config(0)
-    assert config.train.density.strategy == "adaptive"
-    assert config.init.strategy == "depth"
