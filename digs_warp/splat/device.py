@@ -42,10 +42,8 @@ class DeviceGaussians:
         return packed(GaussianArrays, **vars(self))
 
     @staticmethod
-    def from_numpy(
-        gaussians: Gaussians, device: str = "cpu", *, requires_grad: bool = False
-    ) -> "DeviceGaussians":
-        """Copy Gaussians to a device; with ``requires_grad``, each array has one of gradients beside it.
+    def from_numpy(gaussians: Gaussians, device: str = "cpu") -> "DeviceGaussians":
+        """Copy Gaussians to a device.
 
         Raises:
             DigsError: a value is NaN or infinite, or there is no such device.
@@ -55,7 +53,7 @@ class DeviceGaussians:
             check_finite(f"Gaussians.{name}", getattr(gaussians, name))
 
         def put(value: np.ndarray, dtype: type) -> wp.array:
-            return wp.array(value, dtype=dtype, device=device, requires_grad=requires_grad)
+            return wp.array(value, dtype=dtype, device=device)
 
         return DeviceGaussians(
             put(gaussians.means, wp.vec3),
@@ -71,9 +69,7 @@ class DeviceGaussians:
 
     def zeros_like(self) -> "DeviceGaussians":
         """Return the same arrays, filled with zeros."""
-        return DeviceGaussians(
-            *(wp.zeros_like(array, requires_grad=False) for array in self.arrays)
-        )
+        return DeviceGaussians(*(wp.zeros_like(array) for array in self.arrays))
 
 
 def move_gaussians(gaussians: DeviceGaussians, motion: np.ndarray) -> None:

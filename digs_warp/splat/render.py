@@ -113,26 +113,6 @@ def _assign_adjoint(
         planes.assign(check_finite(name, check_shape(name, np.asarray(adjoint), output.shape)))
 
 
-def draw(
-    renderer: SplatRenderer,
-    camera: Camera,
-    near: float | None,
-    background: tuple[float, float, float] | np.ndarray,
-    rows: RowMotion | None = None,
-) -> None:
-    """Draw one view into a renderer of the camera's size; for the arguments see `render`."""
-    if near is None:
-        means = renderer.gaussians.means.numpy()
-        center = means.mean(axis=0) if len(means) else np.zeros(3)
-        near = near_plane(camera, center, renderer.options.near_share)
-    behind: np.ndarray | ImagePlanes = np.asarray(background, dtype=np.float32)
-    if behind.ndim == 3:
-        k = camera.intrinsics
-        check_shape("background", behind, (k.height, k.width, 3))
-        behind = ImagePlanes.of(behind, renderer.device)
-    renderer.forward(camera, near=near, background=behind, rows=rows)
-
-
 def render(
     gaussians: Gaussians,
     camera: Camera,
@@ -169,7 +149,15 @@ def render(
         options=options,
         camera_gradient=camera_gradient,
     )
-    draw(renderer, camera, near, background, rows)
+    if near is None:
+        means = renderer.gaussians.means.numpy()
+        center = means.mean(axis=0) if len(means) else np.zeros(3)
+        near = near_plane(camera, center, options.near_share)
+    behind: np.ndarray | ImagePlanes = np.asarray(background, dtype=np.float32)
+    if behind.ndim == 3:
+        check_shape("background", behind, (k.height, k.width, 3))
+        behind = ImagePlanes.of(behind, renderer.device)
+    renderer.forward(camera, near=near, background=behind, rows=rows)
     alpha = 1.0 - renderer.transmittance.to_numpy()[..., 0]
     depth = median = None
     if options.has_depth:

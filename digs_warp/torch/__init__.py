@@ -23,7 +23,7 @@ except ModuleNotFoundError as error:
 
 from digs_warp.data.gaussians import FIELDS, Gaussians
 from digs_warp.geometry.camera import Camera
-from digs_warp.splat.camera_motion import moved_camera, pose_gradient
+from digs_warp.splat.camera_gradient import moved_camera, pose_gradient
 from digs_warp.splat.config import DEFAULT_OPTIONS, RasterOptions
 from digs_warp.splat.render import render as render_numpy
 from digs_warp.splat.renderer import WHITE
@@ -102,7 +102,7 @@ class _Render(torch.autograd.Function):
         ctx.inputs = pose, *parameters
         ctx.view = view = render_numpy(
             Gaussians(*(tensor.detach().cpu().float().numpy() for tensor in parameters)),
-            moved_camera(settings.camera, ctx.pose),
+            settings.camera if pose is None else moved_camera(settings.camera, ctx.pose),
             near=settings.near,
             background=settings.background,
             options=settings.options,

@@ -9,7 +9,7 @@ import pytest
 
 from digs_warp.checks import DigsError
 from digs_warp.data.gaussians import FIELDS
-from digs_warp.splat.camera_motion import moved_camera
+from digs_warp.splat.camera_gradient import moved_camera
 from digs_warp.splat.config import RasterOptions
 from digs_warp.splat.render import render as render_numpy
 from reference.splat_scenes import BACKGROUND, NEAR, camera, random_gaussians

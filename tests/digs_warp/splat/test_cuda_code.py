@@ -10,7 +10,6 @@ import warp as wp
 from digs_warp.splat import (
     background,
     bin_kernels,
-    plane_kernels,
     project,
     project_adjoint,
 )
@@ -22,7 +21,7 @@ from digs_warp.splat.cooperative import (
 )
 from reference import plain_raster
 
-MODULES = (background, bin_kernels, plane_kernels, project, project_adjoint, plain_raster)
+MODULES = (background, bin_kernels, project, project_adjoint, plain_raster)
 
 
 @pytest.mark.parametrize("module", MODULES, ids=lambda module: module.__name__.split(".")[-1])

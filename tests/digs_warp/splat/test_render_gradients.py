@@ -1,12 +1,17 @@
 """Gradients of one rendered view as NumPy arrays: those of the float64 twin, whatever the outputs."""
 
+import subprocess
+import sys
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from digs_warp.checks import DigsError
 from digs_warp.data.gaussians import FIELDS, Gaussians
+from digs_warp.splat.camera_gradient import moved_camera, pose_gradient, rotation_jacobian
 from digs_warp.splat.config import RasterOptions
 from digs_warp.splat.render import RenderGradients, render
 from reference.splat_scenes import BACKGROUND, NEAR, camera, random_gaussians
@@ -102,3 +107,43 @@ def test_wrong_adjoints_are_named() -> None:
         view.backward(adj_alpha=np.full((27, 33), np.nan))
     with pytest.raises(DigsError, match=r"adj_depth: the view has no such output.*outputs"):
         view.backward(adj_depth=np.zeros((27, 33)))
+
+
+def test_the_jacobian_of_a_rotation_vector() -> None:
+    for vector in (np.zeros(3), np.array([3e-5, 0, -2e-5]), np.array([0.4, -1.1, 0.7])):
+        start = Rotation.from_rotvec(vector)
+        for axis in range(3):
+            step = 1e-6 * np.eye(3)[axis]
+            change = (start.inv() * Rotation.from_rotvec(vector + step)).as_rotvec() / 1e-6
+            np.testing.assert_allclose(rotation_jacobian(vector)[:, axis], change, atol=1e-5)
+
+
+def test_a_wrong_pose_finds_back() -> None:
+    """Also from a start far from zero, where the rotation vector's own Jacobian counts."""
+    truth = np.array([0.15, -0.2, 0.1, 0.02, -0.01, 0.03])
+    start = truth + np.array([0.02, -0.015, 0.02, 0.01, 0.008, -0.01])
+    target = render(SCENE, moved_camera(VIEW, truth), near=NEAR).image
+    pose = start.copy()
+    # Adam: rotation and translation have different units.
+    first, second = np.zeros(6), np.zeros(6)
+    for step in range(1, 141):
+        view = render(SCENE, moved_camera(VIEW, pose), near=NEAR, camera_gradient=True)
+        camera_gradient = view.backward(adj_image=2 * (view.image - target)).camera
+        assert camera_gradient is not None
+        gradient = pose_gradient(camera_gradient, pose)
+        first = 0.8 * first + 0.2 * gradient
+        second = 0.95 * second + 0.05 * gradient**2
+        scale = np.sqrt(second / (1 - 0.95**step)) + 1e-12
+        pose -= 3e-3 * 0.97**step * first / (1 - 0.8**step) / scale
+    assert np.abs(pose - truth).max() < 0.1 * np.abs(start - truth).max()
+
+
+def test_the_example_of_the_page_runs(tmp_path: Path) -> None:
+    page = (Path(__file__).parents[3] / "docs" / "rasterizer.md").read_text(encoding="utf-8")
+    example = tmp_path / "example.py"
+    example.write_text(page.split("```python\n")[1].split("```")[0], encoding="utf-8")
+    done = subprocess.run(
+        [sys.executable, str(example)], check=False, capture_output=True, text=True
+    )
+    assert done.returncode == 0, done.stderr
+    assert float(done.stdout.split()[-1]) == pytest.approx(1.0, abs=1e-4)
