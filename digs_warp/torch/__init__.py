@@ -98,11 +98,14 @@ class _Render(torch.autograd.Function):
         ctx: Any, settings: _Settings, pose: torch.Tensor | None, *parameters: torch.Tensor
     ) -> tuple[torch.Tensor | None, ...]:
         ctx.set_materialize_grads(False)
-        ctx.pose = None if pose is None else pose.detach().cpu().double().numpy()
+        ctx.pose, camera = None, settings.camera
+        if pose is not None:
+            ctx.pose = pose.detach().cpu().double().numpy()
+            camera = moved_camera(camera, ctx.pose)
         ctx.inputs = pose, *parameters
         ctx.view = view = render_numpy(
             Gaussians(*(tensor.detach().cpu().float().numpy() for tensor in parameters)),
-            settings.camera if pose is None else moved_camera(settings.camera, ctx.pose),
+            camera,
             near=settings.near,
             background=settings.background,
             options=settings.options,
