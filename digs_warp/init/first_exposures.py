@@ -11,12 +11,10 @@ before, all at once. With s the factor of a photograph and x the color of a poin
 
 is solved by least squares over all points and photographs, from which the points are eliminated. The channels
 share their factor: in a dark one, reflections would look like exposure. The training tells white balance.
-The lift of each photograph (`digs_warp.measure.color_lift`) follows from the mean colors of the points
-without these factors, and the factors then from the photographs without their lifts.
 
 Some exposure is always found: a shiny object is brighter from where it reflects the sky, which looks like a
 longer exposure. A real change of exposure explains most of the differences between photographs, at every
-point; gloss explains little of them. So gains and lifts are believed only where they explain enough;
+point; gloss explains little of them. So gains are believed only where they explain enough;
 otherwise, the exposure is constant.
 """
 
@@ -29,23 +27,14 @@ from digs_warp.data.frame import Frame
 from digs_warp.data.layers import Layer
 from digs_warp.data.point_cloud import PointCloud
 from digs_warp.init.seen_colors import SeenColors, colors_in, look_up
-from digs_warp.measure.color_gain import DARK, OFFSET, SATURATED
-from digs_warp.measure.color_lift import fit_lift
+from digs_warp.measure.color_gain import OFFSET, SATURATED, joint_log_factors
 
 # Points that tell the exposures.
 POINTS = 2000
-# What gains or lifts have to explain of the mean square of what differs without them. Where exposure and tone
-# are constant, they explain at most 0.07 (a flight helmet, a case of polished metal, a cow, a box), in images
+# What gains have to explain of the mean square of what differs without them. Where the exposure
+# is constant, they explain at most 0.07 (a flight helmet, a case of polished metal, a cow, a box), in images
 # of 72x54 pixels 0.24; where they are not, 0.27 or more.
 LEAST_EXPLAINED = 0.25
-# Rounds of reweighting: highlights, and what hides a point, hardly count. A difference that is larger than
-# usual weighs less by the square of that, so that it pulls the less, the larger it is: where one photograph
-# shows a highlight and the next one none, it would pull both together.
-ROUNDS = 12
-# The last round is the first one that changes no logarithm by more: 0.0014 stops.
-SETTLED = 1e-3
-# Usual are differences up to this many median ones, and all below about two steps of 8 bits.
-USUAL, LEAST = 2.0, 0.02
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,12 +43,10 @@ class FirstExposures:
 
     Attributes:
         log_factors: logarithms of the factors, as of `ColorGain`, for all channels, shape (m,).
-        lifts: see `digs_warp.measure.color_lift`, shape (m,).
-        vary: whether gains, white balance included, or lifts explain enough to be believed.
+        vary: whether gains, white balance included, explain enough to be believed.
     """
 
     log_factors: np.ndarray
-    lifts: np.ndarray
     vary: bool
 
     @staticmethod
@@ -69,15 +56,10 @@ class FirstExposures:
         some = np.where(clipped(some), np.nan, some)
         none = np.zeros(some.shape[1])
         gains = _log_gains(some)
-        lifts = _lifts(some, gains)
-        without = _differences(some, np.zeros_like(gains), none)
-        by_gains = _differences(some, gains, none)
-        by_both = _differences(some, _log_gains(some - lifts[:, None]), lifts)
-        lifted = _explain(by_gains, by_both)
-        if not lifted and not _explain(without, by_gains):
-            return FirstExposures(none, none, vary=False)
-        lifts = lifts if lifted else none
-        return FirstExposures(log_factors(_by_channel(some - lifts[:, None])), lifts, vary=True)
+        before, after = (_differences(some, each) for each in (np.zeros_like(gains), gains))
+        if after >= (1.0 - LEAST_EXPLAINED) * before:
+            return FirstExposures(none, vary=False)
+        return FirstExposures(joint_log_factors(_by_channel(some)), vary=True)
 
     def removed(self, colors: np.ndarray, of: int | slice = slice(None)) -> np.ndarray:
         """Return colors as in photographs of one exposure; not clipped.
@@ -86,8 +68,7 @@ class FirstExposures:
             colors: in all photographs (n, m, 3), or in one of them (n, 3).
             of: number of that photograph.
         """
-        lights = colors + OFFSET - self.lifts[of, None]
-        return np.exp(-self.log_factors[of, None]) * lights - OFFSET
+        return np.exp(-self.log_factors[of, None]) * (colors + OFFSET) - OFFSET
 
 
 def clipped(colors: np.ndarray) -> np.ndarray:
@@ -136,54 +117,6 @@ def without_exposure(
     return replace(points, colors=np.where(counts > 0, means, points.colors))
 
 
-def log_factors(values: np.ndarray) -> np.ndarray:
-    """Return the logarithms of the factors of m photographs, shape (m,); their mean is 0.
-
-    A photograph that shares no point with another has 0.
-
-    Args:
-        values: one channel of n points, sRGB in 0..1, NaN where a point is not seen, shape (n, m).
-    """
-    with np.errstate(invalid="ignore"):
-        told = (values > DARK) & (values < SATURATED / 255.0)
-    told &= told.sum(axis=1, keepdims=True) >= 2
-    count = values.shape[1]
-    if not told.any():
-        return np.zeros(count)
-    # Only where a photograph tells a point, one point after the other: that is a third of all.
-    point, photo = np.nonzero(told[told.any(axis=1)])
-    starts = np.flatnonzero(np.diff(point, prepend=-1))
-
-    def sums(each: np.ndarray) -> np.ndarray:
-        return np.add.reduceat(each, starts)[point]
-
-    light = values[told] + OFFSET
-    logs, usual = np.log(light), light**2  # an error of y is one of log y times y
-    weights, found = usual, np.zeros(count)
-    roots = np.zeros((len(starts), count))
-    for _ in range(ROUNDS):
-        totals = sums(weights)
-        shares = weights / totals
-        apart = logs - sums(shares * logs)
-        roots[point, photo] = weights / np.sqrt(totals)
-        # Not a product of matrices: its sums depend on the number of threads, and these wait for each other.
-        normal = np.diag(_by(photo, weights, count)) - np.einsum("nm,nk->mk", roots, roots)
-        before = found
-        found = np.linalg.lstsq(normal, _by(photo, weights * apart, count), rcond=1e-9)[0]
-        if np.abs(found - before).max() < SETTLED:
-            break
-        even = logs - found[photo]
-        misses = light * np.abs(even - sums(shares * even))
-        allowed = max(USUAL * float(np.median(misses)), LEAST)
-        weights = usual * (allowed / np.maximum(misses, allowed)) ** 2
-    return found - found.mean()
-
-
-def _by(photo: np.ndarray, values: np.ndarray, count: int) -> np.ndarray:
-    """Return the sum of the values of each of ``count`` photographs."""
-    return np.bincount(photo, values, count)
-
-
 def _by_channel(colors: np.ndarray) -> np.ndarray:
     """Return the values (3 n, m) of colors (n, m, 3), one channel after the other."""
     return np.concatenate([colors[..., channel] for channel in range(3)])
@@ -191,27 +124,16 @@ def _by_channel(colors: np.ndarray) -> np.ndarray:
 
 def _log_gains(colors: np.ndarray) -> np.ndarray:
     """Return the logarithms of the factors of each channel, (m, 3)."""
-    return np.stack([log_factors(colors[..., channel]) for channel in range(3)], axis=1)
+    return np.stack([joint_log_factors(colors[..., channel]) for channel in range(3)], axis=1)
 
 
-def _lifts(colors: np.ndarray, log_gains: np.ndarray) -> np.ndarray:
-    """Return the lifts of photographs of these gains (m, 3), shape (m,); their mean is 0."""
-    even = np.exp(-log_gains) * (colors + OFFSET) - OFFSET
-    is_seen = np.isfinite(even)
-    counts = is_seen.sum(axis=1)
-    sums = np.where(is_seen, even, 0.0).sum(axis=1)
-    means = np.where(counts >= 2, sums / np.maximum(counts, 1), np.nan)
-    found = np.array([fit_lift(means, photograph) for photograph in np.moveaxis(colors, 1, 0)])
-    return found - found.mean() if len(found) else found
-
-
-def _differences(colors: np.ndarray, log_gains: np.ndarray, lifts: np.ndarray) -> float:
-    """Return how far photographs without these gains (m, 3) and lifts (m,) are from the median one.
+def _differences(colors: np.ndarray, log_gains: np.ndarray) -> float:
+    """Return how far photographs without these gains (m, 3) are from the median one.
 
     It is the mean square, over the photographs, of the median over the points: highlights and what hides a
     point do not count, but a few photographs of another exposure do.
     """
-    even = np.exp(-log_gains) * (colors + OFFSET - lifts[:, None])
+    even = np.exp(-log_gains) * (colors + OFFSET)
     values = _by_channel(even)
     values = values[np.isfinite(values).sum(axis=1) >= 2]
     if not len(values):
@@ -222,8 +144,3 @@ def _differences(colors: np.ndarray, log_gains: np.ndarray, lifts: np.ndarray) -
     misses = np.abs(values - median[:, None])
     usual = [np.median(own[np.isfinite(own)]) for own in misses.T if np.isfinite(own).any()]
     return float(np.mean(np.square(usual)))
-
-
-def _explain(before: float, after: float) -> bool:
-    """Whether enough of the mean squares is explained."""
-    return after < (1.0 - LEAST_EXPLAINED) * before

@@ -5,8 +5,8 @@ that is a factor, too, above the darkest values: from x = 1.055 L^(1/2.4) - 0.05
 
     y + 0.055 = s (x + 0.055),   s = g^(1/2.4)
 
-so one number for each channel describes both, and least squares give it in closed form. A camera whose
-contrast or black level changes, too, adds a lift to it (`digs_warp.measure.color_lift`).
+so one number for each channel describes both. `fit_color_gain` finds the gain between two images of the same
+pixels; `joint_log_factors` those of many photographs that see the same points, all at once.
 """
 
 from dataclasses import dataclass
@@ -36,18 +36,25 @@ DEVIATION_PER_MEDIAN = 1.4826
 LEAST_DEVIATION = 1.0 / (255.0 * 12.0**0.5)
 ROUNDS = 4
 
+# Rounds of reweighting: highlights, and what hides a point, hardly count. A difference that is larger than
+# usual weighs less by the square of that, so that it pulls the less, the larger it is: where one photograph
+# shows a highlight and the next one none, it would pull both together.
+JOINT_ROUNDS = 12
+# The last round is the first one that changes no logarithm by more: 0.0014 stops.
+SETTLED = 1e-3
+# Usual are differences up to this many median ones, and all below about two steps of 8 bits.
+USUAL, LEAST = 2.0, 0.02
+
 
 @dataclass(frozen=True, eq=False)
 class ColorGain:
-    """Gains of red, green and blue, and a lift of all three.
+    """Gains of red, green and blue.
 
     Attributes:
         log_factors: logarithms of the factors s on sRGB + 0.055, shape (3,).
-        lift: what is added to the sRGB values after that.
     """
 
     log_factors: np.ndarray
-    lift: float = 0.0
 
     @property
     def stops(self) -> np.ndarray:
@@ -55,20 +62,17 @@ class ColorGain:
         return STOPS_PER_LOG * self.log_factors
 
     def applied(self, colors: np.ndarray) -> np.ndarray:
-        """Return sRGB colors, shape (..., 3), after gain and lift; not clipped."""
-        return np.exp(self.log_factors) * (colors + OFFSET) - OFFSET + self.lift
+        """Return sRGB colors, shape (..., 3), after the gain; not clipped."""
+        return np.exp(self.log_factors) * (colors + OFFSET) - OFFSET
 
     def removal(self) -> tuple[np.ndarray, np.ndarray]:
         """Return (factor, shift), shape (3,) each: ``factor * color + shift`` undoes `applied`."""
         factor = np.exp(-self.log_factors)
-        return factor, OFFSET * (factor - 1.0) - factor * self.lift
+        return factor, OFFSET * (factor - 1.0)
 
 
 def fit_color_gain(
-    colors: np.ndarray,
-    photograph: np.ndarray,
-    otherwise: np.ndarray | None = None,
-    lift: float = 0.0,
+    colors: np.ndarray, photograph: np.ndarray, otherwise: np.ndarray | None = None
 ) -> ColorGain:
     """Return the gain that turns ``colors`` into ``photograph``, by robust least squares.
 
@@ -77,7 +81,6 @@ def fit_color_gain(
         photograph: sRGB values in 0..1 of the same pixels, shape (n, 3).
         otherwise: log factors (3,) of channels that too few pixels tell about, being black, saturated or
             not finite. Default: 0, no gain.
-        lift: of the photograph, known; it is taken off before.
     """
     factors = np.zeros(3) if otherwise is None else np.array(otherwise, dtype=np.float64)
     limit = MOST_STOPS / STOPS_PER_LOG
@@ -86,10 +89,9 @@ def fit_color_gain(
         y = np.asarray(photograph[:, channel], dtype=np.float64)
         usable = np.isfinite(x) & (x > DARK) & (y > DARK) & (y < SATURATED / 255.0)
         if np.count_nonzero(usable) >= FEWEST_PIXELS:
-            below = y[usable] if lift == 0 else np.maximum(y[usable] - lift, 0.0)
-            factor = _robust_factor(x[usable] + OFFSET, below + OFFSET)
+            factor = _robust_factor(x[usable] + OFFSET, y[usable] + OFFSET)
             factors[channel] = np.clip(np.log(factor), -limit, limit)
-    return ColorGain(factors, lift)
+    return ColorGain(factors)
 
 
 def _robust_factor(x: np.ndarray, y: np.ndarray) -> float:
@@ -115,3 +117,65 @@ def median(values: np.ndarray) -> float:
     parted = np.partition(values, half)
     upper = float(parted[half])
     return upper if len(values) % 2 else (float(parted[:half].max()) + upper) / 2
+
+
+def joint_log_factors(values: np.ndarray) -> np.ndarray:
+    """Return the logarithms of the factors of m photographs, shape (m,); their mean is 0.
+
+    A photograph that shares no point with another has 0.
+
+    Args:
+        values: one channel of n points, sRGB in 0..1, NaN where a point is not seen, shape (n, m).
+    """
+    with np.errstate(invalid="ignore"):
+        told = (values > DARK) & (values < SATURATED / 255.0)
+    told &= told.sum(axis=1, keepdims=True) >= 2
+    count = values.shape[1]
+    if not told.any():
+        return np.zeros(count)
+    # Only where a photograph tells a point, one point after the other: that is a third of all.
+    point, photo = np.nonzero(told[told.any(axis=1)])
+    starts = np.flatnonzero(np.diff(point, prepend=-1))
+
+    def sums(each: np.ndarray) -> np.ndarray:
+        return np.add.reduceat(each, starts)[point]
+
+    light = values[told] + OFFSET
+    logs, usual = np.log(light), light**2  # an error of y is one of log y times y
+    weights, found = usual, np.zeros(count)
+    roots = np.zeros((len(starts), count))
+    for _ in range(JOINT_ROUNDS):
+        totals = sums(weights)
+        shares = weights / totals
+        apart = logs - sums(shares * logs)
+        roots[point, photo] = weights / np.sqrt(totals)
+        # Not a product of matrices: its sums depend on the number of threads, and these wait for each other.
+        normal = np.diag(_sums_by_photo(photo, weights, count)) - np.einsum(
+            "nm,nk->mk", roots, roots
+        )
+        before = found
+        found = np.linalg.lstsq(normal, _sums_by_photo(photo, weights * apart, count), rcond=1e-9)[
+            0
+        ]
+        if np.abs(found - before).max() < SETTLED:
+            break
+        even = logs - found[photo]
+        misses = light * np.abs(even - sums(shares * even))
+        allowed = max(USUAL * float(np.median(misses)), LEAST)
+        weights = usual * (allowed / np.maximum(misses, allowed)) ** 2
+    return found - found.mean()
+
+
+def _sums_by_photo(photo: np.ndarray, values: np.ndarray, count: int) -> np.ndarray:
+    """Return the sum of the values of each of ``count`` photographs."""
+    return np.bincount(photo, values, count)
+
+
+def trusted_share(square: float, error: float) -> float:
+    """Return the share of gains that their errors do not explain, 0 to 1 (James and Stein).
+
+    Args:
+        square: their mean square.
+        error: that of their errors, above 0.
+    """
+    return 1.0 - error / max(square, error)

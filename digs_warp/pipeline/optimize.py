@@ -167,7 +167,7 @@ def _load_views(
     with ThreadPoolExecutor(2) as beside:
         opening = None
         if seeds is not None:
-            opening = beside.submit(open_data, frames, config, folder, resume, shutter, seeds)
+            opening = beside.submit(open_data, frames, config, folder, resume, shutter)
         held_out = load_test_views(posed.held_out, shutter)
         judging, constant = None, False
         evens = seeds is not None and config.fit_exposure == "on"

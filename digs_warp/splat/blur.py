@@ -43,10 +43,6 @@ class Blur:
             return 1
         return min(max(2, ceil(self.pixels / SPACING)), MOST_MOMENTS)
 
-    def at_half_size(self) -> "Blur":
-        """Return the blur of the same image at half the size."""
-        return Blur(self.motion, self.pixels / 2)
-
     def cameras(self, camera: Camera) -> list[Camera]:
         """Return the cameras of all moments, the one nearest to the middle of the exposure first."""
         count = self.moments

@@ -51,14 +51,8 @@ OPTIONS_ITERATIONS, MAX_SPLATS = 400, 40_000
 # As the command line spells them, and what they set.
 OPTIONS: tuple[tuple[str, dict[str, Any]], ...] = (
     ("defaults", {}),
-    ("--half-size-until 0", {"half_size_until": 0.0}),
     ("--sh-degree 3", {"sh_degree": 3}),
     ("--background white", {"background": "white"}),
-    (
-        "--background white --coverage-weight 0.1",
-        {"background": "white", "coverage_weight": 0.1},
-    ),
-    ("--coverage-weight 0.1", {"coverage_weight": 0.1}),
     ("--depth-weight 0.02", {"depth_weight": 0.02}),
     ("--dssim-weight 0", {"dssim_weight": 0.0}),
     ("--density adaptive", {"density": Density(strategy="adaptive", max_splats=MAX_SPLATS)}),
@@ -103,7 +97,7 @@ def bench_convergence(
 ) -> list[Result]:
     """Return seconds and PSNR of the held-out views along a run: our settings, then those of 3DGS."""
     dense = TrainConfig(stop=Stop(iterations=iterations))
-    reference = replace(dense, rates=Rates(**asdict(REFERENCE_RATES)), half_size_until=0.0)
+    reference = replace(dense, rates=Rates(**asdict(REFERENCE_RATES)))
     init = InitConfig()
     runs: tuple[tuple[str, TrainConfig, Mapping[str, float]], ...] = (
         (DENSE, dense, {"opacity": init.seed_opacity, "width": init.seed_width}),

@@ -74,7 +74,7 @@ def _record(width: int, height: int, folder: Path) -> Capture:
 def _prepare(capture: Capture, voxel_size: float) -> Trainer:
     init = InitConfig(voxel_size=voxel_size)
     points = initial_points(capture.frames, init)
-    config = TrainConfig(half_size_until=0.0)
+    config = TrainConfig()
     views = open_views(capture.frames, config)
     seeds = seed_gaussians(points, config.usual_sh_degree, init.seed_opacity, init.seed_width)
     trainer = Trainer(seeds, views, config)

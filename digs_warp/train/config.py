@@ -9,7 +9,6 @@ from typing import Annotated, Literal
 
 from tyro.conf import arg
 
-from digs_warp.checks import DigsError
 from digs_warp.geometry.sh import USUAL_DEGREE
 from digs_warp.record.durations import DURATION
 from digs_warp.settings import (
@@ -161,10 +160,6 @@ class TrainConfig(Settings):
     dssim_weight: Annotated[float, Range(0, 1), NO_FLAG] = 0.2
     """Fraction lambda of D-SSIM in the loss; the rest is L1."""
 
-    coverage_weight: Annotated[float, WEIGHT] = 0.0
-    """Weight of the difference between coverage and mask: keeps the area around the object empty, even with
-    a fixed background."""
-
     depth_weight: Annotated[float | None, WEIGHT] = None
     """Weight of the difference between rendered and measured depth: holds the surface where it was measured.
     Default: 0.008 where the recording has depth."""
@@ -177,7 +172,7 @@ class TrainConfig(Settings):
     """Weight of the mean scale, in units of the scene's extent. Default: 0.01 with --density mcmc, else 0."""
 
     fit_exposure: Literal["on", "off"] = "on"
-    """Exposure, white balance and tone of each photograph. on: fitted, so that the colors of the Gaussians
+    """Exposure and white balance of each photograph. on: fitted, so that the colors of the Gaussians
     are those of all photographs; off: taken as equal in all of them."""
 
     clean_rim: Annotated[Literal["on", "off"], NO_FLAG] = "on"
@@ -198,10 +193,6 @@ class TrainConfig(Settings):
     exposure_time: Annotated[float | None, Range(0, 1, "seconds"), NO_FLAG] = None
     """Motion blur: how long each row was exposed [s]; 0: for an instant. Default: as the recording says."""
 
-    half_size_until: Annotated[float | None, Range(0, 1)] = None
-    """Fraction of the run that trains on half-size images, which is faster. Default: 0.5, but at most 100
-    steps, with --density fixed and Gaussians wide enough for such images; else 0."""
-
     image_memory: Annotated[float, Range(1e-12, MANY), NO_FLAG] = 2048.0
     """Memory for photographs [MiB]. Those that do not fit are read again in the background."""
 
@@ -218,14 +209,6 @@ class TrainConfig(Settings):
 
     device: str = "cpu"
     """Warp device: cpu or cuda."""
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        if self.mask_role == "ignore" and self.coverage_weight > 0:
-            raise DigsError(
-                "--coverage-weight: keeps the area outside the masks empty, but --mask-role ignore says that "
-                "nothing is known there; leave one of the two out"
-            )
 
     @property
     def usual_sh_degree(self) -> int:

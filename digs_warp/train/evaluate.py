@@ -15,7 +15,6 @@ from digs_warp.data.layers import Layer
 from digs_warp.device.threads import default_threads
 from digs_warp.geometry.camera import Camera
 from digs_warp.measure.color_gain import OFFSET, ColorGain, fit_color_gain
-from digs_warp.measure.color_lift import trusted_lift
 from digs_warp.measure.metrics import mean_over, psnr, ssim_map
 from digs_warp.measure.scores import ViewScore
 from digs_warp.splat.blur import Blur
@@ -153,14 +152,8 @@ def score_views(renderings: Sequence[Rendering], views: Sequence[TestView]) -> l
 
 
 def color_aligned(rendering: Rendering, view: TestView) -> np.ndarray:
-    """Return the image of a rendering with the photograph's exposure, white balance and lift, in 0..1."""
-    return with_gain(rendering, photographed_tone(rendering, view))
-
-
-def photographed_tone(rendering: Rendering, view: TestView) -> ColorGain:
-    """Return the gain and the lift that turn the object in a rendering into that in its photograph."""
-    colors, photograph = _on_object([rendering], [view])
-    return fit_color_gain(colors, photograph, lift=trusted_lift(colors, photograph))
+    """Return the image of a rendering with the photograph's exposure and white balance, in 0..1."""
+    return with_gain(rendering, photographed_gain([rendering], [view]))
 
 
 def photographed_gain(renderings: Sequence[Rendering], views: Sequence[TestView]) -> ColorGain:
@@ -181,15 +174,13 @@ def _on_object(
 def with_gain(rendering: Rendering, gain: ColorGain) -> np.ndarray:
     """Return the image of a rendering whose Gaussians, but not the white behind them, have a gain, in 0..1.
 
-    A color c becomes s (c + o) - o + l, see `digs_warp.measure.color_gain`. A pixel with coverage a and the
-    sum C of its Gaussians' colors, each times its share, becomes s (C + o a) - o a + l a; the white stays.
+    A color c becomes s (c + o) - o, see `digs_warp.measure.color_gain`. A pixel with coverage a and the
+    sum C of its Gaussians' colors, each times its share, becomes s (C + o a) - o a; the white stays.
     """
     covered = rendering.coverage[..., None]
     factors = np.exp(gain.log_factors).astype(np.float32)
     own = rendering.light - (1.0 - covered)
-    changed = (factors - 1.0) * (own + np.float32(OFFSET) * covered) + np.float32(
-        gain.lift
-    ) * covered
+    changed = (factors - 1.0) * (own + np.float32(OFFSET) * covered)
     return np.clip(rendering.light + changed, 0.0, 1.0)
 
 

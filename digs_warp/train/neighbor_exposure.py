@@ -15,7 +15,7 @@ from digs_warp.measure.metrics import psnr
 from digs_warp.splat.device import DeviceGaussians
 from digs_warp.train.evaluate import (
     load_test_views,
-    photographed_tone,
+    photographed_gain,
     render_views,
     with_gain,
 )
@@ -33,7 +33,7 @@ def psnr_by_neighbors(
     """
     views = load_test_views(training)
     pairs = zip(render_views(gaussians, views), views, strict=True)
-    gains = [photographed_tone(rendering, view) for rendering, view in pairs]
+    gains = [photographed_gain([rendering], [view]) for rendering, view in pairs]
     times = np.array([frame.time for frame in training])
     tests = load_test_views(held_out)
     scores = [
@@ -58,6 +58,6 @@ def interpolated(times: np.ndarray, gains: Sequence[ColorGain], moment: float) -
         moment: [s].
     """
     order = np.argsort(times, kind="stable")
-    known = np.stack([[*gains[n].log_factors, gains[n].lift] for n in order])
-    *factors, lift = (float(np.interp(moment, times[order], values)) for values in known.T)
-    return ColorGain(np.array(factors), lift)
+    known = np.stack([gains[n].log_factors for n in order])
+    factors = [np.interp(moment, times[order], values) for values in known.T]
+    return ColorGain(np.array(factors))

@@ -8,7 +8,6 @@ import numpy as np
 import warp as wp
 
 from digs_warp.geometry.rigid import PixelBox
-from digs_warp.losses.coverage import CoverageLoss
 from digs_warp.losses.depth import DepthLoss
 from digs_warp.losses.photometric import PhotometricLoss
 from digs_warp.losses.regions import loss_blocks, read_region
@@ -42,8 +41,7 @@ class Objective:
         width, height = r.image.max_width, r.image.max_height
         self._renderer = renderer
         self._keeps_color = config.mask_role == "ignore"
-        with_mask = self._keeps_color or config.coverage_weight > 0
-        self._target = Target(width, height, device, with_mask=with_mask)
+        self._target = Target(width, height, device, with_mask=self._keeps_color)
         self._photometric = PhotometricLoss(
             r.image, self._target.image, self._target.mask, r.adj_image, config.dssim_weight
         )
@@ -52,11 +50,7 @@ class Objective:
             self._left_out = LeftOut(
                 r.image, r.transmittance, self._target.image, self._target.mask, r.adj_image
             )
-        self._coverage = self._depth = None
-        if config.coverage_weight > 0:
-            self._coverage = CoverageLoss(
-                r.transmittance, self._target.mask, r.adj_transmittance, config.coverage_weight
-            )
+        self._depth = None
         if r.middle.options.has_depth:  # depth is measured in the middle of the exposure
             weight = config.depth_weight_where(recorded=True)
             m = r.middle
@@ -112,8 +106,6 @@ class Objective:
         if left_out and view.unknown:
             left_out.accept(view.unknown)
         self._photometric.run(view.size, blocks, weighted=self._keeps_color)
-        if self._coverage is not None:
-            self._coverage.run(view.size, view.box, pixels_of(drawn, *view.size))
         if self._depth is not None and view.depth is not None:
             boxes = view.box, pixels_of(drawn, *view.size)
             errors = depth_errors.offset, depth_errors.trust
@@ -147,6 +139,6 @@ class Objective:
         return sum(others, start=self._photometric.value()[0])
 
     @property
-    def _other_terms(self) -> list[CoverageLoss | DepthLoss | RegularizerLoss]:
-        terms = (self._coverage, self._depth, self._regularizer)
+    def _other_terms(self) -> list[DepthLoss | RegularizerLoss]:
+        terms = (self._depth, self._regularizer)
         return [term for term in terms if term is not None]

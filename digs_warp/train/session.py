@@ -69,7 +69,7 @@ class TrainingData:
         views: to train on.
         measured: views whose measured depth the surface is compared with.
         first_step: the step that the training starts or goes on at.
-        constant_exposure: whether exposure and tone of the views are known to be constant.
+        constant_exposure: whether the exposure of the views is known to be constant.
     """
 
     views: ViewStore
@@ -84,7 +84,6 @@ def open_data(
     folder: Path,
     resume: bool = False,
     shutter: ShutterPlan = NO_SHUTTER,
-    start: Gaussians | None = None,
 ) -> TrainingData:
     """Read what a training in ``folder`` needs; arguments as of `train_gaussians`.
 
@@ -94,13 +93,12 @@ def open_data(
         folder: of the training.
         resume: continue from the folder's checkpoint if it has one.
         shutter: how the cameras move while their rows are read.
-        start: the Gaussians at the start, see `open_views`.
 
     Raises:
         DigsError: bad views, or a broken checkpoint.
     """
     first_step = checkpoint_step(folder / CHECKPOINT) if resume else 0
-    views = open_views(frames, config, first_step, shutter, start)
+    views = open_views(frames, config, first_step, shutter)
     return TrainingData(views, load_measured_views(frames, shutter), first_step)
 
 
@@ -179,7 +177,6 @@ def _record(trainer: Trainer, course: CourseRecorder, gaussians: int, stopped: s
         stopped_by=stopped,
         training_seconds=round(rows[-1].seconds, 3),
         exposure_stops=round(exposures.rms_stops, 4) if exposures is not None else None,
-        tone_lift=round(exposures.rms_lift, 4) if exposures is not None else None,
         adherence=distances[-1] if distances else None,
     )
 

@@ -28,7 +28,6 @@ from digs_warp.train.depth_errors import (
 from digs_warp.train.draws import BACKGROUND
 from digs_warp.train.exposure import Exposures, rendered_samples
 from digs_warp.train.finite import FiniteCheck, non_finite_rows
-from digs_warp.train.half_size import half_size_steps
 from digs_warp.train.objective import Objective
 from digs_warp.train.optimizer import Adam
 from digs_warp.train.trained_poses import PoseTraining, TrainedPoses
@@ -50,7 +49,7 @@ class Trainer:
         config: settings.
         held: which of them stay as they are, shape (n,), bool; None: none.
         train_poses: what the cameras do until their photographs fit.
-        constant_exposure: whether exposure and tone of the views are known to be constant.
+        constant_exposure: whether the exposure of the views is known to be constant.
 
     Attributes:
         gaussians: the parameters on the device; `DeviceGaussians.to_numpy` gives a copy.
@@ -92,7 +91,6 @@ class Trainer:
         self._extent = scene_extent(views.cameras)
         self.objective = Objective(self.renderer, config, self._extent)
         self._center = gaussians.means.mean(axis=0)
-        self._half_size_steps = half_size_steps(config, gaussians, views.cameras)
         self.control = density_control(len(gaussians), gaussians.sh_degree, config, self._extent)
         self.exposures: Exposures | None = None
         if config.fit_exposure == "on":
@@ -200,8 +198,6 @@ class Trainer:
 
     def _view(self) -> View:
         view = self.views.view(self.optimizer.step)
-        small = self.optimizer.step < self._half_size_steps
-        view = view.half if small and view.half is not None else view
         if self.poses is None:
             return view
         index = self.views.index(self.optimizer.step)

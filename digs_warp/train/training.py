@@ -26,8 +26,6 @@ class Training:
         training_seconds: of the steps alone [s].
         exposure_stops: root mean square of the photographs' gains [stops]: how much their exposure and white
             balance vary; 0 where they are known to be constant, None if they were not fitted.
-        tone_lift: that of their lifts [sRGB, 0 to 1], how much contrast and black level vary; 0 where the
-            tone is constant, None like it.
         adherence: median distance of the surface to the measured depth [m]; None where none was measured.
     """
 
@@ -40,7 +38,6 @@ class Training:
     stopped_by: Annotated[str | None, Figure("training ended by")] = None
     training_seconds: Annotated[float | None, Figure("training", "s", digits=1)] = None
     exposure_stops: Annotated[float | None, Figure("exposure varies by", "stops", digits=3)] = None
-    tone_lift: Annotated[float | None, Figure("tone varies by", digits=4)] = None
     adherence: Annotated[
         float | None, Figure("adherence to the measured depth", "mm", factor=1e3)
     ] = None

@@ -12,14 +12,12 @@ import numpy as np
 
 from digs_warp.checks import DigsError
 from digs_warp.data.frame import Frame
-from digs_warp.data.gaussians import Gaussians
 from digs_warp.data.layers import Layer
 from digs_warp.device.parallel import default_threads
 from digs_warp.geometry.camera import Camera
 from digs_warp.record.progress import progress
 from digs_warp.train.config import TrainConfig
 from digs_warp.train.draws import VIEW_ORDER
-from digs_warp.train.half_size import half_size_steps, may_halve
 from digs_warp.train.shutter import NO_SHUTTER, ShutterPlan
 from digs_warp.train.views import View, load_view
 
@@ -34,7 +32,6 @@ def open_views(
     config: TrainConfig,
     first_step: int = 0,
     shutter: ShutterPlan = NO_SHUTTER,
-    start: Gaussians | None = None,
 ) -> "ViewStore":
     """Open the views of a run in the form that its settings require.
 
@@ -43,23 +40,16 @@ def open_views(
         config: seed, device, memory, and which layers of a frame are needed.
         first_step: the step that the run starts at.
         shutter: how the cameras move while their rows are read.
-        start: the Gaussians at the start, which tell whether any step uses views of half the size. Default:
-            these are there whenever the settings allow it.
 
     Raises:
         DigsError: there is no frame, or one of the first cannot be read.
     """
-    with_half = may_halve(config)
-    if start and frames:
-        cameras = [frame.camera for frame in frames]
-        with_half = first_step < half_size_steps(config, start, cameras)
 
     def load(frame: Frame) -> View:
         return load_view(
             frame,
             config.device,
             with_depth=config.depth_weight_where(frame.has(Layer.DEPTH)) > 0,
-            with_half=with_half,
             on_background=config.mask_role == "object" and config.clean_rim == "on",
             rows=shutter.rows_of(frame),
             blur=shutter.blur.of(frame),

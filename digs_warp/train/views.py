@@ -2,14 +2,13 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import reduce
 
 import numpy as np
 import warp as wp
 
 from digs_warp.data.frame import Frame
 from digs_warp.data.layers import Layer
-from digs_warp.geometry.camera import Camera, Intrinsics
+from digs_warp.geometry.camera import Camera
 from digs_warp.geometry.rigid import PixelBox, mask_box
 from digs_warp.losses.depth import DepthTarget, depth_weights
 from digs_warp.losses.regions import tiles_of
@@ -20,9 +19,6 @@ from digs_warp.splat.row_motion import RowMotion
 from digs_warp.train.depth_errors import DepthSamples
 from digs_warp.train.exposure import ColorSamples
 from digs_warp.train.silhouette import without_surround
-
-# A larger difference of depth inside a 2x2 block, as a share of it, is a step to another surface.
-JUMP = 0.02
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,7 +34,6 @@ class View:
         samples: pixels that tell its exposure.
         depth: what the depth camera measured inside ``box``; None if not requested.
         depth_samples: pixels that tell the errors of that depth; None like it.
-        half: the same view at half the size; None if not requested.
         unknown: pixels at which something may hide the object; None: there are none.
         rows: how the camera moves while its rows are read; None: not at all.
         blur: how it moves while the shutter is open; None: not at all.
@@ -52,7 +47,6 @@ class View:
     samples: ColorSamples
     depth: DepthTarget | None = None
     depth_samples: DepthSamples | None = None
-    half: "View | None" = None
     unknown: UnknownPixels | None = None
     rows: RowMotion | None = None
     blur: Blur | None = None
@@ -73,7 +67,7 @@ class View:
             held += self.depth_samples.bytes
         if self.unknown is not None:
             held += self.unknown.bytes
-        return held + (self.half.bytes if self.half is not None else 0)
+        return held
 
 
 def load_view(
@@ -81,7 +75,6 @@ def load_view(
     device: str = "cpu",
     *,
     with_depth: bool = False,
-    with_half: bool = False,
     on_background: bool = True,
     rows: RowMotion | None = None,
     blur: Blur | None = None,
@@ -92,7 +85,6 @@ def load_view(
         frame: the frame.
         device: Warp device of the arrays.
         with_depth: also read the depth, and the confidence if there is one.
-        with_half: also prepare the view at half the size.
         on_background: the object will be shown over other backgrounds, so its rim gets the object's color
             alone, see `digs_warp.train.silhouette`.
         rows: how the camera moves while its rows are read.
@@ -113,17 +105,6 @@ def load_view(
         depth = frame.load_depth()
         weights = depth_weights(image, mask, depth, confidence)
         view = _with_depth(view, depth, weights, device)
-    if with_half:
-        k = frame.camera.intrinsics
-        if k.width > 1 and k.height > 1:
-            camera = Camera(halved(k), frame.camera.world_from_cam)
-            smaller = half_size(photo, mask)
-            small_unknown = None if unknown is None else any_of_four(unknown)
-            half = packed_view(frame.name, camera, *smaller, device, small_unknown)
-            if with_depth:
-                half = _with_depth(half, *half_depth(depth, weights), device)
-            less = blur.at_half_size() if blur else None
-            view = replace(view, half=replace(half, rows=rows, blur=less))
     return view
 
 
@@ -145,63 +126,6 @@ def packed_view(
     samples = ColorSamples.of(image, mask)
     hidden = UnknownPixels.of(unknown, device)
     return View(name, camera, pixels, box, tiles_of(mask), samples, unknown=hidden)
-
-
-def halved(k: Intrinsics) -> Intrinsics:
-    """Return the camera with 2x2 pixels merged into one; an odd last row or column is dropped."""
-    return Intrinsics(k.width // 2, k.height // 2, k.fx / 2, k.fy / 2, k.cx / 2, k.cy / 2)
-
-
-def half_size(image: np.ndarray, mask: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return image and mask at half the size: means of 2x2 blocks, colors weighted by the mask."""
-    half = np.zeros((mask.shape[0] // 2, mask.shape[1] // 2), np.uint8)
-    colors = np.zeros((*half.shape, 3), np.uint8)
-    # Only around the mask: elsewhere both are 0.
-    x0, y0, x1, y1 = (edge // 2 for edge in mask_box(mask))
-    inside = np.s_[y0 : y1 + 1, x0 : x1 + 1]
-    share = _blocks(mask, inside)[..., None].astype(np.float32)
-    # Whole numbers below 2^24: the sums are exact.
-    total, weighted = _sum_of_four(share), _sum_of_four(_blocks(image, inside) * share)
-    mixed = np.where(total > 0, weighted / np.maximum(total, 1e-6), 0.0)
-    colors[inside], half[inside] = np.rint(mixed), np.rint(total[..., 0] / 4.0)
-    return colors, half
-
-
-def _blocks(values: np.ndarray, places: tuple[slice, slice]) -> np.ndarray:
-    """Return the pixels of the 2x2 blocks at some places of an image at half the size."""
-    rows, columns = (slice(2 * each.start, 2 * each.stop) for each in places)
-    return values[rows, columns]
-
-
-def half_depth(depth: np.ndarray, weights: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return depth [m] and its weights at half the size: means of 2x2 blocks, and the least weight.
-
-    A block with a pixel that has no weight, or across a jump in depth, has weight 0.
-    """
-    known = _four(np.where(weights > 0, depth, np.float32(np.nan)))
-    with np.errstate(invalid="ignore"):
-        mean = ((known[0] + known[1]) + (known[2] + known[3])) / np.float32(4.0)
-        together = reduce(np.maximum, known) - reduce(np.minimum, known) < JUMP * mean
-    return mean, np.where(together, reduce(np.minimum, _four(weights)), 0).astype(np.uint8)
-
-
-def any_of_four(pixels: np.ndarray) -> np.ndarray:
-    """Return a mask at half the size, true where one of 2x2 pixels is; an odd last row is dropped."""
-    return reduce(np.logical_or, _four(pixels))
-
-
-def _four(values: np.ndarray) -> list[np.ndarray]:
-    """Return the four pixels of each 2x2 block, row by row; an odd last row or column is dropped.
-
-    Adding or comparing whole images takes a tenth of the time of a reduction over axes of length 2.
-    """
-    height, width = values.shape[0] // 2 * 2, values.shape[1] // 2 * 2
-    return [values[down:height:2, right:width:2] for down in (0, 1) for right in (0, 1)]
-
-
-def _sum_of_four(values: np.ndarray) -> np.ndarray:
-    first, second, third, fourth = _four(values)
-    return (first + second) + (third + fourth)
 
 
 def scene_extent(cameras: Sequence[Camera]) -> float:

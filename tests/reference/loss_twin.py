@@ -15,11 +15,6 @@ def photometric(
     return float((weights[..., None] * terms).mean())
 
 
-def coverage(alpha: np.ndarray, mask: np.ndarray) -> float:
-    """Mean difference between alpha and mask."""
-    return float(np.abs(alpha.astype(np.float64) - mask).mean())
-
-
 def depth(
     rendered: np.ndarray,
     measured: np.ndarray,

@@ -110,18 +110,13 @@ def _all(count: int) -> str:
 
 
 def _aligned_words(result: Reconstruction) -> str:
-    words = "Color-aligned: after exposure, white balance and tone of the photograph were fitted."
+    words = "Color-aligned: after exposure and white balance of the photograph were fitted."
     if result.training.exposure_stops is None:
         return words
-    if not result.training.exposure_stops and not result.training.tone_lift:
+    if not result.training.exposure_stops:
         return f"{words} The training views have the same."
-    words = (
-        f"{words} Those of the training views differ by {result.training.exposure_stops:.2f} stops."
-    )
-    if not result.training.tone_lift:
-        return words
     return (
-        f"{words} Their tone differs, too: by {result.training.tone_lift:.1%} of white beside that."
+        f"{words} Those of the training views differ by {result.training.exposure_stops:.2f} stops."
     )
 
 

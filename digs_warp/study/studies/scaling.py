@@ -105,8 +105,7 @@ def cases(objects_count: int = 1, seeds: int = 1, iterations: int = 200) -> list
             reconstruction={
                 **{"sfm.poses": "sfm", "sfm.pairing": "sequential"},
                 **{"init.voxel_size": sizes["voxel"], "train.seed": seed},
-                # No step on smaller images: the law counts pixels.
-                **{"train.stop.iterations": iterations, "train.half_size_until": 0.0},
+                **{"train.stop.iterations": iterations},
             },
             threads=threads,
         )

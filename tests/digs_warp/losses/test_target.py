@@ -80,7 +80,7 @@ def test_the_photograph_as_it_is() -> None:
 def test_a_gain_is_taken_off_the_photograph() -> None:
     image, mask = photograph(0)
     rendered = ImagePlanes.of(np.random.default_rng(1).uniform(0, 2, (19, 31, 3)))
-    gain = ColorGain(np.array([0.4, -0.3, 0.1]), lift=0.07)
+    gain = ColorGain(np.array([0.4, -0.3, 0.1]))
     target = Target(31, 19)
     pixels = wp.array(pack_view(image, mask), dtype=wp.uint8, device="cpu")
     whole = (0, 0, 31, 19)

@@ -8,7 +8,6 @@ import warp as wp
 from numpy.testing import assert_allclose, assert_array_equal
 
 from digs_warp.device.image_planes import ImagePlanes
-from digs_warp.losses.coverage import CoverageLoss
 from digs_warp.losses.depth import DepthLoss, DepthTarget, depth_weights
 from digs_warp.losses.photometric import PhotometricLoss
 from digs_warp.losses.regions import blocks_of, tiles_of
@@ -89,33 +88,6 @@ def test_pixels_without_weight_change_nothing() -> None:
     np.testing.assert_array_equal(results[0][1][:, 45:], results[1][1][:, 45:])
     assert not results[0][1][:, 45:].any()
     assert results[0][1][:, :40].any()
-
-
-@pytest.mark.parametrize("room", [0, 33])
-def test_coverage(room: int) -> None:
-    rng, _, alpha = random_view(2)
-    mask = rng.uniform(size=alpha.shape).astype(np.float32)
-    adj = planes(np.zeros_like(alpha), room)
-    term = CoverageLoss(planes(1.0 - alpha, room), planes(mask, room), adj, weight=0.7)
-    term.run((WIDTH, HEIGHT), EVERYTHING, EVERYTHING)
-
-    def twin(transmittance: np.ndarray) -> float:
-        return 0.7 * loss_twin.coverage(1.0 - transmittance, mask)
-
-    transmittance = (1.0 - alpha).astype(np.float64)
-    assert term.value() == pytest.approx(twin(transmittance), rel=1e-5)
-    gradient = adj.to_numpy()[..., 0]
-    for index in some_indices(rng, alpha.shape):
-        assert gradient[index] == pytest.approx(slope(twin, transmittance, index), rel=1e-4)
-
-
-def test_coverage_that_equals_the_mask_is_at_rest() -> None:
-    alpha = np.full((HEIGHT, WIDTH), 0.25, np.float32)
-    adj = planes(np.ones_like(alpha))
-    term = CoverageLoss(planes(1.0 - alpha), planes(alpha), adj, weight=1.0)
-    term.run((WIDTH, HEIGHT), EVERYTHING, EVERYTHING)
-    assert term.value() == 0.0
-    assert not adj.to_numpy().any()
 
 
 @pytest.mark.parametrize(

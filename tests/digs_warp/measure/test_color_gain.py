@@ -26,7 +26,7 @@ def test_the_gain_is_found() -> None:
 
 
 def test_the_removal_undoes_the_gain() -> None:
-    gain = ColorGain(np.array([0.3, -0.2, 0.1]), lift=-0.06)
+    gain = ColorGain(np.array([0.3, -0.2, 0.1]))
     factor, shift = gain.removal()
     np.testing.assert_allclose(factor * gain.applied(colors()) + shift, colors(), atol=1e-12)
 

@@ -27,7 +27,7 @@ def trained(capture: Capture, folder: Path, train: TrainConfig = USUAL) -> Recon
 
 def test_constant_exposure_is_not_fitted(capture: Capture, tmp_path: Path) -> None:
     fitted = trained(capture, tmp_path / "on")
-    assert fitted.training.exposure_stops == fitted.training.tone_lift == 0.0
+    assert fitted.training.exposure_stops == 0.0
     without = trained(capture, tmp_path / "off", replace(USUAL, fit_exposure="off"))
     assert without.training.exposure_stops is None
     np.testing.assert_array_equal(fitted.gaussians.sh, without.gaussians.sh)

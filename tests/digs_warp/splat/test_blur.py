@@ -169,8 +169,3 @@ def test_a_view_of_more_moments_than_there_is_room_for_is_named() -> None:
     renderer = BlurRenderer(DeviceGaussians.from_numpy(random_gaussians(3, seed=0)), 41, 37)
     with pytest.raises(ValueError, match="view of 2 moments, renderer of 1"):
         renderer.forward(camera(), near=NEAR, blur=blur_of(2))
-
-
-def test_half_the_size_has_half_the_blur() -> None:
-    assert blur_of(4).at_half_size().moments == 2
-    assert Blur(HAND, 0.9).at_half_size().moments == 1

@@ -123,7 +123,7 @@ def test_wrong_depth_does_not_pull_the_surface_along(capture: Capture, wrong: st
         rows, columns = np.indices(factor.shape)
         factor[(rows // 8 + columns // 8) % 2 == 1] = 0.985
     frames = [f.with_layer(Layer.DEPTH, factor * f.load_depth()) for f in seen]
-    config = TrainConfig(depth_weight=0.1, stop=Stop(iterations=STEPS), half_size_until=0)
+    config = TrainConfig(depth_weight=0.1, stop=Stop(iterations=STEPS))
     moved = []
     for judged in (True, False):
         views = open_views(frames, config)

@@ -12,7 +12,7 @@ from digs_warp.geometry.rigid import look_at
 from digs_warp.train.config import Density, DensityStrategy, Rates, Stop, TrainConfig
 from digs_warp.train.trainer import Trainer
 from digs_warp.train.view_store import ViewStore, view_index
-from digs_warp.train.views import View, half_size, halved, packed_view
+from digs_warp.train.views import View, packed_view
 from reference.tiny_capture import ball
 
 
@@ -160,7 +160,7 @@ def test_the_loss_reads_nothing_that_is_not_drawn(left: int, drawn: bool) -> Non
     background = np.array([0.9, 0.2, 0.4])
     results = []
     for content in (None, view.box):
-        trainer = Trainer(seeds, store([view]), TrainConfig(coverage_weight=0.1))
+        trainer = Trainer(seeds, store([view]), TrainConfig())
         renderer = trainer.renderer
         renderer.image.assign(np.full((height, width, 3), np.nan))
         renderer.transmittance.assign(np.full((height, width), np.nan))
@@ -173,32 +173,6 @@ def test_the_loss_reads_nothing_that_is_not_drawn(left: int, drawn: bool) -> Non
     for name in FIELDS:
         whole, part = (getattr(gradients, name) for _, gradients in results)
         np.testing.assert_array_equal(whole, part)
-
-
-def test_training_at_half_the_size_serves_the_whole() -> None:
-    views = []
-    for n in range(3):
-        view = painted(n, 64, 48, color=90)
-        image = np.full((48, 64, 3), 90, np.uint8)
-        small = packed_view(
-            view.name,
-            Camera(halved(view.camera.intrinsics), view.camera.world_from_cam),
-            *half_size(image, disc(64, 48)),
-        )
-        views.append(replace(view, half=small))
-    config = TrainConfig(
-        stop=Stop(iterations=40), half_size_until=0.5, rates=Rates(colors=0.05), background="white"
-    )
-    untrained = train(
-        views, replace(config, stop=Stop(iterations=1), half_size_until=0.0)
-    ).loss_value()
-    trainer = Trainer(ball(200), store(views), config)
-    seen = []
-    for _ in range(40):
-        seen.append(trainer._view().size)
-        trainer.step()
-    assert seen == [(32, 24)] * 20 + [(64, 48)] * 20
-    assert trainer.loss_value() < 0.8 * untrained
 
 
 def degenerate() -> Gaussians:

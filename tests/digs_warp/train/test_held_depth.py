@@ -1,4 +1,4 @@
-"""The measured depth in the training: at half size too, and where it is wrong."""
+"""The measured depth in the training, and where it is wrong."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -15,7 +15,6 @@ from digs_warp.splat.render import render
 from digs_warp.train.config import DEPTH_WEIGHT, Stop, TrainConfig
 from digs_warp.train.trainer import Trainer
 from digs_warp.train.view_store import open_views
-from digs_warp.train.views import half_depth
 from reference.tiny_capture import ball, drawn_depth, write_tiny_capture
 
 STEPS = 40
@@ -83,20 +82,6 @@ def test_a_weight_of_depth_without_depth_is_refused(capture: Capture) -> None:
     bare = [frame.without_layer(Layer.DEPTH) for frame in capture.frames]
     with pytest.raises(CaptureError, match="no 'depth_file_path'"):
         trained(bare, TrainConfig(depth_weight=0.004))
-
-
-def test_half_the_depth_is_the_mean_of_blocks_on_one_surface() -> None:
-    depth = np.ones((5, 6), np.float32)
-    depth[:2, :2] = [[1.0, 1.004], [1.008, 1.012]]
-    depth[0, 2] = 1.1  # a step
-    depth[1, 4] = np.nan
-    weights = np.full((5, 6), 200, np.uint8)
-    weights[1, 4] = 0
-    weights[1, 1] = 90
-    small, share = half_depth(depth, weights)
-    assert small.shape == share.shape == (2, 3)
-    assert small[0, 0] == pytest.approx(1.006)
-    assert share.tolist() == [[90, 0, 0], [200, 200, 200]]
 
 
 @pytest.mark.parametrize("factor", [np.nan, 1e-3, 3.0, 1e6])

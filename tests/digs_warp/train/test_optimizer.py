@@ -100,13 +100,10 @@ def test_no_gradient_moves_nothing() -> None:
         (Density, {"splat_memory": -1.0}, "splat_memory"),
         (TrainConfig, {"sh_degree": 4}, "--sh-degree: 4, expected 0 to 3"),
         (TrainConfig, {"dssim_weight": 1.5}, "dssim_weight: 1.5, expected 0 to 1"),
-        (TrainConfig, {"half_size_until": 1.1}, "--half-size-until: 1.1, expected 0 to 1"),
-        (TrainConfig, {"coverage_weight": -0.1}, "--coverage-weight"),
         (TrainConfig, {"depth_weight": float("nan")}, "--depth-weight"),
         (TrainConfig, {"opacity_weight": -1.0}, "opacity_weight"),
         (TrainConfig, {"scale_weight": -2.0}, "scale_weight: -2.0, expected 0 to 1,000,000"),
         (TrainConfig, {"image_memory": 0.0}, "image_memory"),
-        (TrainConfig, {"mask_role": "ignore", "coverage_weight": 0.1}, "--mask-role ignore"),
     ],
 )
 def test_settings_out_of_range_are_refused_by_their_flag(

@@ -1,6 +1,5 @@
-"""Views of a run: cropped, halved, read ahead, and never more of them in memory than there is room for."""
+"""Views of a run: cropped, read ahead, and never more of them in memory than there is room for."""
 
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -11,14 +10,12 @@ from digs_warp.checks import CaptureError, DigsError
 from digs_warp.data.capture import Capture, read_capture
 from digs_warp.data.frame import Frame
 from digs_warp.data.layers import Layer
-from digs_warp.geometry.camera import Intrinsics
 from digs_warp.geometry.rigid import mask_box
-from digs_warp.train.config import Stop, TrainConfig
-from digs_warp.train.half_size import typical_width_px
+from digs_warp.train.config import TrainConfig
 from digs_warp.train.silhouette import without_surround
 from digs_warp.train.view_store import MIN_HELD, ViewStore, open_views, view_index
-from digs_warp.train.views import View, half_size, halved, load_view
-from reference.tiny_capture import HEIGHT, WIDTH, ball, write_tiny_capture
+from digs_warp.train.views import View, load_view
+from reference.tiny_capture import HEIGHT, WIDTH, write_tiny_capture
 
 
 @pytest.fixture(scope="module")
@@ -105,46 +102,8 @@ def test_a_run_may_start_in_the_middle_of_an_epoch(capture: Capture) -> None:
     store.close()
 
 
-@pytest.mark.parametrize(
-    ("width_px", "first_step", "has_half"),
-    [(3.0, 0, True), (1.0, 0, False), (3.0, 40, True), (3.0, 60, False)],
-)
-def test_half_size_views_are_made_only_for_steps_that_use_them(
-    capture: Capture, width_px: float, first_step: int, has_half: bool
-) -> None:
-    config = TrainConfig(stop=Stop(iterations=100))  # half of the steps may use them
-    start = ball(50)
-    by = width_px / typical_width_px(start, [frame.camera for frame in capture.frames])
-    start = replace(start, log_scales=start.log_scales + np.log(by))
-    store = open_views(capture.frames, config, first_step, start=start)
-    assert all((store.view(step).half is not None) == has_half for step in range(70, 78))
-    store.close()
-
-
 def test_a_broken_image_is_found_before_the_training(capture: Capture, tmp_path: Path) -> None:
     broken = write_tiny_capture(tmp_path / "capture", frames=4)
     broken.frames[2].path(Layer.IMAGE).write_bytes(b"no image")
     with pytest.raises((CaptureError, DigsError), match=r"0002\.png"):
         open_views(read_capture(tmp_path / "capture").frames, TrainConfig())
-
-
-def test_halving_means_blocks_and_weighs_colors_by_the_mask() -> None:
-    image = np.zeros((5, 4, 3), np.uint8)
-    mask = np.zeros((5, 4), np.uint8)
-    image[0, 0], mask[0, 0] = 200, 255
-    image[0, 1], mask[0, 1] = 100, 85
-    image[1, 0] = 255  # without mask: counts for nothing
-    image[2:, 2:], mask[2:, 2:] = 80, 255
-    small, share = half_size(image, mask)
-    assert small.shape == (2, 2, 3)
-    assert share.tolist() == [[85, 0], [0, 255]]
-    assert small[..., 0].tolist() == [[175, 0], [0, 80]]
-
-
-def test_a_halved_camera_sees_the_same_rays() -> None:
-    k = Intrinsics(71, 53, 60.0, 61.0, 30.0, 27.5)
-    half = halved(k)
-    assert (half.width, half.height) == (35, 26)
-    # The center of block (3, 2) lies at (7, 5) of the whole image.
-    assert (3.5 - half.cx) / half.fx == pytest.approx((7.0 - k.cx) / k.fx)
-    assert (2.5 - half.cy) / half.fy == pytest.approx((5.0 - k.cy) / k.fy)
