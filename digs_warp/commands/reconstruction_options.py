@@ -27,11 +27,10 @@ class _SfmOptions(SfmConfig):
     Images are matched only with --poses sfm, or for a strategy that starts from sparse points.
     """
 
-    poses: Literal["sfm", "rgbd", "auto", "capture", "perturbed"] = "capture"
+    poses: Literal["sfm", "rgbd", "auto", "capture"] = "capture"
     """Camera poses. capture: those of the recording; sfm: estimated from the images, with the scale from the
     depth maps; rgbd: from color and depth of a film, frame by frame, where there is too little texture for
-    sfm; auto: sfm, but rgbd where that fails or where depth contradicts it; perturbed: those of the
-    recording with a random error for every camera."""
+    sfm; auto: sfm, but rgbd where that fails or where depth contradicts it."""
 
 
 @dataclass(frozen=True, kw_only=True)

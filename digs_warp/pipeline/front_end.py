@@ -24,14 +24,18 @@ from digs_warp.masks.agreed import agreed_masks
 from digs_warp.masks.config import SegmentConfig
 from digs_warp.masks.masks import segment, with_masks
 from digs_warp.pipeline.config import FrontEndConfig, say_subject, subject_of
-from digs_warp.pipeline.found_poses import chosen_way, depth_doubt
 from digs_warp.pipeline.known_distance import in_true_size, metric_scale_of
-from digs_warp.pipeline.left_frames import only_registered, with_held_out
-from digs_warp.pipeline.matched_images import MetricModel, in_metres, match_images, registered
-from digs_warp.pipeline.perturbed import perturbed
+from digs_warp.pipeline.poses import (
+    MetricModel,
+    chosen_way,
+    depth_doubt,
+    in_metres,
+    match_images,
+    registered,
+    tracked,
+)
 from digs_warp.pipeline.records import Poses, store, stored
-from digs_warp.pipeline.refined_poses import refined
-from digs_warp.pipeline.tracked_poses import tracked
+from digs_warp.pipeline.refine_poses import only_registered, refined, with_held_out
 from digs_warp.poses.from_images.config import SfmConfig
 from digs_warp.poses.tracking import Tracking
 from digs_warp.record.layout import INITIAL_POINTS, RUN_RECORD
@@ -109,6 +113,7 @@ def front_end(
     if resume and is_kept(folder / INITIAL_POINTS) and is_kept(folder / CAMERAS):
         return load_front_end(capture, folder)
     recording = capture
+    config = replace(config, sfm=config.sfm.for_capture(capture))
     capture, sfm_config, tracking = _with_poses(capture, config, folder, log)
     config = replace(config, sfm=sfm_config)
     subject = subject_of(capture, config.subject, config.segment)
@@ -165,8 +170,6 @@ def _poses_and_start(
             model = in_metres(sparse, capture, frames, config.init)
         frames = registered(frames, model)
         doubts += _contradicted_by_depth(capture, frames, config.sfm, log)
-    elif config.sfm.poses == "perturbed":
-        frames = perturbed(frames, capture, config.sfm)
     if config.scale_from is not None:
         frames, model, recorded = in_true_size(frames, model, recorded, config.scale_from)
     metric_scale = metric_scale_of(capture, config.sfm.poses == "sfm", config.scale_from)

@@ -14,7 +14,7 @@ from digs_warp.data.capture import Capture
 from digs_warp.data.metric_scale import BY_DEPTH, MetricScale
 from digs_warp.data.point_cloud import PointCloud
 from digs_warp.data.posed_frames import PosedFrames
-from digs_warp.pipeline.matched_images import MetricModel
+from digs_warp.pipeline.poses import MetricModel
 from digs_warp.words import did_you_mean
 
 FORM = "two frames and their distance, such as 0000,0031=0.30m"

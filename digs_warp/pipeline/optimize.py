@@ -16,7 +16,7 @@ from digs_warp.init.start import Start
 from digs_warp.init.view_dependence import ViewDependence, view_dependence
 from digs_warp.pipeline.config import ReconstructConfig
 from digs_warp.pipeline.records import Poses, stored
-from digs_warp.pipeline.refined_poses import with_trained_poses
+from digs_warp.pipeline.refine_poses import with_trained_poses
 from digs_warp.poses.refinement import PoseRefinement
 from digs_warp.record.layout import GAUSSIANS, TRAINING
 from digs_warp.record.manifest import is_kept
@@ -106,9 +106,7 @@ def _with_shutter(
     capture: Capture, poses: Poses, start: Start, config: ReconstructConfig
 ) -> tuple[Poses, ShutterPlan]:
     """Return the frames with what is known of their motion, and whether the training draws it."""
-    readout_time = config.sfm.readout_time
-    if readout_time is None:
-        readout_time = capture.readout_time
+    readout_time = config.sfm.for_capture(capture).readout
     frames, training = poses.posed, len(poses.posed.training)
     every = with_motions([*frames.training, *frames.held_out])
     points, train = start.points.points_world, config.train

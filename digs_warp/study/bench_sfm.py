@@ -52,7 +52,6 @@ CHOICES: tuple[tuple[str, dict[str, Any]], ...] = (
     ("4000 features", {"features": 4000}),
     ("features at 400 px", {"feature_size": 400}),
     ("not enlarged", {"double_size": False}),
-    ("global mapper", {"mapper": "global"}),
 )
 # For the large recording; small photographs are not reduced.
 FULL_CHOICES: tuple[tuple[str, dict[str, Any]], ...] = (

@@ -1,4 +1,4 @@
-"""What poses that are nearly right cost: those of `--poses perturbed`, half a degree and 5 mm off.
+"""What poses that are nearly right cost: those of `engine.perturb`, half a degree and 5 mm off.
 
 Every object is recorded with the default sensor, and reconstructed with its true poses, with perturbed ones
 as they are, and with perturbed ones that are refined. Results are judged on views of a perfect camera on
@@ -17,6 +17,7 @@ from digs_warp.pipeline.reconstruct import ReconstructConfig, reconstruct
 from digs_warp.poses.from_images.config import SfmConfig
 from digs_warp.sim.config import SimulateConfig
 from digs_warp.sim.record.record import simulate
+from digs_warp.study.engine.perturb import perturbed_capture
 from digs_warp.study.engine.placement import motion_to_truth
 from digs_warp.study.engine.scores import YARDSTICK, psnr_in_place, psnr_in_scale
 from digs_warp.study.pose_pixels import pose_pixels
@@ -44,8 +45,8 @@ PERTURBED_MESHES = {
 
 WAYS: dict[str, SfmConfig] = {
     "true": SfmConfig(poses="capture"),
-    "perturbed": SfmConfig(poses="perturbed", refine_poses="off"),
-    "perturbed, refined": SfmConfig(poses="perturbed"),
+    "perturbed": SfmConfig(poses="capture", refine_poses="off"),
+    "perturbed, refined": SfmConfig(poses="capture", refine_poses="on"),
 }
 
 
@@ -62,7 +63,9 @@ def measure_perturbed(mesh: str, recording: SimulateConfig, iterations: int) -> 
         size = {"width": recording.width, "height": recording.height}
         perfect = simulate(replace(recording, **YARDSTICK | size), Path(folder) / "yardstick")
         found = {
-            name: _measured(capture, perfect.frames, sfm, iterations, Path(folder) / name)
+            name: _measured(
+                capture, name != "true", perfect.frames, sfm, iterations, Path(folder) / name
+            )
             for name, sfm in WAYS.items()
         }
     true = found["true"]
@@ -77,14 +80,20 @@ def measure_perturbed(mesh: str, recording: SimulateConfig, iterations: int) -> 
 
 
 def _measured(
-    capture: Capture, perfect: tuple[Frame, ...], sfm: SfmConfig, iterations: int, folder: Path
+    capture: Capture,
+    perturbed: bool,
+    perfect: tuple[Frame, ...],
+    sfm: SfmConfig,
+    iterations: int,
+    folder: Path,
 ) -> dict[str, float]:
     config = ReconstructConfig(sfm=sfm, train=TrainConfig(stop=Stop(iterations=iterations)))
     with Stopwatch() as watch:
-        result = reconstruct(capture, config, folder)
+        given = perturbed_capture(capture) if perturbed else capture
+        result = reconstruct(given, config, folder)
     assert result.frames is not None
     errors, scale = {}, 1.0
-    if sfm.poses != "capture":
+    if perturbed:
         apart = pose_pixels(capture.frames, [frame for frame, _ in result.frames.by_time])
         scale = apart.scale
         errors = {"pose error [px]": apart.error, "scale error [%]": 100 * (scale - 1)}

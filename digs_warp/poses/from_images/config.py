@@ -1,20 +1,22 @@
 """Settings of structure from motion, apart from their code: the command line loads only these."""
 
-from dataclasses import dataclass
-from typing import Annotated, Literal
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Annotated, Literal
 
 from digs_warp.settings import NO_FLAG, SEED, Range, Settings
+
+if TYPE_CHECKING:
+    from digs_warp.data.capture import Capture
 
 
 @dataclass(frozen=True, kw_only=True)
 class SfmConfig(Settings):
     """Where camera poses and sparse points come from."""
 
-    poses: Literal["sfm", "rgbd", "auto", "capture", "perturbed"] = "sfm"
+    poses: Literal["sfm", "rgbd", "auto", "capture"] = "sfm"
     """Camera poses. sfm: estimated from the images; rgbd: from color and depth; auto: sfm, but rgbd where
     that fails or depth contradicts it; capture: those of the
-    recording, points are only triangulated; perturbed: the same after moving every camera by a random
-    error."""
+    recording, points are only triangulated."""
 
     feature_size: Annotated[int, Range(32, 16_384)] = 1200
     """Longest side [px] of the images used for feature detection; larger images are reduced to it. Smaller
@@ -39,9 +41,6 @@ class SfmConfig(Settings):
     """For sequential pairing: how many of the most similar images are matched as well; closes loops. 0:
     none."""
 
-    mapper: Literal["incremental", "global"] = "incremental"
-    """How cameras are placed: one after the other, or all at once."""
-
     refine_focal: bool = False
     """Also estimate the focal lengths, with those of the recording as initial values."""
 
@@ -54,12 +53,6 @@ class SfmConfig(Settings):
     """Fraction of the images that must be placed in one model; with fewer the run stops and says why. Lower
     it to continue with the largest model and a warning."""
 
-    rotation_error_deg: Annotated[float, Range(0, 180)] = 0.5
-    """For perturbed: standard deviation of the rotation about each axis [degree]."""
-
-    translation_error: Annotated[float, Range(0, 100)] = 0.005
-    """For perturbed: standard deviation of the camera's position along each axis [m]."""
-
     refine_poses: Literal["off", "auto", "on"] = "auto"
     """Whether the poses are refined: before anything is made from them, by aligning color and depth of
     overlapping frames, and in the training, where cameras move until their photographs fit; held-out ones
@@ -67,4 +60,19 @@ class SfmConfig(Settings):
     training, but not the exact poses of a simulation; on: always."""
 
     sfm_seed: Annotated[int, SEED, NO_FLAG] = 0
-    """Seed of everything random: matching, mapping, and the errors of perturbed."""
+    """Seed of everything random: matching and mapping."""
+
+    def for_capture(self, capture: "Capture") -> "SfmConfig":
+        """Return the settings with the recording's value where they leave the read-out time open.
+
+        A stage that takes a recording begins with this; after it, `readout` is known.
+        """
+        if self.readout_time is not None:
+            return self
+        return replace(self, readout_time=capture.readout_time)
+
+    @property
+    def readout(self) -> float:
+        """The time from the first row to the last [s], of settings that are `for_capture`."""
+        assert self.readout_time is not None
+        return self.readout_time

@@ -25,7 +25,6 @@ from digs_warp.poses.from_images.pairs import (
     loop_pairs,
     sequential_pairs,
 )
-from digs_warp.poses.from_images.perturb import perturbed_poses
 from digs_warp.poses.from_images.quality import (
     SfmQuality,
     check_agreement,
@@ -151,7 +150,7 @@ def _make_model(
         if config.poses == "sfm":
             models = map_images(images, config, threads, database, unfinished)
         else:
-            poses = _given_poses(frames, config)
+            poses = [frame.camera.world_from_cam for frame in frames]
             models = [triangulate(images, poses, config, threads, database, unfinished)]
     finally:
         shutil.rmtree(unfinished, ignore_errors=True)
@@ -161,12 +160,3 @@ def _make_model(
         correct_rolling_shutter(models[0], frames, images, config.readout_time)
     write_model(models[0], place.model)
     return {"models": len(models), "registered": [model.num_reg_images() for model in models]}
-
-
-def _given_poses(frames: Sequence[Frame], config: SfmConfig) -> list[Any]:
-    poses = [frame.camera.world_from_cam for frame in frames]
-    if config.poses == "capture":
-        return poses
-    return perturbed_poses(
-        poses, config.rotation_error_deg, config.translation_error, config.sfm_seed
-    )

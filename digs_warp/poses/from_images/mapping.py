@@ -35,59 +35,20 @@ def map_images(
     pycolmap = quiet_pycolmap()
     pycolmap.set_random_seed(config.sfm_seed)
     folder.mkdir(parents=True, exist_ok=True)
-    places = (database, images.root, folder)
-    with progress(len(images.names), "Placing cameras", "image") as bar:
-        if config.mapper == "global":
-            options = global_options(pycolmap, images, config, threads)
-            models = _map_globally(pycolmap, places, options, bar)
-        else:
-            options = incremental_options(pycolmap, config, threads)
-            models = _map_one_by_one(pycolmap, places, options, bar)
-    return sorted(models.values(), key=lambda model: -model.num_reg_images())
-
-
-def _map_one_by_one(
-    pycolmap: Any, places: tuple[Path, Path, Path], options: Any, bar: Any
-) -> dict[int, Any]:
     token = pycolmap.CancellationToken()
     placed: list[int] = []  # counted on COLMAP's thread, shown by this one
-    return run_interruptible(
-        lambda: pycolmap.incremental_mapping(
-            *places, options,
-            initial_image_pair_callback=lambda: placed.append(2),
-            next_image_callback=lambda: placed.append(1),
-            cancellation_token=token,
-        ),
-        token.cancel,
-        lambda: _show(bar, sum(placed)),
-    )  # fmt: skip
-
-
-def _map_globally(
-    pycolmap: Any, places: tuple[Path, Path, Path], options: Any, bar: Any
-) -> dict[int, Any]:
-    models = run_interruptible(
-        lambda: pycolmap.global_mapping(*places, options),
-        lambda: None,  # the global mapper cannot be stopped half way
-    )
-    _show(bar, bar.total)
-    _, root, _ = places
-    for model in models.values():
-        model.extract_colors_for_all_images(root)
-    return models
-
-
-def global_options(pycolmap: Any, images: ImageSet, config: SfmConfig, threads: int) -> Any:
-    """Return how COLMAP places all cameras at once."""
-    options = pycolmap.GlobalPipelineOptions()
-    options.num_threads = threads
-    options.random_seed = config.sfm_seed
-    options.min_model_size = SMALLEST_MODEL
-    options.image_path = str(images.root)  # for the colors of the points
-    adjustment = options.mapper.bundle_adjustment
-    adjustment.refine_focal_length = config.refine_focal
-    adjustment.refine_extra_params = False
-    return options
+    with progress(len(images.names), "Placing cameras", "image") as bar:
+        models = run_interruptible(
+            lambda: pycolmap.incremental_mapping(
+                database, images.root, folder, incremental_options(pycolmap, config, threads),
+                initial_image_pair_callback=lambda: placed.append(2),
+                next_image_callback=lambda: placed.append(1),
+                cancellation_token=token,
+            ),
+            token.cancel,
+            lambda: _show(bar, sum(placed)),
+        )  # fmt: skip
+    return sorted(models.values(), key=lambda model: -model.num_reg_images())
 
 
 def incremental_options(pycolmap: Any, config: SfmConfig, threads: int) -> Any:

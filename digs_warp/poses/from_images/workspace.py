@@ -78,13 +78,11 @@ def stage_keys(frames: Sequence[Frame], config: SfmConfig) -> StageKeys:
     )  # fmt: skip
     poses: list[Any] = [config.poses]
     if config.poses == "sfm":
-        poses += [config.mapper, config.refine_focal, config.min_registered]
+        poses += [config.refine_focal, config.min_registered]
         if config.readout_time:
             poses += [config.readout_time, [frame.time for frame in frames]]
     else:
         poses += [frame.camera.world_from_cam for frame in frames]
-    if config.poses == "perturbed":
-        poses += [config.rotation_error_deg, config.translation_error]
     return StageKeys(features, matches, _key(matches, poses))
 
 

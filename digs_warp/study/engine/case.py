@@ -25,6 +25,7 @@ class Case:
         effort: estimated time relative to the other cases of the study, for the time budget.
         threads: CPU threads; None: those of the runner.
         finishes: also measure the choices after the training (`engine.scores`).
+        perturbed: whether the recording's poses get a random error (`engine.perturb`).
     """
 
     labels: Mapping[str, Any]
@@ -33,6 +34,7 @@ class Case:
     effort: float = 1.0
     threads: int | None = None
     finishes: bool = False
+    perturbed: bool = False
 
     @property
     def key(self) -> str:

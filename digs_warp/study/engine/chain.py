@@ -26,6 +26,7 @@ from digs_warp.record.results import to_json as record_json
 from digs_warp.record.run_log import RunLog, RunRecord, versions
 from digs_warp.sim.config import SimulateConfig
 from digs_warp.study.engine.case import Case, with_settings
+from digs_warp.study.engine.perturb import perturbed_capture
 from digs_warp.study.engine.placement import mesh_in_place, motion_to_truth
 from digs_warp.study.engine.scores import (
     YARDSTICK,
@@ -92,11 +93,12 @@ def run_case(case: Case, folder: Path) -> dict[str, Any]:
     from digs_warp.pipeline.reconstruct import ReconstructConfig, reconstruct
 
     capture = record_case(case, folder)
+    given = perturbed_capture(capture) if case.perturbed else capture
     config = with_settings(ReconstructConfig(), case.reconstruction)
-    work = _workplace(case, capture, config, folder)
+    work = _workplace(case, given, config, folder)
     before = compile_seconds()
     with Stopwatch() as watch:
-        result = reconstruct(capture, config, work)
+        result = reconstruct(given, config, work)
     compiling = compile_seconds() - before
     measured = _measure(result)
     if _is_shared(config) and MATCHING in measured["seconds"]:  # it read what is there
@@ -145,14 +147,18 @@ def _workplace(case: Case, capture: Capture, config: "ReconstructConfig", folder
 
 def _is_shared(config: "ReconstructConfig") -> bool:
     # What the others match depends on the poses that they find; it is left to the case.
-    return config.needs_sfm and config.sfm.poses in ("sfm", "capture", "perturbed")
+    return config.needs_sfm and config.sfm.poses in ("sfm", "capture")
 
 
 def _matched(case: Case, config: "ReconstructConfig", folder: Path) -> Path:
     """Return where structure from motion is shared with the cases of the same settings."""
     # Poses are refined after it.
     settings = replace(config.sfm, refine_poses=SfmConfig().refine_poses)
-    return folder / SFM / digest([case.recording, settings])
+    return (
+        folder
+        / SFM
+        / digest([case.recording, settings, *(["perturbed"] if case.perturbed else [])])
+    )
 
 
 def _match_once(capture: Capture, config: SfmConfig, matched: Path) -> None:
@@ -160,13 +166,13 @@ def _match_once(capture: Capture, config: SfmConfig, matched: Path) -> None:
 
     The note with its time is written last; what a killed case had begun goes on.
     """
-    from digs_warp.pipeline.matched_images import match_images
+    from digs_warp.pipeline.poses import match_images
 
     with taking_turns(matched):
         if (matched / NOTE).is_file():
             return
         with Stopwatch() as watch:
-            match_images(capture, config, matched)
+            match_images(capture, config.for_capture(capture), matched)
         write_atomically(matched / NOTE, to_json({"seconds": round(watch.seconds, 4)}).encode())
 
 
@@ -210,7 +216,7 @@ def _against_truth(
     score = score_on_yardstick(result.gaussians, yardstick)
     to_truth = motion_to_truth(result.frames.training, capture.frames, result.gaussians)
     score["psnr_object_in_place"] = psnr_in_place(result.gaussians, yardstick, to_truth)
-    if config.sfm.poses != "capture":
+    if config.sfm.poses != "capture" or case.perturbed:
         posed = result.frames.training
         scale = pose_pixels(capture.frames, posed).scale
         score["psnr_object_in_scale"] = psnr_in_scale(

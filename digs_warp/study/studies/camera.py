@@ -50,6 +50,7 @@ class Source:
     recording: Mapping[str, Any]
     reconstruction: Mapping[str, Any]
     effort: float = 1.0
+    perturbed: bool = False
 
 
 # In less light than the exposure is set for: in all of it, an automatic one stays at its limit, darker by the
@@ -62,7 +63,8 @@ SOURCES = {
     # Not 0: then the depth would be exact, and that of the other is matched.
     STEADY: Source({**DIM, "strength": 0.001}, {}),
     EXPOSURE: Source({**DIM, "strength": 4.0}, {}),
-    SPOILED: Source({}, {"sfm.poses": "perturbed"}, 2.0),
+    # "on", for the poses of a simulation are not refined by themselves.
+    SPOILED: Source({}, {"sfm.refine_poses": "on"}, 2.0, perturbed=True),
     ESTIMATED: Source({}, {"sfm.poses": "sfm"}, 2.0),
     BLUR: Source({"effects": "image-blur", "strength": 8.0}, {}),
 }
@@ -137,6 +139,7 @@ def _case(
             **{"train.stop.iterations": iterations, "train.seed": seed},
         },
         effort=given.effort,
+        perturbed=given.perturbed,
     )
 
 

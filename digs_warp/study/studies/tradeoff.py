@@ -44,10 +44,9 @@ KNOBS: dict[str, tuple[str, str, Sequence[Any]]] = {
     "poses": ("reconstruction", "sfm.poses", ("sfm",)),
     "features per image": ("reconstruction", "sfm.features", (1000, 6000)),
     "pairs of images": ("reconstruction", "sfm.pairing", ("sequential",)),
-    "mapper": ("reconstruction", "sfm.mapper", ("global",)),
 }
 # These only matter with estimated poses, and are compared with them.
-OF_SFM = ("features per image", "pairs of images", "mapper")
+OF_SFM = ("features per image", "pairs of images")
 
 # Settings that belong to the measured scene and walk.
 OF_THE_SCENE = ("mesh", "environment", "object_size", "seed", "train.seed")
@@ -70,7 +69,6 @@ BUYS = {
     "poses": "Estimated instead of recorded poses, which a real recording needs.",
     "features per image": "In structure from motion: more points and matches, more time.",
     "pairs of images": "In structure from motion: fewer pairs save time in long recordings.",
-    "mapper": "In structure from motion: all cameras at once instead of one after the other.",
 }
 
 

@@ -15,9 +15,9 @@ from digs_warp.data.images import read_image
 from digs_warp.data.layers import Layer
 from digs_warp.data.posed_frames import PosedFrames
 from digs_warp.formats.captures.formats import READERS
-from digs_warp.poses.from_images.perturb import perturbed_poses
 from digs_warp.record.layout import GAUSSIANS, INITIAL_POINTS
 from digs_warp.record.run_log import RunLog
+from digs_warp.study.engine.perturb import perturbed_poses
 from reference.capture_scenes import cloud, splats
 from reference.tiny_capture import write_tiny_capture
 from reference.usd_files import Y_UP

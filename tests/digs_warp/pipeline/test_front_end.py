@@ -21,6 +21,7 @@ from digs_warp.poses.align import in_place
 from digs_warp.poses.from_images.config import SfmConfig
 from digs_warp.poses.from_images.evaluate import camera_errors
 from digs_warp.record.run_log import RunLog
+from digs_warp.study.engine.perturb import perturbed_capture
 from reference.sfm_views import arc, record
 from reference.wrong_captures import other_focal
 
@@ -248,9 +249,12 @@ def test_a_single_frame_is_refused(capture: Capture) -> None:
 
 
 def test_perturbed_poses_are_refined_and_written(capture: Capture, tmp_path: Path) -> None:
-    sfm = replace(SFM, poses="perturbed", refine_poses="auto")
+    sfm = replace(SFM, poses="capture", refine_poses="on")
     prepared = front_end(
-        capture, replace(FIND_POSES, sfm=sfm), tmp_path, RunLog("test", FIND_POSES)
+        perturbed_capture(capture),
+        replace(FIND_POSES, sfm=sfm),
+        tmp_path,
+        RunLog("test", FIND_POSES),
     )
     assert prepared.poses.refinement is not None and prepared.poses.refinement.refined
     true = {frame.name: frame.camera for frame in capture.frames}

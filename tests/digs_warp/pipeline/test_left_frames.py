@@ -17,8 +17,8 @@ from digs_warp.init.config import InitConfig
 from digs_warp.masks.config import SegmentConfig
 from digs_warp.pipeline.config import FrontEndConfig
 from digs_warp.pipeline.front_end import front_end
-from digs_warp.pipeline.left_frames import with_held_out
 from digs_warp.pipeline.reconstruct import ReconstructConfig, reconstruct
+from digs_warp.pipeline.refine_poses import with_held_out
 from digs_warp.poses.from_images.config import SfmConfig
 from digs_warp.record.run_log import RunLog
 from digs_warp.train.config import Stop, TrainConfig

@@ -17,12 +17,12 @@ from digs_warp.poses.agreement import got_worse
 from digs_warp.poses.align import Alignment, align, in_place
 from digs_warp.poses.bundle import adjusted
 from digs_warp.poses.equations import PairComparison, Scales
-from digs_warp.poses.from_images.perturb import perturbed_poses
 from digs_warp.poses.likely_scale import in_likely_scale
 from digs_warp.poses.misplaced import Mended
 from digs_warp.poses.pairs import overlapping_pairs
 from digs_warp.poses.refine import refine
 from digs_warp.poses.views import Picture, view_of
+from digs_warp.study.engine.perturb import perturbed_poses
 from digs_warp.train.config import TrainConfig
 from reference.pair_twin import pair_equations
 from reference.textured_plane import INTRINSICS, picture, ring_of_poses

@@ -19,9 +19,9 @@ from digs_warp.poses.bundle import (
     solved,
 )
 from digs_warp.poses.equations import DAMPING
-from digs_warp.poses.from_images.perturb import perturbed_poses
 from digs_warp.poses.pairs import overlapping_pairs
 from digs_warp.poses.views import Picture, view_of
+from digs_warp.study.engine.perturb import perturbed_poses
 from reference.bundle_twin import joint_step
 from reference.textured_plane import picture, ring_of_poses
 

@@ -17,11 +17,11 @@ from digs_warp.pipeline.config import FrontEndConfig
 from digs_warp.pipeline.front_end import front_end
 from digs_warp.poses.align import align
 from digs_warp.poses.from_images.config import SfmConfig
-from digs_warp.poses.from_images.perturb import perturbed_poses
 from digs_warp.poses.misplaced import mended
 from digs_warp.poses.refine import refine
 from digs_warp.poses.views import load_pictures
 from digs_warp.record.run_log import RunLog
+from digs_warp.study.engine.perturb import perturbed_poses
 
 WRONG = 5
 

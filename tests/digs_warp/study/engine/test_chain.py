@@ -40,7 +40,7 @@ def matched(monkeypatch: pytest.MonkeyPatch) -> list[Path]:
         places.append(workspace)
         write_atomically(workspace / "model", b"points")
 
-    monkeypatch.setattr("digs_warp.pipeline.matched_images.match_images", match_images)
+    monkeypatch.setattr("digs_warp.pipeline.poses.match_images", match_images)
     return places
 
 

@@ -1,7 +1,7 @@
-"""Refines the poses of a reconstruction's frames, where the settings and the recording call for it."""
+"""Refines poses where settings and recording call for it, and leaves out frames that have no right pose."""
 
 import logging
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -18,6 +18,56 @@ from digs_warp.train.evaluate import TestView
 from digs_warp.words import counted
 
 logger = logging.getLogger(__name__)
+
+
+def only_registered(
+    frames: PosedFrames, names: Collection[str], capture: Capture, test_every: int
+) -> PosedFrames:
+    """Return the frames that structure from motion has placed, ``names``; warn about the others."""
+    lost = [frame.name for frame, _ in frames.by_time if frame.name not in names]
+    if not lost:
+        return frames
+    logger.warning("not registered and left out: %s (%s)", counted(len(lost), "frame"), lost[:5])
+    training, held_out = (
+        tuple(frame for frame in group if frame.name in names)
+        for group in (frames.training, frames.held_out)
+    )
+    left = replace(frames, training=training, held_out=held_out)
+    return with_held_out(left, capture, test_every)
+
+
+def with_held_out(frames: PosedFrames, capture: Capture, test_every: int) -> PosedFrames:
+    """Return the frames, split again if all that were held out, or all others, have been left out.
+
+    What is left is split as a recording of these frames alone would be. That depends on nothing else, so a
+    resumed run makes the same choice. A recording that holds out nothing stays without.
+
+    Args:
+        frames: what is left.
+        capture: the recording. Frames that are now held out take its masks: the evaluation must not use ours.
+        test_every: every n-th frame is held out.
+    """
+    left = tuple(frame for frame, _ in frames.by_time)
+    wanted = capture.split(test_every)[1]
+    if (frames.training and frames.held_out) or not wanted or len(left) < 2:
+        return frames
+    again = PosedFrames.split(replace(capture, frames=left, held_out=None), test_every)
+    chosen = [frame.name for frame in again.held_out]
+    logger.warning(
+        "left-out frames left no others to train on or to measure the result; now held out: %s",
+        some_of(chosen),
+    )
+    recorded = {frame.name: frame for frame in capture.frames}
+    aside = tuple(_with_its_mask(frame, recorded[frame.name]) for frame in again.held_out)
+    return replace(frames, training=again.training, held_out=aside)
+
+
+def _with_its_mask(frame: Frame, recorded: Frame) -> Frame:
+    """Return the frame with the recording's mask; that of one of several objects is no other."""
+    ours = frame.has(Layer.MASK) and frame.instance is None
+    if not ours or not recorded.has(Layer.MASK):
+        return frame
+    return frame.with_layer(Layer.MASK, recorded.layers[Layer.MASK])
 
 
 def refined(
@@ -39,16 +89,13 @@ def refined(
     if config.refine_poses == "auto" and config.poses == "rgbd":
         because = "the poses were aligned when they were found"
         return frames, PoseRefinement(False, because, in_training=True)
-    readout_time = config.readout_time
-    if readout_time is None:
-        readout_time = capture.readout_time or 0.0
     held_out = {frame.name for frame in frames.held_out}
     every = [frame for frame, _ in frames.by_time]
     with_depth = any(frame.has(Layer.DEPTH) for frame in every)
     # Without depth the training alone can mend them.
-    estimated = config.poses in ("sfm", "perturbed")
+    estimated = config.poses == "sfm"
     needed = config.refine_poses == "on" and with_depth
-    posed, refinement = refine(every, readout_time, needed, estimated)
+    posed, refinement = refine(every, config.readout, needed, estimated)
     left = {frame.name for frame in posed}
     lost = [frame.name for frame in every if frame.name not in left]
     if lost:

@@ -1,9 +1,11 @@
 """Random pose errors of a stated size: how much does everything after the poses depend on them?"""
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
+from digs_warp.data.capture import Capture
 from digs_warp.geometry.rigid import rigid
 
 
@@ -32,3 +34,19 @@ def perturbed_poses(
         rigid(pose[:3, :3] @ turn, pose[:3, 3] + shift)
         for pose, turn, shift in zip(world_from_cams, rotations, shifts, strict=True)
     ]
+
+
+def perturbed_capture(
+    capture: Capture,
+    rotation_error_deg: float = 0.5,
+    translation_error: float = 0.005,
+    seed: int = 0,
+) -> Capture:
+    """Return the recording with `perturbed_poses`."""
+    given = [frame.camera.world_from_cam for frame in capture.frames]
+    wrong = perturbed_poses(given, rotation_error_deg, translation_error, seed)
+    frames = tuple(
+        replace(frame, camera=replace(frame.camera, world_from_cam=pose))
+        for frame, pose in zip(capture.frames, wrong, strict=True)
+    )
+    return replace(capture, frames=frames)

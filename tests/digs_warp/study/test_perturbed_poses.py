@@ -5,7 +5,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from digs_warp.geometry.rigid import is_rigid, look_at
-from digs_warp.poses.from_images.perturb import perturbed_poses
+from digs_warp.study.engine.perturb import perturbed_poses
 
 POSES = [look_at(np.array([0.9, 0.1, 0.2]), np.zeros(3), np.array([0.0, 0.0, 1.0]))] * 3000
 
