@@ -43,7 +43,7 @@ ALLOWED = {
     ("usd/splat_layer.py", "open ?"): "below a temporary name of usd/files.py",
     ("usd/splat_layer.py", "copyfileobj"): "below a temporary name of usd/files.py",
     ("usd/crate_splice.py", "pwrite"): "below a temporary name of usd/files.py",
-    ("digs_warp/poses/from_images/model_files.py", "write"): "below a temporary name, read back",
+    ("digs_warp/poses/from_images/model.py", "write"): "below a temporary name, read back",
     (
         "digs_warp/record/replacement.py",
         "replace",

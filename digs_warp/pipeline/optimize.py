@@ -17,7 +17,8 @@ from digs_warp.init.view_dependence import ViewDependence, view_dependence
 from digs_warp.pipeline.config import ReconstructConfig
 from digs_warp.pipeline.records import Poses, stored
 from digs_warp.pipeline.refine_poses import with_trained_poses
-from digs_warp.poses.refinement import PoseRefinement
+from digs_warp.poses.in_training import PoseTraining
+from digs_warp.poses.refine.outcome import PoseRefinement
 from digs_warp.record.layout import GAUSSIANS, TRAINING
 from digs_warp.record.manifest import is_kept
 from digs_warp.record.run_log import RunLog, RunRecord
@@ -34,7 +35,6 @@ from digs_warp.train.session import (
     train_gaussians,
 )
 from digs_warp.train.shutter import ShutterPlan, plan_shutter, with_motions
-from digs_warp.train.trained_poses import PoseTraining
 from digs_warp.train.training import Training
 
 

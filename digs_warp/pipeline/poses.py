@@ -21,8 +21,8 @@ from digs_warp.device.libraries import MissingLibraryError
 from digs_warp.init.config import InitConfig
 from digs_warp.init.local_scales import local_scales
 from digs_warp.init.scale import ScaleEstimate, estimate_scale
+from digs_warp.poses.from_depth.quality import Tracking
 from digs_warp.poses.from_images.config import SfmConfig
-from digs_warp.poses.tracking import Tracking
 from digs_warp.words import counted
 
 if TYPE_CHECKING:
@@ -116,7 +116,7 @@ def in_metres(
 
 def _world(sfm: SfmModel, capture: Capture) -> np.ndarray:
     """Return the rigid motion, (4, 4), into the recording's world, or into an upright one."""
-    from digs_warp.poses.from_images.world import upright_world, world_as_recorded
+    from digs_warp.poses.from_images.similarity import upright_world, world_as_recorded
 
     if not capture.knows_poses:
         return upright_world(sfm.cameras, looked_at(sfm.cameras))
@@ -150,9 +150,9 @@ def tracked(capture: Capture, config: SfmConfig) -> tuple[Capture, Tracking]:
     Raises:
         DigsError: frames without depth, or neighbors that do not show the same.
     """
-    from digs_warp.poses.align import in_place
-    from digs_warp.poses.from_images.world import upright_world
-    from digs_warp.poses.track import track
+    from digs_warp.poses.from_depth.estimate import track
+    from digs_warp.poses.from_images.similarity import upright_world
+    from digs_warp.poses.refine.photometric_alignment import in_place
 
     found = track(capture.frames, config.readout)
     cameras = [frame.camera for frame in capture.frames]
@@ -187,7 +187,7 @@ def depth_doubt(capture: Capture, frames: PosedFrames, sfm: SfmConfig) -> str:
         frames: with its poses, in metres.
         sfm: the settings.
     """
-    from digs_warp.poses.contradiction import contradiction
+    from digs_warp.poses.from_depth.contradiction import contradiction
 
     deep = [frame for frame, _ in frames.by_time if frame.has(Layer.DEPTH)]
     try:

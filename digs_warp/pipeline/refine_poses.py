@@ -11,9 +11,9 @@ from digs_warp.data.capture import Capture
 from digs_warp.data.frame import Frame
 from digs_warp.data.layers import Layer
 from digs_warp.data.posed_frames import PosedFrames
+from digs_warp.poses.from_depth.quality import some_of
 from digs_warp.poses.from_images.config import SfmConfig
-from digs_warp.poses.refinement import PoseRefinement
-from digs_warp.poses.tracking import some_of
+from digs_warp.poses.refine.outcome import PoseRefinement
 from digs_warp.train.evaluate import TestView
 from digs_warp.words import counted
 
@@ -80,7 +80,7 @@ def refined(
     Raises:
         DigsError: "on", and the frames have no depth, or do not hold together.
     """
-    from digs_warp.poses.refine import refine
+    from digs_warp.poses.refine.refine import refine
 
     if config.refine_poses == "off":
         return frames, PoseRefinement(False, "--refine-poses off")

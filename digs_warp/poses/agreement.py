@@ -1,15 +1,110 @@
 """How much two frames contradict each other under a motion: their depth, and their color where it agrees."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import TypeVar
 
 import numpy as np
 
 from digs_warp.device.threads import over_items
-from digs_warp.geometry.reproject import reproject, unproject_pixels
-from digs_warp.geometry.rigid import invert_rigid
-from digs_warp.poses.of_pairs import measured_pairs
-from digs_warp.poses.views import Picture
+from digs_warp.geometry.reproject import compare_depth, project, reproject, unproject_pixels
+from digs_warp.geometry.rigid import invert_rigid, transform_points
+from digs_warp.poses import thresholds
+from digs_warp.poses.views import Picture, View
+
+_F = TypeVar("_F")
+
+
+def motions_of(poses: np.ndarray, pairs: np.ndarray) -> np.ndarray:
+    """Return ``target_from_source`` of each pair, (k, 4, 4).
+
+    Args:
+        poses: ``world_from_cam``, (n, 4, 4).
+        pairs: numbers of source and target, (k, 2).
+    """
+    return np.stack([invert_rigid(poses[j]) @ poses[i] for i, j in pairs])
+
+
+def measured_pairs(
+    measure: Callable[[_F, _F, np.ndarray], float],
+    frames: Sequence[_F],
+    poses: np.ndarray,
+    pairs: np.ndarray,
+) -> np.ndarray:
+    """Return ``measure(source, target, target_from_source)`` of each pair, (k,), computed on all cores.
+
+    Args:
+        measure: what is asked of two frames and the motion between them.
+        frames: n, in the form that ``measure`` takes.
+        poses: ``world_from_cam``, (n, 4, 4).
+        pairs: numbers of source and target, (k, 2).
+    """
+
+    def measured(pair: np.ndarray) -> float:
+        i, j = pair
+        return measure(frames[i], frames[j], invert_rigid(poses[j]) @ poses[i])
+
+    return np.array(over_items(list(pairs), measured))
+
+
+def medians_of_frames(pairs: np.ndarray, count: int, values: np.ndarray) -> np.ndarray:
+    """Return the median of the values (k,) of each frame's pairs, (count,); NaN for what has no pair."""
+    found = np.full(count, np.nan)
+    for number in np.unique(pairs):
+        found[number] = np.median(values[(pairs == number).any(axis=1)])
+    return found
+
+
+def correlation(first: View, second: View, second_from_first: np.ndarray) -> float:
+    """Return the correlation of brightness, less its mean nearby and over its contrast, -1 to 1.
+
+    Over the points of a frame where the other measures the same depth, the smaller of both directions; 0 if
+    there are few. Right motions have much of it in any light, where walls have any texture at all; wrong ones
+    have little, unless the texture repeats.
+
+    Args:
+        first: a frame.
+        second: another.
+        second_from_first: the motion, (4, 4).
+    """
+    there = _correlation_one_way(first, second, second_from_first)
+    return min(there, _correlation_one_way(second, first, invert_rigid(second_from_first)))
+
+
+def _correlation_one_way(view: View, other: View, motion: np.ndarray) -> float:
+    k = other.picture.intrinsics
+    moved = transform_points(motion, view.points.astype(np.float64))
+    u, v, z = project(_when_read(moved, other.picture), k)
+    u, v = u - 0.5, v - 0.5  # whole ones at the centers of pixels
+    inside = (z > 0) & (u >= 0) & (u < k.width - 1) & (v >= 0) & (v < k.height - 1)
+    u, v, z, values = u[inside], v[inside], z[inside], view.values[inside]
+    measured = other.picture.depth[np.rint(v).astype(np.intp), np.rint(u).astype(np.intp)]
+    same = compare_depth(z, measured).agrees
+    if np.count_nonzero(same) < max(
+        thresholds.MIN_CORRELATED, thresholds.MIN_CORRELATED_SHARE * len(view.points)
+    ):
+        return 0.0
+    seen, expected = _between_pixels(other.image, u[same], v[same]), values[same].astype(np.float64)
+    seen, expected = seen - seen.mean(), expected - expected.mean()
+    lengths = np.linalg.norm(seen) * np.linalg.norm(expected)
+    return float(seen @ expected / lengths) if lengths > 0 else 0.0
+
+
+def _when_read(points: np.ndarray, picture: Picture) -> np.ndarray:
+    """Return the points in the axes that the camera has when it reads their rows, (n, 3)."""
+    _, row, depth = project(points, picture.intrinsics)
+    moment = np.where(depth > 0, row / picture.intrinsics.height - 0.5, 0.0)[:, None]
+    return points - moment * (np.cross(picture.turn, points) + picture.shift)
+
+
+def _between_pixels(image: np.ndarray, u: np.ndarray, v: np.ndarray) -> np.ndarray:
+    """Return bilinear values; whole u and v are centers of pixels."""
+    column, row = u.astype(np.intp), v.astype(np.intp)
+    right, down = u - column, v - row
+    top = image[row, column] * (1 - right) + image[row, column + 1] * right
+    below = image[row + 1, column] * (1 - right) + image[row + 1, column + 1] * right
+    return top * (1 - down) + below * down
+
 
 # The widest images in which frames are compared [px].
 COMPARED = 320
@@ -106,8 +201,8 @@ def got_worse(
 
     def compared(number: int) -> np.ndarray:
         i, j = pairs[number]
-        placings = ((after[i], after[j]), (before[i], after[j]), (after[i], before[j]))
-        motions = [invert_rigid(second) @ first for first, second in placings]
+        candidate_poses = ((after[i], after[j]), (before[i], after[j]), (after[i], before[j]))
+        motions = [invert_rigid(second) @ first for first, second in candidate_poses]
         return disagreements(pictures[i], pictures[j], motions)
 
     old, new = np.zeros(len(before)), np.zeros(len(before))

@@ -7,15 +7,12 @@ import numpy as np
 from digs_warp.geometry.camera import Intrinsics
 from digs_warp.geometry.reproject import project, unproject
 from digs_warp.geometry.rigid import rigid, transform_points
+from digs_warp.poses import thresholds
 from digs_warp.poses.views import Picture
 
 # Features of a frame, the strongest first; OpenCV's threshold of contrast, a tenth of what is usual, and of
 # edges, over twice: in a white room, weak features are all that there is.
 FEATURES, CONTRAST, EDGE = 1500, 0.004, 25.0
-# A match is nearer than this share of the second nearest (Lowe, IJCV 2004, section 7.1, has 0.8).
-RATIO = 0.85
-# Matches that agree with a motion lie within this of where it takes them [px]; fewer prove nothing.
-WITHIN, FEWEST = 3.0, 10
 # Draws of RANSAC.
 DRAWS = 400
 
@@ -52,22 +49,22 @@ class Matches:
     def agreeing(self, target_from_source: np.ndarray) -> int:
         """Return how many matches agree with a motion."""
         errors = reprojection_errors(self.points, self.px, target_from_source, self.camera)
-        return int(np.count_nonzero(errors < WITHIN**2))
+        return int(np.count_nonzero(errors < thresholds.MAX_REPROJECTION_ERROR**2))
 
     def motion(self) -> np.ndarray | None:
         """Return the motion that most agree on, (4, 4), by RANSAC over three; None if they are few."""
         import cv2
 
-        if len(self.px) < FEWEST:
+        if len(self.px) < thresholds.MIN_INLIERS:
             return None
         good, turn, shift, inside = cv2.solvePnPRansac(
             *(self.points, self.px, self.camera.matrix, None),
             iterationsCount=DRAWS,
-            reprojectionError=WITHIN,
+            reprojectionError=thresholds.MAX_REPROJECTION_ERROR,
             confidence=0.9999,
             flags=cv2.SOLVEPNP_AP3P,
         )
-        if not good or inside is None or len(inside) < FEWEST:
+        if not good or inside is None or len(inside) < thresholds.MIN_INLIERS:
             return None
         kept = np.asarray(inside, dtype=np.intp)[:, 0]
         turn, shift = cv2.solvePnPRefineLM(
@@ -113,7 +110,7 @@ def _alike(first: Features, second: Features) -> tuple[np.ndarray, np.ndarray]:
     """Return the numbers of features that are each other's nearest; those of the first have depth."""
     nothing = np.zeros(0, np.intp)
     deep = np.flatnonzero(np.isfinite(first.points[:, 2]))
-    if len(deep) < FEWEST or len(second.px) < FEWEST:
+    if len(deep) < thresholds.MIN_INLIERS or len(second.px) < thresholds.MIN_INLIERS:
         return nothing, nothing
     # Descriptors of length 1: the larger the product, the nearer.
     alike = first.descriptors[deep] @ second.descriptors.T
@@ -121,7 +118,7 @@ def _alike(first: Features, second: Features) -> tuple[np.ndarray, np.ndarray]:
     two = np.take_along_axis(alike, order, axis=1)
     best = np.where(two[:, 0] >= two[:, 1], order[:, 0], order[:, 1])
     distances = np.sqrt(np.maximum(2 - 2 * two, 0.0))
-    clear = distances.min(axis=1) < RATIO * distances.max(axis=1)
+    clear = distances.min(axis=1) < thresholds.MAX_DESCRIPTOR_RATIO * distances.max(axis=1)
     mutual = alike.argmax(axis=0)[best] == np.arange(len(deep))
     kept = clear & mutual
     return deep[kept], best[kept]

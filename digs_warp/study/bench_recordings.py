@@ -23,7 +23,7 @@ from digs_warp.init.strategies import STRATEGIES, chosen_strategy
 from digs_warp.pipeline.reconstruct import ReconstructConfig, reconstruct
 from digs_warp.pipeline.reconstruction import Reconstruction
 from digs_warp.poses.from_images.config import SfmConfig
-from digs_warp.poses.from_images.evaluate import camera_errors
+from digs_warp.poses.from_images.similarity import camera_errors
 from digs_warp.record.progress import progress
 from digs_warp.splat.device import DeviceGaussians
 from digs_warp.study.real_recordings import RealRecording, convert, find_recordings

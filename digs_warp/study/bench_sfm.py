@@ -20,7 +20,7 @@ from digs_warp.data.frame import Frame
 from digs_warp.device.parallel import default_threads
 from digs_warp.poses.from_images.config import SfmConfig
 from digs_warp.poses.from_images.estimate import structure_from_motion
-from digs_warp.poses.from_images.evaluate import pose_errors
+from digs_warp.poses.from_images.similarity import pose_errors
 from digs_warp.record.progress import progress
 from digs_warp.sim.record.sensor_plan import SensorPlan
 from digs_warp.sim.sensor.color import IMAGE_BLUR, PIXEL_EFFECTS, ROLLING_SHUTTER

@@ -8,8 +8,8 @@ import numpy as np
 from digs_warp.data.frame import Frame
 from digs_warp.geometry.camera import Camera, pixel_centers
 from digs_warp.geometry.rigid import matrix_from_rotation_vector
-from digs_warp.poses.align import in_place
-from digs_warp.poses.from_images.evaluate import Similarity
+from digs_warp.poses.from_images.similarity import Similarity
+from digs_warp.poses.refine.photometric_alignment import in_place
 
 # Points of the object in each frame.
 POINTS = 200

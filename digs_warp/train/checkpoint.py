@@ -11,12 +11,12 @@ import numpy as np
 
 from digs_warp.checks import DigsError, check_finite, check_shape
 from digs_warp.data.gaussians import FIELDS, Gaussians
+from digs_warp.poses.in_training import TrainedPoses
 from digs_warp.record.arrays import UNREADABLE, check_archive, write_arrays
 from digs_warp.record.fields import Fields, parse_json
 from digs_warp.train.depth_errors import DepthJudge
 from digs_warp.train.exposure import Exposures
 from digs_warp.train.finite import non_finite_rows
-from digs_warp.train.trained_poses import TrainedPoses
 from digs_warp.train.trainer import Trainer
 
 _CONTROL = "control_"

@@ -10,10 +10,9 @@ from dataclasses import replace
 import numpy as np
 
 from digs_warp.geometry.rigid import mask_box
+from digs_warp.poses.in_training import filled_depth, motion_between, moved
 from digs_warp.splat.device import DeviceGaussians
 from digs_warp.train.evaluate import TestView, color_aligned, render_views
-from digs_warp.train.registration import motion_between, moved
-from digs_warp.train.trained_poses import filled_depth
 
 # Sizes of the blocks of pixels that are compared, one after the other; over single pixels cameras shift, too.
 POOLS = (4, 4, 2, 2, 1, 1, 1)

@@ -11,6 +11,7 @@ import numpy as np
 from digs_warp.checks import check_finite, check_shape
 from digs_warp.data.frame import Frame
 from digs_warp.data.gaussians import Gaussians
+from digs_warp.poses.in_training import PoseTraining, TrainedPoses
 from digs_warp.record.arrays import open_arrays, write_arrays
 from digs_warp.record.files import remove
 from digs_warp.record.interruption import deferred_interrupt
@@ -25,7 +26,6 @@ from digs_warp.train.evaluate import MeasuredViews, TestView
 from digs_warp.train.moved_views import moved_views
 from digs_warp.train.recorder import LOG_EVERY, CourseRecorder
 from digs_warp.train.shutter import NO_SHUTTER, ShutterPlan
-from digs_warp.train.trained_poses import PoseTraining, TrainedPoses
 from digs_warp.train.trainer import Trainer
 from digs_warp.train.training import Training
 from digs_warp.train.view_store import ViewStore, open_views

@@ -9,6 +9,7 @@ from digs_warp.checks import DigsError
 from digs_warp.data.gaussians import FIELDS, Gaussians
 from digs_warp.geometry.sh import degree_from_count
 from digs_warp.measure.color_gain import ColorGain
+from digs_warp.poses.in_training import PoseTraining, TrainedPoses
 from digs_warp.splat.blur_renderer import BlurRenderer
 from digs_warp.splat.config import RasterOptions
 from digs_warp.splat.device import DeviceGaussians, move_gaussians
@@ -30,7 +31,6 @@ from digs_warp.train.exposure import Exposures, rendered_samples
 from digs_warp.train.finite import FiniteCheck, non_finite_rows
 from digs_warp.train.objective import Objective
 from digs_warp.train.optimizer import Adam
-from digs_warp.train.trained_poses import PoseTraining, TrainedPoses
 from digs_warp.train.view_store import ViewStore
 from digs_warp.train.views import View, scene_extent
 from digs_warp.words import counted

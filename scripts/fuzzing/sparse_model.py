@@ -11,7 +11,7 @@ from digs_warp.geometry.camera import Camera
 from digs_warp.geometry.rigid import invert_rigid
 from digs_warp.poses.from_images.colmap import ImageSet, quiet_pycolmap
 from digs_warp.poses.from_images.config import SfmConfig
-from digs_warp.poses.from_images.model_files import write_model
+from digs_warp.poses.from_images.model import write_model
 from digs_warp.poses.from_images.workspace import Workspace, stage_keys
 from digs_warp.record.manifest import recorded_files
 

@@ -1,4 +1,4 @@
-"""Float64 twin of `digs_warp.poses.bundle`: motions and distances in one dense system, nothing eliminated."""
+"""Float64 twin of `bundle_adjustment`: motions and distances in one dense system, nothing eliminated."""
 
 from collections.abc import Sequence
 

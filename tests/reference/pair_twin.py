@@ -1,9 +1,9 @@
-"""Float64 twin of `digs_warp.poses.pair_kernel`: one pair of views at a time, in NumPy."""
+"""Float64 twin of `digs_warp.poses.refine.alignment_kernel`: one pair of views at a time, in NumPy."""
 
 import numpy as np
 
 from digs_warp.geometry.rigid import transform_points
-from digs_warp.poses.equations import Scales
+from digs_warp.poses.refine.normal_equations import Scales
 from digs_warp.poses.views import View
 
 

@@ -4,11 +4,12 @@ What COLMAP is told here decides the result, so every option that is not its def
 """
 
 import os
-from collections.abc import Sequence
+import threading
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -17,15 +18,55 @@ from digs_warp.data.frame import Frame
 from digs_warp.data.layers import Layer
 from digs_warp.device.libraries import import_pycolmap
 from digs_warp.geometry.camera import Intrinsics
+from digs_warp.poses import thresholds
 from digs_warp.poses.from_images.config import SfmConfig
-from digs_warp.poses.from_images.interruptible import run_interruptible
 from digs_warp.record.disk import check_room
 from digs_warp.record.files import remove, write_atomically
 from digs_warp.record.progress import progress
 
-# Longest side [px] up to which images are enlarged twice by default: small ones show too few features, and in
-# large ones those of the enlarged image take half of all the time.
-ENLARGED_UP_TO = 1000
+Result = TypeVar("Result")
+
+POLL_SECONDS = 0.2
+
+
+def run_interruptible(
+    call: Callable[[], Result], cancel: Callable[[], Any], watch: Callable[[], Any] = lambda: None
+) -> Result:
+    """Run ``call`` on a separate thread and return its result.
+
+    Python handles Ctrl-C on the main thread only when that one runs Python code, and a call into COLMAP
+    takes minutes; so the main thread waits here.
+
+    Args:
+        call: the work; it must release the interpreter lock while it computes.
+        cancel: asks ``call`` to return soon; called on Ctrl-C, which is raised once ``call`` has returned:
+            what it writes is then whole.
+        watch: called several times a second meanwhile, and once at the end.
+    """
+    results: list[Result] = []
+    errors: list[BaseException] = []
+
+    def work() -> None:
+        try:
+            results.append(call())
+        except BaseException as error:  # raised again below, on the caller's thread
+            errors.append(error)
+
+    thread = threading.Thread(target=work, name="colmap")
+    thread.start()
+    try:
+        while thread.is_alive():
+            thread.join(POLL_SECONDS)
+            watch()
+    except BaseException:
+        cancel()
+        thread.join()
+        raise
+    watch()
+    if errors:
+        raise errors[0]
+    return results[0]
+
 
 # Most matches of neighboring photographs are right, and RANSAC's own confidence tells when it may stop.
 # COLMAP's least number of trials, 100, costs as much as the matching and finds the same inliers.
@@ -110,7 +151,7 @@ def seeks_in_enlarged(images: ImageSet, config: SfmConfig) -> bool:
     if config.double_size is not None:
         return config.double_size
     longest = max(max(k.width, k.height) for k in images.intrinsics)
-    return min(longest, config.feature_size) <= ENLARGED_UP_TO
+    return min(longest, config.feature_size) <= thresholds.MAX_SIDE_ENLARGED
 
 
 def _reader_options(pycolmap: Any, shared: Intrinsics | None, database: Path) -> Any:

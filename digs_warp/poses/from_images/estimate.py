@@ -12,25 +12,25 @@ from digs_warp.data.frame import Frame
 from digs_warp.data.sfm_model import SfmModel
 from digs_warp.device.libraries import import_pycolmap
 from digs_warp.device.parallel import default_threads
+from digs_warp.poses import thresholds
 from digs_warp.poses.from_images import colmap
 from digs_warp.poses.from_images.colmap import ImageSet
 from digs_warp.poses.from_images.config import SfmConfig
-from digs_warp.poses.from_images.convert import sfm_model
-from digs_warp.poses.from_images.failure import no_model_error
-from digs_warp.poses.from_images.mapping import map_images, triangulate
-from digs_warp.poses.from_images.model_files import write_model
-from digs_warp.poses.from_images.pairs import (
+from digs_warp.poses.from_images.image_pairs import (
     EXHAUSTIVE_UP_TO,
     all_pairs,
     loop_pairs,
     sequential_pairs,
 )
+from digs_warp.poses.from_images.mapping import map_images, triangulate
+from digs_warp.poses.from_images.model import sfm_model, write_model
 from digs_warp.poses.from_images.quality import (
     SfmQuality,
     check_agreement,
     check_completeness,
     check_motion,
     measure_quality,
+    no_model_error,
 )
 from digs_warp.poses.from_images.unrolled import correct_rolling_shutter
 from digs_warp.poses.from_images.workspace import IMAGES, Workspace, stage_keys, with_image_files
@@ -38,8 +38,6 @@ from digs_warp.record.run_log import RunLog
 from digs_warp.words import counted
 
 logger = logging.getLogger(__name__)
-
-FEWEST_IMAGES = 3
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,9 +74,10 @@ def structure_from_motion(frames: Sequence[Frame], config: SfmConfig, workspace:
         DigsError: too few images or features, images that do not hang together (with the number of
             images that do), or a camera that did not move enough.
     """
-    if len(frames) < FEWEST_IMAGES:
+    if len(frames) < thresholds.MIN_IMAGES:
         raise DigsError(
-            f"structure from motion: {counted(len(frames), 'image')}, expected at least {FEWEST_IMAGES}"
+            f"structure from motion: {counted(len(frames), 'image')}, expected at least "
+            f"{thresholds.MIN_IMAGES}"
         )
     _check_names_differ(frames)
     frames = with_image_files(frames, workspace / IMAGES)

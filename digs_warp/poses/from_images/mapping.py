@@ -10,13 +10,10 @@ from typing import Any
 import numpy as np
 
 from digs_warp.geometry.rigid import invert_rigid
-from digs_warp.poses.from_images.colmap import ImageSet, quiet_pycolmap
+from digs_warp.poses import thresholds
+from digs_warp.poses.from_images.colmap import ImageSet, quiet_pycolmap, run_interruptible
 from digs_warp.poses.from_images.config import SfmConfig
-from digs_warp.poses.from_images.interruptible import run_interruptible
 from digs_warp.record.progress import progress
-
-# A model of fewer images is no reconstruction; COLMAP's own limit of 10 would refuse small sets.
-SMALLEST_MODEL = 3
 
 # All images are adjusted together when their number, or that of the points, has grown by this factor.
 GLOBAL_ADJUSTMENT_GROWTH = 1.4
@@ -56,7 +53,7 @@ def incremental_options(pycolmap: Any, config: SfmConfig, threads: int) -> Any:
     options = pycolmap.IncrementalPipelineOptions()
     options.num_threads = threads
     options.random_seed = config.sfm_seed
-    options.min_model_size = SMALLEST_MODEL
+    options.min_model_size = thresholds.MIN_MODEL_IMAGES
     # Bundle adjustment of all images runs as often as COLMAP itself has it for videos, and stops where it no
     # longer gains: on 14 photographs of 1600x900 that saves a quarter of the time at the same errors.
     options.ba_global_frames_ratio = options.ba_global_points_ratio = GLOBAL_ADJUSTMENT_GROWTH

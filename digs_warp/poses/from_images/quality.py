@@ -2,24 +2,50 @@
 
 import logging
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 
 from digs_warp.checks import DigsError
 from digs_warp.data.sfm_model import SfmModel
+from digs_warp.device.libraries import import_pycolmap
+from digs_warp.poses import thresholds
+from digs_warp.poses.from_images.colmap import ImageSet
 from digs_warp.words import counted
 
+
+def no_model_error(images: ImageSet, database: Path) -> DigsError:
+    """Return the error that says how far the images came and what to try."""
+    pycolmap = import_pycolmap()
+    with pycolmap.Database.open(database) as db:
+        features = [db.num_keypoints_for_image(image.image_id) for image in db.read_all_images()]
+        geometries = db.read_two_view_geometries()[1]
+    kinds = pycolmap.TwoViewGeometryConfiguration
+    useless = (kinds.UNDEFINED.value, kinds.DEGENERATE.value)
+    flat = (kinds.PLANAR.value, kinds.PANORAMIC.value, kinds.PLANAR_OR_PANORAMIC.value)
+    configs = [int(geometry.config) for geometry in geometries]
+    matched = [config for config in configs if config not in useless]
+    flat_pairs = sum(config in flat for config in matched)
+    if np.median(features) < thresholds.MIN_FEATURES:
+        hint = (
+            "the images show too little texture: record a textured surround, or try a larger "
+            "--feature-size"
+        )
+    elif matched and flat_pairs > thresholds.MAX_PLANAR_SHARE * len(matched):
+        hint = (
+            f"{flat_pairs} of the pairs differ by a turn of the camera or show one flat wall, which tells "
+            "nothing about depth: walk round the object instead of turning on the spot"
+        )
+    else:
+        hint = "try --pairing exhaustive, more --features, a larger --feature-size, or more frames"
+    return DigsError(
+        f"structure from motion: 0 of {len(images.names)} images could be placed: "
+        f"{np.median(features):.0f} features per image, {len(matched)} of {len(configs)} compared pairs "
+        f"match; {hint}"
+    )
+
+
 logger = logging.getLogger(__name__)
-
-# The camera has to move by this share of its distance to what it sees. Below, nearly all of the image
-# motion is the camera's turning, which tells nothing about depth.
-LEAST_MOTION = 0.01
-
-# Points that an image sees on average, below which given poses and images have nothing to do with each other.
-FEWEST_OBSERVATIONS = 10
-
-# Second against first extent of the path of the cameras, from where on it counts as a straight line.
-STRAIGHT = 0.01
 
 
 @dataclass(frozen=True)
@@ -121,7 +147,7 @@ def check_agreement(quality: SfmQuality) -> None:
     Raises:
         DigsError: with the number of points that do fit.
     """
-    if quality.observations_per_image < FEWEST_OBSERVATIONS:
+    if quality.observations_per_image < thresholds.MIN_OBSERVATIONS:
         raise DigsError(
             f"structure from motion: with the given poses {quality.images} images share only "
             f"{quality.points} points; the camera was at rest, or the poses' errors are too large, their "
@@ -144,12 +170,12 @@ def check_motion(model: SfmModel) -> None:
     seen = model.observations
     offsets = centers[seen.cameras] - model.points.points_world[seen.points]
     distance = float(np.median(np.linalg.norm(offsets, axis=1))) if len(seen) else 0.0
-    if extents[0] < LEAST_MOTION * distance:
+    if extents[0] < thresholds.MIN_MOTION * distance:
         raise DigsError(
             f"structure from motion: the cameras moved by {extents[0] / distance:.2%} of their distance to "
             "what they see: they turned on the spot, which tells nothing about depth. Walk round the object"
         )
-    if extents[1] < STRAIGHT * extents[0]:
+    if extents[1] < thresholds.MIN_PATH_WIDTH * extents[0]:
         raise DigsError(
             "structure from motion: the cameras lie on a straight line, "
             "expected a walk round the object; one line of sight leaves the turn about it undetermined"

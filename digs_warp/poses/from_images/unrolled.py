@@ -11,7 +11,7 @@ from digs_warp.data.frame import Frame
 from digs_warp.data.sfm_model import SfmModel
 from digs_warp.geometry.rigid import invert_rigid
 from digs_warp.poses.from_images.colmap import ImageSet, quiet_pycolmap
-from digs_warp.poses.from_images.convert import sfm_model
+from digs_warp.poses.from_images.model import sfm_model
 from digs_warp.poses.from_images.rolling_shutter import (
     RollingModel,
     RollingViews,

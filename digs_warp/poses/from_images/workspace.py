@@ -22,7 +22,7 @@ from digs_warp.data.images import write_image
 from digs_warp.data.layers import Layer
 from digs_warp.poses.from_images.colmap import LOG_BYTES
 from digs_warp.poses.from_images.config import SfmConfig
-from digs_warp.poses.from_images.model_files import is_complete
+from digs_warp.poses.from_images.model import is_complete
 from digs_warp.record.disk import check_room
 from digs_warp.record.files import (
     claim,

@@ -246,7 +246,7 @@ def _scale_error(capture: Capture, config: "ReconstructConfig", posed: PosedFram
     """
     from digs_warp.init.local_scales import local_scales
     from digs_warp.init.scale import estimate_scale
-    from digs_warp.poses.from_images.evaluate import umeyama
+    from digs_warp.poses.from_images.similarity import umeyama
     from digs_warp.study.synthetic_sfm import sfm_from_truth
 
     if config.sfm.poses == "sfm":

@@ -15,8 +15,8 @@ from digs_warp.geometry.rigid import matrix_from_rotation_vector, rigid
 from digs_warp.pipeline.config import FrontEndConfig
 from digs_warp.pipeline.front_end import front_end
 from digs_warp.pipeline.poses import depth_doubt
-from digs_warp.poses.align import in_place
 from digs_warp.poses.from_images.config import SfmConfig
+from digs_warp.poses.refine.photometric_alignment import in_place
 from digs_warp.record.run_log import RunLog
 from reference.optional import open3d_or_skip
 

@@ -17,9 +17,9 @@ from digs_warp.init.config import InitConfig
 from digs_warp.masks.config import SegmentConfig
 from digs_warp.pipeline.config import FrontEndConfig, check_front_end
 from digs_warp.pipeline.front_end import FrontEnd, front_end, load_front_end
-from digs_warp.poses.align import in_place
 from digs_warp.poses.from_images.config import SfmConfig
-from digs_warp.poses.from_images.evaluate import camera_errors
+from digs_warp.poses.from_images.similarity import camera_errors
+from digs_warp.poses.refine.photometric_alignment import in_place
 from digs_warp.record.run_log import RunLog
 from digs_warp.study.engine.perturb import perturbed_capture
 from reference.sfm_views import arc, record

@@ -15,8 +15,8 @@ from digs_warp.data.layers import Layer
 from digs_warp.pipeline.config import FrontEndConfig
 from digs_warp.pipeline.front_end import front_end
 from digs_warp.pipeline.records import Poses, stored
-from digs_warp.poses.align import in_place
 from digs_warp.poses.from_images.config import SfmConfig
+from digs_warp.poses.refine.photometric_alignment import in_place
 from digs_warp.record.run_log import RunLog, RunRecord
 from reference.optional import open3d_or_skip
 

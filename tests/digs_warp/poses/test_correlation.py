@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from digs_warp.geometry.rigid import invert_rigid, matrix_from_rotation_vector, rigid
-from digs_warp.poses.correlation import correlation
+from digs_warp.poses.agreement import correlation
 from digs_warp.poses.views import Picture, view_of
 from reference.textured_plane import picture, ring_of_poses
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from digs_warp.poses.from_images.pairs import (
+from digs_warp.poses.from_images.image_pairs import (
     all_pairs,
     learn_words,
     loop_pairs,

@@ -10,7 +10,7 @@ from digs_warp.device.libraries import import_pycolmap
 from digs_warp.geometry.camera import Intrinsics
 from digs_warp.poses.from_images.colmap import ImageSet, extract_features
 from digs_warp.poses.from_images.config import SfmConfig
-from digs_warp.poses.from_images.model_files import FILES, is_complete, write_model
+from digs_warp.poses.from_images.model import FILES, is_complete, write_model
 from reference.full_disk import small_disk
 
 

@@ -10,7 +10,7 @@ from digs_warp.data.point_cloud import PointCloud
 from digs_warp.data.sfm_model import Observations, SfmModel
 from digs_warp.geometry.camera import Camera, Intrinsics
 from digs_warp.geometry.rigid import look_at, rigid
-from digs_warp.poses.from_images.evaluate import Similarity, pose_errors, umeyama
+from digs_warp.poses.from_images.similarity import Similarity, pose_errors, umeyama
 
 INTRINSICS = Intrinsics.from_fov(64, 48, 60.0)
 

@@ -7,7 +7,6 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from digs_warp.geometry.rigid import invert_rigid, look_at
-from digs_warp.poses.from_images.evaluate import umeyama
 from digs_warp.poses.from_images.rolling_shutter import (
     PIXEL_ERROR,
     RollingModel,
@@ -19,6 +18,7 @@ from digs_warp.poses.from_images.rolling_shutter import (
     residuals,
     walking_spins,
 )
+from digs_warp.poses.from_images.similarity import umeyama
 
 READOUT = 0.02
 COUNT, POINTS = 18, 200

@@ -17,7 +17,7 @@ from digs_warp.geometry.camera import Camera
 from digs_warp.poses.from_images import colmap
 from digs_warp.poses.from_images.config import SfmConfig
 from digs_warp.poses.from_images.estimate import SfmResult, structure_from_motion
-from digs_warp.poses.from_images.evaluate import pose_errors
+from digs_warp.poses.from_images.similarity import pose_errors
 from digs_warp.study.engine.perturb import perturbed_poses
 from reference.sfm_views import INTRINSICS, arc, photograph, turns_on_the_spot
 

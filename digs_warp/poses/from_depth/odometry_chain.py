@@ -1,0 +1,119 @@
+"""The motions from each frame to the next, and how a step that breaks is bridged."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from digs_warp.device.threads import over_items
+from digs_warp.geometry.rigid import invert_rigid
+from digs_warp.poses import thresholds
+from digs_warp.poses.from_depth.pair_motion import Edge, FrameFeatures, FramePair, edge_between
+
+# Frames before and after a step that breaks, from which it is bridged.
+BRIDGE = 2
+
+
+def measured_chain(features: Sequence[FrameFeatures]) -> list[Edge]:
+    """Return the motion from each frame to the next.
+
+    Where features tell it, all are measured at once; else the step before is likely to go on.
+    """
+
+    def measured(number: int) -> FramePair | Edge:
+        pair = FramePair.of(features, number, number + 1)
+        return pair.edge(np.eye(4)) if pair.is_certain else pair
+
+    edges: list[Edge] = []
+    before = np.eye(4)
+    for each in over_items(range(len(features) - 1), measured):
+        edge = each if isinstance(each, Edge) else each.edge(before)
+        edges.append(edge)
+        before = edge.target_from_source if holds(edge) else np.eye(4)
+    return edges
+
+
+def bridged(features: Sequence[FrameFeatures], chain: Sequence[Edge]) -> list[Edge]:
+    """Return the chain; where it breaks, the motion between other frames on both sides that holds best.
+
+    A bridge from frame a to frame b over one broken step tells that step: the others between a and b hold.
+    """
+    edges = list(chain)
+    for number, edge in enumerate(chain):
+        if holds(edge):
+            continue
+        first = range(max(0, number - BRIDGE), number + 1)
+        last = range(number + 1, min(len(features), number + 2 + BRIDGE))
+        for i, j in sorted(
+            ((i, j) for i in first for j in last), key=lambda pair: pair[1] - pair[0]
+        ):
+            before, after = edges[i:number], edges[number + 1 : j]
+            if j - i == 1 or not all(holds(each) for each in (*before, *after)):
+                continue
+            bridge = edge_between(features, i, j, _motion([*before, *after]))
+            if bridge.disagreement <= thresholds.MAX_BRIDGE_DISAGREEMENT or _certain(bridge):
+                edges[number] = _step(bridge, before, after)
+                break
+    return edges
+
+
+def _step(bridge: Edge, before: Sequence[Edge], after: Sequence[Edge]) -> Edge:
+    """Return the one step of a bridge that is neither before nor after it."""
+    motion = (
+        invert_rigid(_motion(after)) @ bridge.target_from_source @ invert_rigid(_motion(before))
+    )
+    source, target = bridge.source + len(before), bridge.target - len(after)
+    return replace(bridge, source=source, target=target, target_from_source=motion)
+
+
+def _motion(edges: Sequence[Edge]) -> np.ndarray:
+    """Return the motion of all edges one after the other, (4, 4)."""
+    motion = np.eye(4)
+    for edge in edges:
+        motion = edge.target_from_source @ motion
+    return motion
+
+
+def along(chain: Sequence[Edge]) -> np.ndarray:
+    """Return ``world_from_cam`` of each frame from the motions one after the other, (n, 4, 4)."""
+    poses = [np.eye(4)]
+    for edge in chain:
+        poses.append(poses[-1] @ invert_rigid(edge.target_from_source))
+    return np.stack(poses)
+
+
+def measured_again(
+    features: Sequence[FrameFeatures], chain: Sequence[Edge], placed: np.ndarray
+) -> list[Edge]:
+    """Return the motions between neighbors; what all together contradict is measured from their poses."""
+
+    def again(edge: Edge) -> Edge:
+        likely = invert_rigid(placed[edge.target]) @ placed[edge.source]
+        if (
+            turn_deg(invert_rigid(edge.target_from_source) @ likely)
+            <= thresholds.MAX_STEP_RESIDUAL_DEG
+        ):
+            return edge
+        other = edge_between(features, edge.source, edge.target, likely, search=False)
+        return min((edge, other), key=lambda each: each.disagreement)
+
+    return over_items(chain, again)
+
+
+def holds(edge: Edge) -> bool:
+    """Return whether the frames show the same under their motion."""
+    return edge.disagreement <= thresholds.MAX_STEP_DISAGREEMENT or _certain(edge)
+
+
+def _certain(edge: Edge) -> bool:
+    return (
+        edge.matches >= thresholds.MIN_STEP_INLIERS
+        or edge.correlation >= thresholds.MIN_STEP_CORRELATION
+    )
+
+
+def turn_deg(motion: np.ndarray) -> float:
+    """Return the angle of a motion's turn [degree]."""
+    # The Frobenius norm of R - 1 is 2 sqrt(2) sin(angle / 2).
+    chord = float(np.linalg.norm(motion[:3, :3] - np.eye(3)) / np.sqrt(8.0))
+    return float(np.degrees(2 * np.arcsin(min(chord, 1.0))))

@@ -1,0 +1,138 @@
+"""Estimated cameras against true ones, up to the similarity that structure from motion cannot know."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from digs_warp.checks import DigsError, check_shape
+from digs_warp.data.frame import Frame
+from digs_warp.data.sfm_model import SfmModel
+from digs_warp.data.viewpoints import upward
+from digs_warp.geometry.camera import Camera
+from digs_warp.geometry.rigid import rigid
+
+
+@dataclass(frozen=True, eq=False)
+class Similarity:
+    """``target = scale * rotation @ source + translation``."""
+
+    scale: float
+    rotation: np.ndarray
+    translation: np.ndarray
+
+    def apply(self, points: np.ndarray) -> np.ndarray:
+        """Return the points (..., 3) in the target frame."""
+        return self.scale * points @ self.rotation.T + self.translation
+
+
+@dataclass(frozen=True, eq=False)
+class PoseErrors:
+    """Errors of the registered cameras after the best similarity alignment of their centers.
+
+    Attributes:
+        centers_m: distance of each center to the true one [m], shape (n,).
+        rotations_deg: angle of each rotation to the true one [degree], shape (n,).
+        sfm_per_metre: the scale that the true poses tell.
+        world_from_sfm: the alignment.
+    """
+
+    centers_m: np.ndarray
+    rotations_deg: np.ndarray
+    sfm_per_metre: float
+    world_from_sfm: Similarity
+
+
+def umeyama(source: np.ndarray, target: np.ndarray) -> Similarity:
+    """Return the similarity that maps ``source`` onto ``target``, (n, 3) each, with least squares.
+
+    Umeyama, "Least-squares estimation of transformation parameters between two point patterns",
+    IEEE PAMI 1991, eq. 40 to 42; never a reflection.
+
+    Raises:
+        DigsError: fewer than three points, or points on one line: the rotation is not determined.
+    """
+    check_shape("umeyama source", source, (None, 3))
+    check_shape("umeyama target", target, (len(source), 3))
+    source_mean, target_mean = source.mean(axis=0), target.mean(axis=0)
+    a, b = source - source_mean, target - target_mean
+    u, singular, vt = np.linalg.svd(b.T @ a / max(1, len(a)))
+    if len(source) < 3 or singular[1] <= 1e-9 * max(singular[0], 1e-300):
+        raise DigsError(
+            f"alignment: {len(source)} points on one line or in one place leave the rotation undetermined; "
+            "expected at least 3 in a plane"
+        )
+    signs = np.array([1.0, 1.0, np.sign(np.linalg.det(u) * np.linalg.det(vt))])
+    rotation = u @ np.diag(signs) @ vt
+    scale = float((singular * signs).sum() / (a**2).sum(axis=1).mean())
+    return Similarity(scale, rotation, target_mean - scale * rotation @ source_mean)
+
+
+def pose_errors(model: SfmModel, frames: Sequence[Frame]) -> PoseErrors:
+    """Compare the model's cameras with those of the frames of the same names, taken as true.
+
+    Raises:
+        DigsError: fewer than three cameras, or cameras on one line.
+    """
+    return camera_errors(dict(zip(model.names, model.cameras, strict=True)), frames)
+
+
+def camera_errors(cameras: Mapping[str, Camera], frames: Sequence[Frame]) -> PoseErrors:
+    """Compare cameras, by the names of their frames, with those of ``frames``, taken as true.
+
+    Raises:
+        DigsError: fewer than three cameras, or cameras on one line.
+    """
+    true = {frame.name: frame.camera for frame in frames}
+    truths = [true[name] for name in cameras]
+    found = np.array([camera.center_world for camera in cameras.values()])
+    expected = np.array([camera.center_world for camera in truths])
+    alignment = umeyama(found, expected)
+    turned = np.array([alignment.rotation @ c.world_from_cam[:3, :3] for c in cameras.values()])
+    rotations = np.array([c.world_from_cam[:3, :3] for c in truths])
+    # The Frobenius norm of R - S is 2 sqrt(2) sin(angle / 2): exact for small angles, unlike the trace.
+    chords = np.linalg.norm((turned - rotations).reshape(-1, 9), axis=1) / np.sqrt(8.0)
+    return PoseErrors(
+        centers_m=np.linalg.norm(alignment.apply(found) - expected, axis=1),
+        rotations_deg=np.degrees(2.0 * np.arcsin(np.minimum(chords, 1.0))),
+        sfm_per_metre=1.0 / alignment.scale,
+        world_from_sfm=alignment,
+    )
+
+
+def world_as_recorded(cameras: Sequence[Camera], recorded: Sequence[Camera]) -> np.ndarray:
+    """Return the rigid motion, (4, 4), that lays metric cameras over the recorded ones as well as one can.
+
+    It changes no distance, so nothing is learnt from the recorded poses but where the axes lie.
+
+    Raises:
+        DigsError: fewer than three cameras, or cameras on one line.
+    """
+    found = np.array([camera.center_world for camera in cameras])
+    expected = np.array([camera.center_world for camera in recorded])
+    rotation = umeyama(found, expected).rotation
+    return rigid(rotation, expected.mean(axis=0) - rotation @ found.mean(axis=0))
+
+
+def upright_world(cameras: Sequence[Camera], center: np.ndarray) -> np.ndarray:
+    """Return the rigid motion, (4, 4), to a world with z up and ``center`` at the origin.
+
+    The first camera lies above the negative y axis.
+
+    Raises:
+        DigsError: the cameras are turned about their axes in all directions: there is no up.
+    """
+    z = upward(cameras)
+    if z is None:
+        raise DigsError(
+            "estimated poses: the images are turned in all directions, so nothing tells where up is; "
+            "give the recording's poses, or leave out the images that are turned"
+        )
+    ahead = center - cameras[0].center_world
+    y = ahead - (ahead @ z) * z
+    # Straight above the center any direction will do.
+    y = y if np.linalg.norm(y) > 1e-9 else cameras[0].world_from_cam[:3, 0]
+    y = y - (y @ z) * z
+    y /= np.linalg.norm(y)
+    rotation = np.stack([np.cross(y, z), y, z])
+    return rigid(rotation, -rotation @ center)

@@ -1,0 +1,119 @@
+"""Whether the poses of a recording need to be refined, and the frames with their refined poses."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from digs_warp.checks import DigsError
+from digs_warp.data.frame import Frame
+from digs_warp.data.layers import Layer
+from digs_warp.poses import thresholds
+from digs_warp.poses.agreement import got_worse, reduced
+from digs_warp.poses.from_depth.quality import some_of
+from digs_warp.poses.refine.bundle_adjustment import adjusted_where_better, in_likely_scale
+from digs_warp.poses.refine.outcome import PoseRefinement
+from digs_warp.poses.refine.photometric_alignment import align
+from digs_warp.poses.refine.relocalization import RelocatedFrames, relocated
+from digs_warp.poses.views import load_pictures
+from digs_warp.words import counted
+
+
+def refine(
+    frames: Sequence[Frame], readout_time: float, needed: bool, estimated: bool = False
+) -> tuple[list[Frame], PoseRefinement]:
+    """Return the frames with poses that fit their photographs and depth, if those fit much better.
+
+    A single frame in a wrong place is registered again, or left out if it agrees with no other.
+
+    Held-out frames belong to them as well: with poses that are off, their score would measure the poses. A
+    frame's pose follows from what it has in common with its neighbors, as in structure from motion.
+
+    Args:
+        frames: all of them, in order of time.
+        readout_time: from the first row to the last [s]; 0: all rows at once.
+        needed: whether it was asked for; else poses stay as they are unless the frames agree much better.
+        estimated: whether the poses are never exact; poses and distances found together are then taken
+            wherever color and depth do not object.
+
+    Raises:
+        DigsError: it was asked for, and no two frames with depth show the same.
+    """
+    if not any(frame.has(Layer.DEPTH) for frame in frames):
+        return _left(frames, "no frame has depth", needed)
+    given = np.stack([frame.camera.world_from_cam for frame in frames])
+    pictures = load_pictures(frames, readout_time)
+    relocation = relocated(pictures, given)
+    kept = [number for number in range(len(frames)) if number not in relocation.lost]
+    told = _said_of_outliers(frames, relocation)
+    frames, pictures = [frames[each] for each in kept], [pictures[each] for each in kept]
+    given = relocation.poses[kept]
+    if relocation.moved:
+        frames = _with_poses(frames, given)
+    found = align(pictures, given, relocation.start[kept])
+    if found is None:
+        return _left(frames, f"no two frames with depth show the same surface{told}", needed)
+    gain = 1 - found.error_after / max(found.error_before, 1e-12)
+    little = gain < thresholds.MIN_ALIGNMENT_GAIN and not needed
+    because = f"with refined poses the frames would differ {_less(gain)}{told}"
+    if little and not estimated:
+        return _left(frames, because, needed)
+    small = reduced(pictures)
+    near = in_likely_scale(found.poses, given)
+    moved = adjusted_where_better(pictures, small, found.pairs, near, given)
+    if little and moved is near:  # then depth alone says so, and it does not say enough
+        return _left(frames, because, needed)
+    worse = got_worse(
+        small, given, moved, found.pairs, thresholds.MIN_DISAGREEMENT_RATIO if little else 1.0
+    )
+    poses = np.where(worse[:, None, None], given, moved)
+    motion = _motion(given, poses)
+    if motion[1] > thresholds.MAX_REFINED_TURN_DEG:
+        because = f"the frames do not hold together: turned by {motion[1]:.1f}°{told}"
+        return _left(frames, because, needed)
+    because = f"the frames differ {_less(gain)}{told}"
+    if worse.any():
+        because += f"; {counted(int(worse.sum()), 'frame')} would agree less and kept the pose"
+    refinement = PoseRefinement(True, because, *motion, adjusted=moved is not near)
+    return _with_poses(frames, poses), refinement
+
+
+def _with_poses(frames: Sequence[Frame], poses: np.ndarray) -> list[Frame]:
+    return [
+        replace(frame, camera=replace(frame.camera, world_from_cam=pose))
+        for frame, pose in zip(frames, poses, strict=True)
+    ]
+
+
+def _said_of_outliers(frames: Sequence[Frame], relocation: RelocatedFrames) -> str:
+    """Return what is said of misplaced frames."""
+    parts = (("registered again", relocation.moved), ("left out", relocation.lost))
+    return "".join(
+        f"; {what}: {some_of([frames[each].name for each in which])}"
+        for what, which in parts
+        if which
+    )
+
+
+def _left(
+    frames: Sequence[Frame], because: str, needed: bool
+) -> tuple[list[Frame], PoseRefinement]:
+    if needed:
+        raise DigsError(
+            f"--refine-poses on: {because}; record overlapping frames with depth, or use --poses sfm"
+        )
+    return list(frames), PoseRefinement(False, because)
+
+
+def _less(gain: float) -> str:
+    return f"{gain:.0%} less" if gain >= 0 else f"{-gain:.0%} more"
+
+
+def _motion(before: np.ndarray, after: np.ndarray) -> tuple[float, float]:
+    """Return the root mean squares of the motion [mm] and the turn [degree]."""
+    moved = np.linalg.norm(after[:, :3, 3] - before[:, :3, 3], axis=1)
+    # The Frobenius norm of R - S is 2 sqrt(2) sin(angle / 2).
+    chords = np.linalg.norm((after - before)[:, :3, :3], axis=(1, 2)) / np.sqrt(8.0)
+    turned = np.degrees(2 * np.arcsin(np.minimum(chords, 1.0)))
+    rms = [round(float(np.sqrt(np.mean(each**2))), 4) for each in (1000 * moved, turned)]
+    return rms[0], rms[1]
