@@ -17,7 +17,6 @@ from digs_warp.poses.from_images import colmap
 from digs_warp.poses.from_images.colmap import ImageSet
 from digs_warp.poses.from_images.config import SfmConfig
 from digs_warp.poses.from_images.image_pairs import (
-    EXHAUSTIVE_UP_TO,
     all_pairs,
     loop_pairs,
     sequential_pairs,
@@ -127,7 +126,9 @@ def _find_and_match(images: ImageSet, config: SfmConfig, place: Workspace, log: 
 def choose_pairs(images: ImageSet, config: SfmConfig, database: Path) -> list[tuple[int, int]]:
     """Return the pairs to compare; loops are found by the features in the database."""
     count = len(images.names)
-    if config.pairing == "exhaustive" or (config.pairing == "auto" and count <= EXHAUSTIVE_UP_TO):
+    if config.pairing == "exhaustive" or (
+        config.pairing == "auto" and count <= thresholds.MAX_IMAGES_EXHAUSTIVE
+    ):
         return all_pairs(count)
     pairs = set(sequential_pairs(count, config.overlap))
     if config.loop_images:
