@@ -14,8 +14,13 @@ from tqdm import tqdm
 
 from digs_warp.checks import DigsError
 from digs_warp.commands.command import Command
-from digs_warp.commands.common_flags import CommonFlags, take_common_flags
-from digs_warp.commands.parse import PROGRAM, read_command, write_completion
+from digs_warp.commands.parse import (
+    PROGRAM,
+    CommonFlags,
+    read_command,
+    take_common_flags,
+    write_completion,
+)
 from digs_warp.device.libraries import missing_library
 from digs_warp.record.interruption import Stopped, stopped_by_signals
 from digs_warp.record.progress import show_progress

@@ -1,4 +1,4 @@
-"""Words of messages: counted things, and what a misspelled name may have meant."""
+"""Words of messages: counted things, what a misspelled name may have meant, and facts in two columns."""
 
 from collections.abc import Iterable
 from difflib import get_close_matches
@@ -21,3 +21,9 @@ def did_you_mean(word: str, known: Iterable[str]) -> str:
         return f"; {there_is}"
     more = f" ({there_is})" if len(known) <= MOST_BESIDE_A_SUGGESTION else ""
     return f"; did you mean '{close[0]}'?{more}"
+
+
+def format_facts(facts: dict[str, str]) -> str:
+    """Return the facts as two aligned columns."""
+    width = max(map(len, facts))
+    return "\n".join(f"{name.ljust(width)}  {value}" for name, value in facts.items())

@@ -12,7 +12,7 @@ from pathlib import Path
 import psutil
 
 from digs_warp.data.index_rules import INDEX_NAME
-from digs_warp.engines.results import Results
+from digs_warp.engines.task import Results
 from digs_warp.record.files import read_json, to_json, write_atomically
 from digs_warp.study.table import Table
 
@@ -118,7 +118,7 @@ def _waiting_for_a_child(processes: list[psutil.Process]) -> psutil.Process | No
     """Return a worker: a reconstruction runs in a child of it."""
     for process in processes:
         try:
-            if "digs_warp.engines.child" in " ".join(process.cmdline()):
+            if "digs_warp.engines.processes" in " ".join(process.cmdline()):
                 return process.parent()
         except psutil.NoSuchProcess:
             continue

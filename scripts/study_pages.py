@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from digs_warp.engines.results import RESULTS
+from digs_warp.engines.task import RESULTS
 from digs_warp.record.files import write_atomically
 from digs_warp.study.catalogue import STUDIES, Study, find_study
 from digs_warp.study.engine.case import with_file_names

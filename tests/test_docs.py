@@ -11,7 +11,7 @@ import pytest
 
 import digs_warp
 from digs_warp import cli
-from digs_warp.commands.registry import COMMANDS
+from digs_warp.commands.command import COMMANDS
 from digs_warp.data.capture import read_capture
 
 REPOSITORY = Path(__file__).resolve().parent.parent

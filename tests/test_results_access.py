@@ -20,7 +20,7 @@ OWNERS = {
     "digs_warp/pipeline/reconstruct.py",  # resumes from them
     "digs_warp/pipeline/optimize.py",  # takes over a finished training
     "digs_warp/train/session.py",  # writes the course
-    "digs_warp/commands/result_files.py",  # names what --overwrite may delete
+    "digs_warp/commands/output.py",  # names what --overwrite may delete
 }
 # May take values by key out of a run.json's results.
 RECORD_READERS = {

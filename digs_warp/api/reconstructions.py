@@ -6,8 +6,8 @@ from typing import Any
 
 from digs_warp.api.settings import with_settings
 from digs_warp.checks import DigsError
+from digs_warp.commands.output import reconstruction_files
 from digs_warp.commands.reconstruction_options import ReconstructionOptions
-from digs_warp.commands.result_files import reconstruction_files
 from digs_warp.data.capture import Capture, read_capture
 from digs_warp.init.strategies import StrategyChoice
 from digs_warp.pipeline.reconstruction import Reconstruction

@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from digs_warp.api.settings import with_settings
-from digs_warp.commands.result_files import capture_files
+from digs_warp.commands.output import capture_files
 from digs_warp.data.capture import Capture
 from digs_warp.record.replacement import check_place
 from digs_warp.sim.config import SimulateConfig

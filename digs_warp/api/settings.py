@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any, Literal, TypeVar, get_args, get_origin
 
 from digs_warp.checks import DigsError
-from digs_warp.commands.setting_names import alternatives, setting_names, settings_of
+from digs_warp.commands.settings_file import alternatives, setting_names, settings_of
 from digs_warp.words import did_you_mean
 
 T = TypeVar("T")

@@ -9,16 +9,17 @@ import tyro
 
 from digs_warp.checks import DigsError
 from digs_warp.commands.command import Command
-from digs_warp.commands.convert_splats import SplatConversion, convert_splats
-from digs_warp.commands.output import NewFolder
-from digs_warp.commands.recording_options import RecordingOptions
+from digs_warp.commands.output import NewFolder, check_output_file
+from digs_warp.commands.splat_options import SplatOptions
 from digs_warp.data.index_rules import INDEX_NAME
 from digs_warp.record.layout import RUN_RECORD, find_gaussians
 from digs_warp.record.run_log import RunLog
+from digs_warp.settings import FIELD_OF_VIEW, FRAMES, Settings
 from digs_warp.words import counted
 
 if TYPE_CHECKING:
     from digs_warp.data.capture import Capture
+
 
 logger = logging.getLogger(__name__)
 
@@ -47,6 +48,34 @@ RecordingFormat = Literal[
     "video",
     "realsense",
 ]
+
+
+@dataclass(frozen=True, kw_only=True)
+class SplatConversion(SplatOptions):
+    """For Gaussians: what the files of other programs do not say or leave open."""
+
+    spz_version: Literal[2, 3, 4] = 3
+    """Version of SPZ files to write. 3: read by nearly all programs; 4: the same content in the newest
+    container; 2: for the oldest programs, with coarser orientations."""
+
+    vertex_colors: bool = True
+    """Also write red, green and blue to PLY files, so that Open3D, trimesh and MeshLab show the splats as
+    colored points. Leave them out for programs that expect rows of floats only: the SIBR viewer of 3D
+    Gaussian splatting, and old versions of UnityGaussianSplatting."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class RecordingOptions(Settings):
+    """How a recording becomes a capture."""
+
+    frames: Annotated[int | None, FRAMES] = None
+    """For recordings: take at most this number of frames, evenly spread; of a film, the sharpest near each of
+    these moments. Default: all, of a film 120."""
+
+    fov_deg: Annotated[float | None, FIELD_OF_VIEW] = None
+    """For recordings with lens distortion, such as fisheye: horizontal field of view of the undistorted
+    images [degrees]. Default: the same focal length, so that the center stays as sharp as it is. For a
+    film: the field of view of its camera."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -173,3 +202,20 @@ def import_recording(
     return (
         f"{out}: {counted(len(capture), 'frame')} from {form}, {log.seconds['convert']:.1f} s{hint}"
     )
+
+
+def convert_splats(source: Path, target: Path, overwrite: bool, options: SplatConversion) -> str:
+    """Read ``source``, write ``target``, and return a line for the user.
+
+    Raises:
+        DigsError: the source cannot be used, or the target not be written.
+    """
+    from digs_warp.pipeline.scene_files import check_target, write_scene_file
+
+    check_target(target)
+    check_output_file(target, overwrite, [find_gaussians(source)])
+    result = options.read(source)
+    write_scene_file(target, result, source, options.up, options.spz_version, options.vertex_colors)
+    gaussians = result.gaussians
+    size = target.stat().st_size / 1e6
+    return f"{target}: {counted(len(gaussians), 'Gaussian')} of degree {gaussians.sh_degree}, {size:.2f} MB"

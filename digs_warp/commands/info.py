@@ -7,7 +7,7 @@ from typing import Annotated
 import tyro
 
 from digs_warp.commands.command import Command
-from digs_warp.commands.facts import format_facts
+from digs_warp.words import format_facts
 
 
 @dataclass(frozen=True, kw_only=True)

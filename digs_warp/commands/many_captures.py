@@ -76,10 +76,9 @@ def reconstruct_many(
     Returns:
         The lines, in the order of ``jobs``.
     """
-    from digs_warp.engines.results import Results
     from digs_warp.engines.run import run_tasks
     from digs_warp.engines.start import needs_of, started
-    from digs_warp.engines.task import Task
+    from digs_warp.engines.task import Results, Task
     from digs_warp.pipeline.stored_views import is_finished
     from digs_warp.record.digest import digest
 
@@ -103,7 +102,7 @@ def reconstruct_job(
     job: CaptureJob, options: "ReconstructionOptions", seed: int, folder: Path
 ) -> Mapping[str, Any]:
     """Reconstruct a capture, or go on with it; return the result in words and numbers."""
-    from digs_warp.commands.facts import reconstruction_words
+    from digs_warp.commands.reconstruction_options import reconstruction_words
     from digs_warp.data.capture import read_capture
     from digs_warp.pipeline.reconstruct import reconstruct
 

@@ -11,7 +11,10 @@ from pathlib import Path
 import tyro
 
 from digs_warp.checks import DigsError, kind_of
+from digs_warp.data.imu import IMU, IMU_TRUE
 from digs_warp.data.index_rules import INDEX_NAME
+from digs_warp.data.layers import Layer
+from digs_warp.record import layout
 from digs_warp.record.files import read_json
 from digs_warp.record.layout import LOCK, MANIFEST, REPLACING, RUN_RECORD, UNFINISHED
 from digs_warp.record.leftovers import remove_leftovers_of
@@ -19,6 +22,40 @@ from digs_warp.record.lock import sole_writer
 from digs_warp.record.manifest import recorded_files
 from digs_warp.record.replacement import check_place, finish_replacement, replace_result
 from digs_warp.record.run_log import RunRecord
+
+
+def capture_files() -> list[str]:
+    """Return what `simulate` writes."""
+    images = [layer.pattern.replace("{:04d}", "*") for layer in Layer]
+    return [INDEX_NAME, layout.SENSOR_PLAN, IMU, IMU_TRUE, *images]
+
+
+def reconstruction_files() -> list[str]:
+    """Return what `reconstruct` writes."""
+    from digs_warp.data.posed_frames import CAMERAS
+    from digs_warp.masks.masks import SETTINGS
+    from digs_warp.pipeline.front_end import HELD_OUT, MASKS, MENDED, SFM
+    from digs_warp.pipeline.stored_views import RENDERS
+    from digs_warp.poses.from_images.workspace import DATABASE, IMAGES, MODEL, STAGES
+
+    in_sfm = (f"{DATABASE}*", f"{MODEL}/*", STAGES, f"{IMAGES}/*.png")
+    in_held_out = (f"{HELD_OUT}/*.png", f"{HELD_OUT}/{SETTINGS}")
+    in_masks = ("*.png", SETTINGS, *in_held_out, f"{MENDED}/*.png")
+    return [
+        *(layout.INITIAL_POINTS, layout.CHECKPOINT, layout.TRAINING, layout.GAUSSIANS),
+        *(layout.EVALUATION, CAMERAS, f"{layout.COURSE}/*.npz", f"{RENDERS}/*.png"),
+        *(f"{SFM}/{name}" for name in in_sfm),
+        *(f"{MASKS}/{name}" for name in in_masks),
+    ]
+
+
+def run_files() -> list[str]:
+    """Return what `run` writes."""
+    parts = {layout.CAPTURE: capture_files(), layout.RECONSTRUCTION: reconstruction_files()}
+    both = (layout.RUN_RECORD, layout.MANIFEST)
+    inner = [f"{part}/{name}" for part, names in parts.items() for name in (*names, *both)]
+    return [layout.SCENE, layout.SPLATS, layout.REPORT, *inner]
+
 
 OUTPUT_FLAGS = ("out", "resume", "overwrite")  # of `OutputFolder`
 

@@ -10,19 +10,20 @@ import tyro
 
 from digs_warp.checks import DigsError
 from digs_warp.commands.command import SettingsCommand
-from digs_warp.commands.facts import format_facts, reconstruction_words
 from digs_warp.commands.many_captures import find_jobs, is_data_set, reconstruct_many
-from digs_warp.commands.output import ANY_FOLDER, OUTPUT_FLAGS, OutputFolder
-from digs_warp.commands.reconstruction_options import ReconstructionOptions
-from digs_warp.commands.result_files import reconstruction_files
-from digs_warp.commands.watched import watched_training
+from digs_warp.commands.output import ANY_FOLDER, OUTPUT_FLAGS, OutputFolder, reconstruction_files
+from digs_warp.commands.reconstruction_options import (
+    ReconstructionOptions,
+    reconstruction_words,
+    watched_training,
+)
 from digs_warp.device.libraries import loading
 from digs_warp.engines.config import EngineConfig
 from digs_warp.record import layout
 from digs_warp.record.run_log import RunLog
 from digs_warp.record.settings import settings_from_json
 from digs_warp.settings import SEED
-from digs_warp.words import counted
+from digs_warp.words import counted, format_facts
 
 if TYPE_CHECKING:
     from digs_warp.data.capture import Capture
@@ -123,7 +124,7 @@ class Reconstruct(ReconstructionOptions, _Output):
             return reconstruct(capture, config, folder, self.output.resume, watch)
 
     def _reconstruct_many(self) -> str:
-        from digs_warp.engines.results import RESULTS
+        from digs_warp.engines.task import RESULTS
         from digs_warp.pipeline.reconstruct import check_machine
 
         if self.view:

@@ -1,5 +1,8 @@
-"""Flags of the reconstruction, as `digs-warp run` and `digs-warp reconstruct` share them."""
+"""What `digs-warp run` and `digs-warp reconstruct` share: flags, a page to watch, words of results."""
 
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, field, fields, replace
 from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeVar
 
@@ -12,10 +15,13 @@ from digs_warp.masks.config import SegmentConfig
 from digs_warp.poses.from_images.config import SfmConfig
 from digs_warp.settings import TEST_EVERY, Settings
 from digs_warp.train.config import Density, DensityStrategy, TrainConfig
+from digs_warp.words import counted
 
 if TYPE_CHECKING:
     from digs_warp.data.capture import Capture
     from digs_warp.pipeline.reconstruct import ReconstructConfig
+    from digs_warp.pipeline.reconstruction import Reconstruction
+    from digs_warp.train.session import Watch
 
 T = TypeVar("T")
 
@@ -144,3 +150,38 @@ def _plain(options: Any, kind: type[T], **changes: Any) -> T:
     """Return the settings behind flags, with ``changes`` such as the common seed."""
     values = {f.name: getattr(options, f.name) for f in fields(kind)}  # pyright: ignore[reportArgumentType]
     return kind(**(values | changes))
+
+
+@contextmanager
+def watched_training(view: bool) -> "Iterator[Watch | None]":
+    """Yield what the training calls every few iterations; None without ``view``."""
+    if not view:
+        yield None
+        return
+    from digs_warp.show.view.live import live_page
+
+    with live_page(_say) as watch:
+        yield watch
+
+
+def _say(address: str) -> None:
+    sys.stderr.write(f"the training, until it ends: {address}\n")
+    sys.stderr.flush()
+
+
+def reconstruction_words(result: "Reconstruction", frames: int) -> str:
+    """Say how many Gaussians there are, from what, and how good they are."""
+    depth = result.start.depth if result.start else None
+    scale = result.poses.metric_scale
+    is_known = scale is None or scale.known
+    voxels = ""
+    if depth:
+        size = f"{1e3 * depth.voxel_size:.3g} mm" if is_known else f"{depth.voxel_size:.3g} units"
+        voxels = f" in voxels of {size}"
+    gaussians = counted(len(result.gaussians), "Gaussian")
+    unknown = [] if is_known else ["scale unknown"]
+    words = [f"{gaussians} from {counted(frames, 'frame')}{voxels}", result.quality]
+    words += [str(result.scores.surface)] if result.scores.surface else []
+    adherence = result.training.adherence
+    words += [f"adherence to the measured depth {1e3 * adherence:.2f} mm"] if adherence else []
+    return ", ".join(words + unknown)

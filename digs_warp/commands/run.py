@@ -8,17 +8,19 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Self
 import tyro
 
 from digs_warp.commands.command import SettingsCommand
-from digs_warp.commands.facts import format_facts, reconstruction_words
-from digs_warp.commands.output import ANY_FOLDER, OUTPUT_FLAGS, OutputFolder
-from digs_warp.commands.reconstruction_options import ReconstructionOptions
-from digs_warp.commands.result_files import run_files
+from digs_warp.commands.output import ANY_FOLDER, OUTPUT_FLAGS, OutputFolder, run_files
+from digs_warp.commands.reconstruction_options import (
+    ReconstructionOptions,
+    reconstruction_words,
+    watched_training,
+)
 from digs_warp.commands.simulate import RECORDING_FLAGS
-from digs_warp.commands.watched import watched_training
 from digs_warp.record import layout
 from digs_warp.record.run_log import RunLog
 from digs_warp.record.settings import settings_from_json
 from digs_warp.sim.config import SimulateConfig
 from digs_warp.usd.convert import WriteOptions
+from digs_warp.words import format_facts
 
 if TYPE_CHECKING:
     from digs_warp.pipeline.reconstruct import ReconstructConfig

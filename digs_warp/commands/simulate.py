@@ -1,5 +1,6 @@
 """`digs-warp simulate`: mesh and environment -> a capture folder, or many of them -> a data set."""
 
+import glob
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -10,22 +11,77 @@ import tyro
 
 from digs_warp.checks import DigsError
 from digs_warp.commands.command import SettingsCommand
-from digs_warp.commands.facts import format_facts
-from digs_warp.commands.many_scenes import ManyScenes
-from digs_warp.commands.output import ANY_FOLDER, OUTPUT_FLAGS, OutputFolder
-from digs_warp.commands.result_files import capture_files
+from digs_warp.commands.output import ANY_FOLDER, OUTPUT_FLAGS, OutputFolder, capture_files
 from digs_warp.engines.config import EngineConfig
 from digs_warp.record.layout import DATA_SET, MANIFEST, RUN_RECORD
 from digs_warp.record.run_log import RunLog
 from digs_warp.record.settings import settings_from_json
+from digs_warp.settings import Range, Settings
 from digs_warp.sim.config import SimulateConfig
-from digs_warp.words import counted
+from digs_warp.words import counted, format_facts
 
 if TYPE_CHECKING:
     from digs_warp.sim.record.data_set import SceneJob
 
+
 # Flags of a recording that the help of `run` and `simulate` shows.
 RECORDING_FLAGS = ("mesh", "environment", "profile", "frames", "width", "tier")
+
+
+@dataclass(frozen=True, kw_only=True)
+class ManyScenes(Settings):
+    """Record many scenes into one folder: every mesh in every environment, or scenes drawn at random."""
+
+    meshes: str | None = None
+    """Pattern for mesh files, in quotes, for example 'meshes/**/*.glb'."""
+
+    environments: str | None = None
+    """Pattern for environment files, in quotes, for example 'skies/*.hdr'."""
+
+    trajectories: Annotated[int, Range(1, 10_000)] = 1
+    """Camera paths per object and environment, each with its own seed."""
+
+    scenes: Annotated[int | None, Range(1, 100_000)] = None
+    """Number of scenes drawn at random: of --meshes and --environments one for each scene, the rest as
+    --randomize says. Scene i depends on --seed and i alone."""
+
+    randomize: str | None = None
+    """What is drawn for --scenes, and from which distributions: indoor, tabletop, wild, or a YAML file
+    (docs/randomization.md has all keys). A flag that differs from its default stays as given. Default:
+    indoor."""
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.randomize is not None and self.scenes is None:
+            raise DigsError(f"--randomize {self.randomize}: how many scenes? Give --scenes, too")
+        if self.scenes is not None and self.trajectories != 1:
+            raise DigsError(
+                "--scenes and --trajectories contradict each other; give one of them. Every scene already "
+                "has another camera path"
+            )
+
+    @property
+    def asked_for(self) -> bool:
+        """Whether any of the flags was given."""
+        return self != ManyScenes()
+
+    def find(self) -> tuple[list[Path], list[Path]]:
+        """Return the mesh and environment files, sorted.
+
+        Raises:
+            DigsError: a pattern that no file matches.
+        """
+        return _matches("meshes", self.meshes), _matches("environments", self.environments)
+
+
+def _matches(flag: str, pattern: str | None) -> list[Path]:
+    if pattern is None:
+        return []
+    paths = [Path(name) for name in sorted(glob.glob(pattern, recursive=True))]
+    files = [path for path in paths if path.is_file()]
+    if not files:
+        raise DigsError(f"--{flag} '{pattern}': no file matches; put the pattern in quotes")
+    return files
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -103,7 +159,7 @@ class Simulate(SettingsCommand):
         )
 
     def _record_many(self) -> str:
-        from digs_warp.engines.results import RESULTS
+        from digs_warp.engines.task import RESULTS
         from digs_warp.sim.record.data_set import simulate_many
         from digs_warp.sim.record.sensor_plan import check_effects
 

@@ -8,11 +8,11 @@ import tyro
 
 from digs_warp.checks import DigsError
 from digs_warp.commands.command import Command, Group, Preset
-from digs_warp.commands.facts import format_facts
 from digs_warp.engines.config import EngineConfig
 from digs_warp.record.durations import DURATION
 from digs_warp.settings import ITERATIONS, SECONDS, Range
 from digs_warp.study.catalogue import STUDIES, Study, find_study
+from digs_warp.words import format_facts
 
 Name = Annotated[str, tyro.conf.Suppress]
 
@@ -76,7 +76,7 @@ class RunStudy(Command):
 
     def _check_folder(self) -> None:
         """Refuse a folder that holds something else: the report would replace files of the same names."""
-        from digs_warp.engines.results import RESULTS
+        from digs_warp.engines.task import RESULTS
         from digs_warp.study.engine.chain import CAPTURES
 
         if not self.out.is_dir() or not any(self.out.iterdir()):

@@ -11,10 +11,8 @@ from typing import Any, Literal
 import submitit
 
 from digs_warp.checks import DigsError
-from digs_warp.engines.child import packed
-from digs_warp.engines.children import run_apart
-from digs_warp.engines.engine import Engine
-from digs_warp.engines.needs import ONE_THREAD, CallFailed, FailureClass, Needs
+from digs_warp.engines.engine import ONE_THREAD, CallFailed, Engine, FailureClass, Needs
+from digs_warp.engines.processes import packed, run_apart
 
 LOGS = "jobs"
 SECONDS_BETWEEN_LOOKS = {"slurm": 5.0, "local": 0.1}

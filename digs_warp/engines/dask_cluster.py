@@ -10,10 +10,8 @@ from dask import config as dask_config
 from distributed import Client, LocalCluster
 
 from digs_warp.checks import DigsError
-from digs_warp.engines.child import packed
-from digs_warp.engines.children import run_apart
-from digs_warp.engines.engine import Engine
-from digs_warp.engines.needs import ONE_THREAD, Needs
+from digs_warp.engines.engine import ONE_THREAD, Engine, Needs
+from digs_warp.engines.processes import packed, run_apart
 from digs_warp.words import counted
 
 # Seconds until a scheduler answers, or is lost.

@@ -11,10 +11,8 @@ from pathlib import Path
 from typing import Any
 
 from digs_warp.checks import DigsError
-from digs_warp.engines.engine import Engine, EngineLost
-from digs_warp.engines.needs import RETRIED, CallFailed, FailureClass
-from digs_warp.engines.results import Results
-from digs_warp.engines.task import FINISHED, Task, finished_file, perform
+from digs_warp.engines.engine import RETRIED, CallFailed, Engine, EngineLost, FailureClass
+from digs_warp.engines.task import FINISHED, Results, Task, finished_file, perform
 from digs_warp.record.files import read_json
 from digs_warp.record.progress import progress
 from digs_warp.words import counted

@@ -9,9 +9,8 @@ from pathlib import Path
 from digs_warp.checks import DigsError
 from digs_warp.device.threads import default_threads
 from digs_warp.engines.config import DASK, LOCAL, SLURM, SUBMITIT_LOCAL, EngineConfig
-from digs_warp.engines.engine import Engine
-from digs_warp.engines.local import LocalProcesses
-from digs_warp.engines.needs import Needs
+from digs_warp.engines.engine import Engine, Needs
+from digs_warp.engines.processes import LocalProcesses
 
 JOBS = 64  # of a batch system at the same time
 JOB_SECONDS = 3600.0  # batch systems end a job after a time that has to be said

@@ -53,7 +53,7 @@ class Study:
         Raises:
             DigsError: no case succeeded; the message has their errors.
         """
-        from digs_warp.engines.results import RESULTS
+        from digs_warp.engines.task import RESULTS
         from digs_warp.study.engine.store import Store
         from digs_warp.study.page import write_pages
 

@@ -14,11 +14,10 @@ from digs_warp.data.capture import Capture
 from digs_warp.data.frame import Frame
 from digs_warp.data.recorded_object import RecordedObject
 from digs_warp.engines.config import EngineConfig
-from digs_warp.engines.needs import Needs
-from digs_warp.engines.results import Results
+from digs_warp.engines.engine import Needs
 from digs_warp.engines.run import run_tasks
 from digs_warp.engines.start import needs_of, started
-from digs_warp.engines.task import Task
+from digs_warp.engines.task import Results, Task
 from digs_warp.record.digest import digest
 from digs_warp.record.files import to_json, write_atomically
 from digs_warp.record.layout import DATA_SET
@@ -62,7 +61,7 @@ class SceneResult:
         error_mm: median absolute depth error on the object [mm]; None likewise.
         size: longest side of the object [m]; None where it failed.
         drawn: that of the job.
-        failure: the class of the error, see `digs_warp.engines.needs.FailureClass`; empty when it is done.
+        failure: the class of the error, see `digs_warp.engines.engine.FailureClass`; empty when it is done.
     """
 
     name: str

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from digs_warp.engines.config import EngineConfig
-from digs_warp.engines.needs import Needs
+from digs_warp.engines.engine import Needs
 from digs_warp.engines.run import Outcome, check_keys, run_tasks
 from digs_warp.engines.start import needs_of, started
 from digs_warp.engines.task import Task

@@ -3,7 +3,7 @@
 from typing import Any
 
 from digs_warp.checks import DigsError
-from digs_warp.engines.results import Results
+from digs_warp.engines.task import Results
 from digs_warp.measure.scores import named_now
 from digs_warp.record.fields import Fields
 

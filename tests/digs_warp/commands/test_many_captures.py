@@ -10,7 +10,7 @@ import pytest
 from digs_warp.cli import EXIT_BAD_INPUT, EXIT_OK, EXIT_WRONG_USAGE, main
 from digs_warp.commands.many_captures import find_jobs
 from digs_warp.data.gaussians import Gaussians
-from digs_warp.engines.results import RESULTS
+from digs_warp.engines.task import RESULTS
 from reference.tiny_capture import write_tiny_capture
 
 SHORT = ["--iterations", "10", "--sh-degree", "0", "--quiet"]

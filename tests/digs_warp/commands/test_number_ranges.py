@@ -8,11 +8,9 @@ from typing import Any, get_args
 import pytest
 
 from digs_warp.checks import DigsError
-from digs_warp.commands.command import Command, Group, Node, Preset
-from digs_warp.commands.common_flags import CommonFlags
-from digs_warp.commands.parse import read_command
-from digs_warp.commands.registry import COMMANDS
-from digs_warp.commands.setting_names import alternatives
+from digs_warp.commands.command import COMMANDS, Command, Group, Node, Preset
+from digs_warp.commands.parse import CommonFlags, read_command
+from digs_warp.commands.settings_file import alternatives
 from digs_warp.settings import NO_FLAG, Range
 from digs_warp.sim.testing.recording import RecordingConfig
 

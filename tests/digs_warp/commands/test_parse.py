@@ -14,10 +14,9 @@ import pytest
 from digs_warp import cli
 from digs_warp.cli import EXIT_OK, EXIT_WRONG_USAGE, main
 from digs_warp.commands.bench import Bench, BenchWithPicture
-from digs_warp.commands.command import Command, Group, Node, Preset
+from digs_warp.commands.command import COMMANDS, Command, Group, Node, Preset
 from digs_warp.commands.output import OutputFolder
-from digs_warp.commands.registry import COMMANDS
-from digs_warp.commands.setting_names import alternatives, settings_of
+from digs_warp.commands.settings_file import alternatives, settings_of
 from digs_warp.commands.simulate import Simulate
 from digs_warp.commands.study import RunStudy
 from digs_warp.study.benchmarks import BENCHMARKS

@@ -14,7 +14,7 @@ from digs_warp.cli import EXIT_BAD_INPUT, EXIT_OK, EXIT_WRONG_USAGE, main
 from digs_warp.commands.plan import Plan
 from digs_warp.commands.reconstruct import Reconstruct
 from digs_warp.commands.run import Run
-from digs_warp.commands.setting_names import file_settings
+from digs_warp.commands.settings_file import file_settings
 from digs_warp.commands.simulate import Simulate
 from digs_warp.record.run_log import RunLog
 
@@ -103,7 +103,7 @@ def test_flags_override_the_file(tmp_path: Path) -> None:
     assert (command.init.strategy, command.sfm.refine_focal) == ("depth", False)
 
 
-WITHOUT_FLAG = {"recording": {"look": {"tint": [0.2]}}}
+WITHOUT_FLAG: dict[str, Any] = {"recording": {"look": {"tint": [0.2]}}}
 WITHOUT_FLAG["reconstruction"] = {
     "init": {"edge_filter": False},
     "train": {"rates": {"means": 1e-5}, "evaluate_at": [3, 5]},

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from digs_warp.cli import main
-from digs_warp.engines.results import RESULTS
+from digs_warp.engines.task import RESULTS
 from digs_warp.pipeline.reconstruct import ReconstructConfig
 from digs_warp.sim.config import SimulateConfig
 from digs_warp.study.catalogue import STUDIES, Study

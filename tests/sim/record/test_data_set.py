@@ -12,7 +12,7 @@ from digs_warp.cli import EXIT_BAD_INPUT, EXIT_OK, EXIT_WRONG_USAGE, main
 from digs_warp.data.capture import read_capture
 from digs_warp.data.images import write_image
 from digs_warp.engines.config import EngineConfig
-from digs_warp.engines.results import RESULTS
+from digs_warp.engines.task import RESULTS
 from digs_warp.sim.config import SimulateConfig
 from digs_warp.sim.record.data_set import SceneResult, judge_depth, plan_jobs, simulate_many
 from digs_warp.sim.record.record import simulate

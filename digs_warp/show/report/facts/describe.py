@@ -5,7 +5,7 @@ from pathlib import Path
 
 from digs_warp.checks import DigsError
 from digs_warp.data.index_rules import INDEX_NAME
-from digs_warp.engines.results import RESULTS
+from digs_warp.engines.task import RESULTS
 from digs_warp.record import layout
 from digs_warp.record.run_log import RunRecord
 from digs_warp.show.report.facts.captures import of_capture, of_data_set

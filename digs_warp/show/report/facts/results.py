@@ -6,7 +6,7 @@ import numpy as np
 
 from digs_warp.checks import DigsError
 from digs_warp.data.gaussians import Gaussians
-from digs_warp.engines.results import Results
+from digs_warp.engines.task import Results
 from digs_warp.pipeline.reconstruction import Reconstruction
 from digs_warp.record import layout
 from digs_warp.show.report.facts.captures import of_capture

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from digs_warp.commands.facts import reconstruction_words
+from digs_warp.commands.reconstruction_options import reconstruction_words
 from digs_warp.data.capture import Capture, read_capture
 from digs_warp.pipeline.reconstruction import Reconstruction
 from digs_warp.show.report.facts.describe import describe

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from digs_warp.checks import DigsError
-from digs_warp.engines.results import RESULTS
+from digs_warp.engines.task import RESULTS
 from digs_warp.study.engine.case import Case, with_settings
 
 DOCS = Path(__file__).parents[4] / "docs"

@@ -13,11 +13,10 @@ from typing import Any
 import pytest
 
 from digs_warp.checks import DigsError
-from digs_warp.engines import children
-from digs_warp.engines.child import Child
+from digs_warp.engines import processes
 from digs_warp.engines.config import EngineConfig
-from digs_warp.engines.results import RESULTS
-from digs_warp.engines.task import finished_file
+from digs_warp.engines.processes import Child
+from digs_warp.engines.task import RESULTS, finished_file
 from digs_warp.record.files import write_atomically
 from digs_warp.study.engine.case import Case
 from digs_warp.study.engine.runner import run_cases
@@ -193,7 +192,7 @@ def test_ctrl_c_while_a_case_begins_leaves_no_worker(
             begun.append(self._process)
             os.kill(os.getpid(), signal.SIGINT)  # it reaches the main thread
 
-    monkeypatch.setattr(children, "Child", Interrupted)
+    monkeypatch.setattr(processes, "Child", Interrupted)
     with pytest.raises(KeyboardInterrupt):
         run_cases(cases(2, seconds=60), tmp_path, measure=measure)
     assert [process.poll() is None for process in begun] == [False]

@@ -1,6 +1,6 @@
-"""A process for calls, which isolates their peak memory and their crashes.
+"""Processes on this machine that make calls; they isolate peak memory and crashes.
 
-The child is a fresh interpreter: a forked one would inherit Warp's threads in an undefined state, and
+A child is a fresh interpreter: a forked one would inherit Warp's threads in an undefined state, and
 processes of `multiprocessing` may have no children inside Dask's workers.
 """
 
@@ -14,13 +14,14 @@ import sys
 import threading
 import traceback
 from collections.abc import Callable
+from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import suppress
 from multiprocessing.connection import Connection
 from queue import Empty, Queue
 from typing import Any
 
 from digs_warp.checks import DigsError
-from digs_warp.engines.needs import CallFailed, FailureClass
+from digs_warp.engines.engine import ONE_THREAD, CallFailed, Engine, FailureClass, Needs
 
 # A child without a call for this long ends.
 IDLE_SECONDS = 60.0
@@ -29,7 +30,7 @@ IDLE_SECONDS = 60.0
 _START = """
 import json, sys
 sys.path += [each for each in json.loads(sys.argv[1]) if each not in sys.path]
-from digs_warp.engines.child import answer
+from digs_warp.engines.processes import answer
 answer(int(sys.argv[2]))
 """
 
@@ -169,3 +170,95 @@ def _cause_of_death(code: int) -> CallFailed:
             FailureClass.KILLED, f"its process ended with signal {name} (out of memory?)"
         )
     return CallFailed(FailureClass.CRASHED, f"its process ended with signal {name}")
+
+
+class Children:
+    """Child processes; those whose last call ended well are kept for the next."""
+
+    def __init__(self) -> None:
+        self._lock = threading.Lock()
+        self._idle: list[tuple[int, Child]] = []
+        self._busy: set[Child] = set()
+        self._is_over = False
+
+    def run(self, call: bytes, needs: Needs) -> Any:
+        """Make a call from `digs_warp.engines.processes.packed` in a child and return what it returns.
+
+        Raises:
+            CallFailed: it has no result.
+        """
+        with self._lock:
+            if self._is_over:
+                raise RuntimeError("the engine was shut down")
+            child = self._take(needs)
+            self._busy.add(child)
+        try:
+            value = child.result(call, needs.seconds)
+        except BaseException:
+            self._end(child)
+            raise
+        if needs.alone:
+            self._end(child)
+        else:
+            with self._lock:
+                self._busy.discard(child)
+                self._idle.append((needs.threads, child))
+        return value
+
+    def stop(self) -> None:
+        """End all of them, also those that have a call; from now on there are no calls."""
+        with self._lock:
+            self._is_over = True
+            children = [*self._busy, *(child for _, child in self._idle)]
+            self._idle.clear()
+        for child in children:
+            child.stop()
+
+    def _take(self, needs: Needs) -> Child:
+        """Return an idle child with the right number of threads, or a new one; called with the lock."""
+        self._idle = [(threads, child) for threads, child in self._idle if child.is_alive]
+        for entry in self._idle:
+            if entry[0] == needs.threads and not needs.alone:
+                self._idle.remove(entry)
+                return entry[1]
+        return Child(needs.threads)
+
+    def _end(self, child: Child) -> None:
+        child.stop()
+        with self._lock:
+            self._busy.discard(child)
+
+
+_children = Children()
+
+
+def run_apart(call: bytes, needs: Needs) -> Any:
+    """Make a call in a child of this process: what a worker of a cluster does. See `Children.run`."""
+    return _children.run(call, needs)
+
+
+class LocalProcesses(Engine):
+    """Up to ``workers`` calls at a time, each in a process that a thread of this one waits for."""
+
+    def __init__(self, workers: int) -> None:
+        self._workers = workers
+        self._pool = ThreadPoolExecutor(workers, thread_name_prefix="worker")
+        self._children = Children()
+
+    @property
+    def slots(self) -> int:
+        """The number of workers."""
+        return self._workers
+
+    def submit(
+        self, fn: Callable[..., Any], /, *args: Any, needs: Needs = ONE_THREAD
+    ) -> "Future[Any]":
+        """Have ``fn(*args)`` called; see `Engine`."""
+        return self._pool.submit(self._children.run, packed(fn, *args), needs)
+
+    def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:
+        """Wait for all calls, or end them when ``cancel_futures`` is set."""
+        if wait and not cancel_futures:
+            self._pool.shutdown()
+        self._children.stop()
+        self._pool.shutdown(cancel_futures=True)
