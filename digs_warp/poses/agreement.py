@@ -1,4 +1,8 @@
-"""How much two frames contradict each other under a motion: their depth, and their color where it agrees."""
+"""Whether two frames agree under a motion: in depth and color (`disagreement`), in details (`correlation`).
+
+`disagreement` compares depth, and brightness and tint where depth agrees; `correlation` compares details
+without their exposure; `measured_pairs` asks either of many pairs of frames.
+"""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -53,57 +57,6 @@ def medians_of_frames(pairs: np.ndarray, count: int, values: np.ndarray) -> np.n
     for number in np.unique(pairs):
         found[number] = np.median(values[(pairs == number).any(axis=1)])
     return found
-
-
-def correlation(first: View, second: View, second_from_first: np.ndarray) -> float:
-    """Return the correlation of brightness, less its mean nearby and over its contrast, -1 to 1.
-
-    Over the points of a frame where the other measures the same depth, the smaller of both directions; 0 if
-    there are few. Right motions have much of it in any light, where walls have any texture at all; wrong ones
-    have little, unless the texture repeats.
-
-    Args:
-        first: a frame.
-        second: another.
-        second_from_first: the motion, (4, 4).
-    """
-    there = _correlation_one_way(first, second, second_from_first)
-    return min(there, _correlation_one_way(second, first, invert_rigid(second_from_first)))
-
-
-def _correlation_one_way(view: View, other: View, motion: np.ndarray) -> float:
-    k = other.picture.intrinsics
-    moved = transform_points(motion, view.points.astype(np.float64))
-    u, v, z = project(_when_read(moved, other.picture), k)
-    u, v = u - 0.5, v - 0.5  # whole ones at the centers of pixels
-    inside = (z > 0) & (u >= 0) & (u < k.width - 1) & (v >= 0) & (v < k.height - 1)
-    u, v, z, values = u[inside], v[inside], z[inside], view.values[inside]
-    measured = other.picture.depth[np.rint(v).astype(np.intp), np.rint(u).astype(np.intp)]
-    same = compare_depth(z, measured).agrees
-    if np.count_nonzero(same) < max(
-        thresholds.MIN_CORRELATED, thresholds.MIN_CORRELATED_SHARE * len(view.points)
-    ):
-        return 0.0
-    seen, expected = _between_pixels(other.image, u[same], v[same]), values[same].astype(np.float64)
-    seen, expected = seen - seen.mean(), expected - expected.mean()
-    lengths = np.linalg.norm(seen) * np.linalg.norm(expected)
-    return float(seen @ expected / lengths) if lengths > 0 else 0.0
-
-
-def _when_read(points: np.ndarray, picture: Picture) -> np.ndarray:
-    """Return the points in the axes that the camera has when it reads their rows, (n, 3)."""
-    _, row, depth = project(points, picture.intrinsics)
-    moment = np.where(depth > 0, row / picture.intrinsics.height - 0.5, 0.0)[:, None]
-    return points - moment * (np.cross(picture.turn, points) + picture.shift)
-
-
-def _between_pixels(image: np.ndarray, u: np.ndarray, v: np.ndarray) -> np.ndarray:
-    """Return bilinear values; whole u and v are centers of pixels."""
-    column, row = u.astype(np.intp), v.astype(np.intp)
-    right, down = u - column, v - row
-    top = image[row, column] * (1 - right) + image[row, column + 1] * right
-    below = image[row + 1, column] * (1 - right) + image[row + 1, column + 1] * right
-    return top * (1 - down) + below * down
 
 
 # The widest images in which frames are compared [px].
@@ -227,3 +180,54 @@ def _one_way(samples: Samples, other: Picture, motions: np.ndarray) -> np.ndarra
     each = np.where(known & (behind > 1), HIDDEN, each)
     each = np.where(known & (behind < -1), CONTRADICTED, each)
     return np.where(seen.inside, each, UNSEEN) @ samples.weights
+
+
+def correlation(first: View, second: View, second_from_first: np.ndarray) -> float:
+    """Return the correlation of brightness, less its mean nearby and over its contrast, -1 to 1.
+
+    Over the points of a frame where the other measures the same depth, the smaller of both directions; 0 if
+    there are few. Right motions have much of it in any light, where walls have any texture at all; wrong ones
+    have little, unless the texture repeats.
+
+    Args:
+        first: a frame.
+        second: another.
+        second_from_first: the motion, (4, 4).
+    """
+    there = _correlation_one_way(first, second, second_from_first)
+    return min(there, _correlation_one_way(second, first, invert_rigid(second_from_first)))
+
+
+def _correlation_one_way(view: View, other: View, motion: np.ndarray) -> float:
+    k = other.picture.intrinsics
+    moved = transform_points(motion, view.points.astype(np.float64))
+    u, v, z = project(_when_read(moved, other.picture), k)
+    u, v = u - 0.5, v - 0.5  # whole ones at the centers of pixels
+    inside = (z > 0) & (u >= 0) & (u < k.width - 1) & (v >= 0) & (v < k.height - 1)
+    u, v, z, values = u[inside], v[inside], z[inside], view.values[inside]
+    measured = other.picture.depth[np.rint(v).astype(np.intp), np.rint(u).astype(np.intp)]
+    same = compare_depth(z, measured).agrees
+    if np.count_nonzero(same) < max(
+        thresholds.MIN_CORRELATED, thresholds.MIN_CORRELATED_SHARE * len(view.points)
+    ):
+        return 0.0
+    seen, expected = _between_pixels(other.image, u[same], v[same]), values[same].astype(np.float64)
+    seen, expected = seen - seen.mean(), expected - expected.mean()
+    lengths = np.linalg.norm(seen) * np.linalg.norm(expected)
+    return float(seen @ expected / lengths) if lengths > 0 else 0.0
+
+
+def _when_read(points: np.ndarray, picture: Picture) -> np.ndarray:
+    """Return the points in the axes that the camera has when it reads their rows, (n, 3)."""
+    _, row, depth = project(points, picture.intrinsics)
+    moment = np.where(depth > 0, row / picture.intrinsics.height - 0.5, 0.0)[:, None]
+    return points - moment * (np.cross(picture.turn, points) + picture.shift)
+
+
+def _between_pixels(image: np.ndarray, u: np.ndarray, v: np.ndarray) -> np.ndarray:
+    """Return bilinear values; whole u and v are centers of pixels."""
+    column, row = u.astype(np.intp), v.astype(np.intp)
+    right, down = u - column, v - row
+    top = image[row, column] * (1 - right) + image[row, column + 1] * right
+    below = image[row + 1, column] * (1 - right) + image[row + 1, column + 1] * right
+    return top * (1 - down) + below * down

@@ -1,4 +1,7 @@
-"""Frames as the alignment compares them: images without their exposure, depth, and points to look up."""
+"""Frames as the alignment compares them: images without their exposure, depth, and points to look up.
+
+`arrays_of` lays those of all frames behind one another for the kernels.
+"""
 
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor

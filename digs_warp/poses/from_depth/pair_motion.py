@@ -1,4 +1,10 @@
-"""The motion between two frames by their color and depth: where to start, and under which they agree best."""
+"""The motion between two frames by their color and depth: an edge of the pose graph.
+
+A motion starts from matched features, from the motion before, or from what a hand or a head does
+(`likely_starts`). Open3D's odometry finds it from farther off than `align_pair` does where there is little
+texture; the alignment has the last word. The edge keeps how well both frames agree under the motion, and how
+firmly what they share holds it (`information`).
+"""
 
 from collections.abc import Sequence
 from dataclasses import dataclass

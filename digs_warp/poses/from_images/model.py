@@ -1,4 +1,4 @@
-"""COLMAP's reconstruction -> `SfmModel`: names, axes and indices of this project."""
+"""COLMAP's reconstruction: as an `SfmModel` with names, axes and indices of this project, and as files."""
 
 import shutil
 from collections.abc import Sequence

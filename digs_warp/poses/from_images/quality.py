@@ -1,4 +1,4 @@
-"""How good a sparse model is, without knowing the truth, and which ones cannot be used at all."""
+"""How good a sparse model is, without knowing the truth; which ones cannot be used, and why none came out."""
 
 import logging
 from dataclasses import dataclass
@@ -12,40 +12,6 @@ from digs_warp.device.libraries import import_pycolmap
 from digs_warp.poses import thresholds
 from digs_warp.poses.from_images.colmap import ImageSet
 from digs_warp.words import counted
-
-
-def no_model_error(images: ImageSet, database: Path) -> DigsError:
-    """Return the error that says how far the images came and what to try."""
-    pycolmap = import_pycolmap()
-    with pycolmap.Database.open(database) as db:
-        features = [db.num_keypoints_for_image(image.image_id) for image in db.read_all_images()]
-        geometries = db.read_two_view_geometries()[1]
-    kinds = pycolmap.TwoViewGeometryConfiguration
-    useless = (kinds.UNDEFINED.value, kinds.DEGENERATE.value)
-    flat = (kinds.PLANAR.value, kinds.PANORAMIC.value, kinds.PLANAR_OR_PANORAMIC.value)
-    configs = [int(geometry.config) for geometry in geometries]
-    matched = [config for config in configs if config not in useless]
-    flat_pairs = sum(config in flat for config in matched)
-    if np.median(features) < thresholds.MIN_FEATURES:
-        hint = (
-            "the images show too little texture: record a textured surround, or try a larger "
-            "--feature-size"
-        )
-    elif matched and flat_pairs > thresholds.MAX_PLANAR_SHARE * len(matched):
-        hint = (
-            f"{flat_pairs} of the pairs differ by a turn of the camera or show one flat wall, which tells "
-            "nothing about depth: walk round the object instead of turning on the spot"
-        )
-    else:
-        hint = "try --pairing exhaustive, more --features, a larger --feature-size, or more frames"
-    return DigsError(
-        f"structure from motion: 0 of {len(images.names)} images could be placed: "
-        f"{np.median(features):.0f} features per image, {len(matched)} of {len(configs)} compared pairs "
-        f"match; {hint}"
-    )
-
-
-logger = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True)
@@ -180,3 +146,37 @@ def check_motion(model: SfmModel) -> None:
             "structure from motion: the cameras lie on a straight line, "
             "expected a walk round the object; one line of sight leaves the turn about it undetermined"
         )
+
+
+def no_model_error(images: ImageSet, database: Path) -> DigsError:
+    """Return the error that says how far the images came and what to try."""
+    pycolmap = import_pycolmap()
+    with pycolmap.Database.open(database) as db:
+        features = [db.num_keypoints_for_image(image.image_id) for image in db.read_all_images()]
+        geometries = db.read_two_view_geometries()[1]
+    kinds = pycolmap.TwoViewGeometryConfiguration
+    useless = (kinds.UNDEFINED.value, kinds.DEGENERATE.value)
+    flat = (kinds.PLANAR.value, kinds.PANORAMIC.value, kinds.PLANAR_OR_PANORAMIC.value)
+    configs = [int(geometry.config) for geometry in geometries]
+    matched = [config for config in configs if config not in useless]
+    flat_pairs = sum(config in flat for config in matched)
+    if np.median(features) < thresholds.MIN_FEATURES:
+        hint = (
+            "the images show too little texture: record a textured surround, or try a larger "
+            "--feature-size"
+        )
+    elif matched and flat_pairs > thresholds.MAX_PLANAR_SHARE * len(matched):
+        hint = (
+            f"{flat_pairs} of the pairs differ by a turn of the camera or show one flat wall, which tells "
+            "nothing about depth: walk round the object instead of turning on the spot"
+        )
+    else:
+        hint = "try --pairing exhaustive, more --features, a larger --feature-size, or more frames"
+    return DigsError(
+        f"structure from motion: 0 of {len(images.names)} images could be placed: "
+        f"{np.median(features):.0f} features per image, {len(matched)} of {len(configs)} compared pairs "
+        f"match; {hint}"
+    )
+
+
+logger = logging.getLogger(__name__)

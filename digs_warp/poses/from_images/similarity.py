@@ -1,4 +1,4 @@
-"""Estimated cameras against true ones, up to the similarity that structure from motion cannot know."""
+"""Errors of cameras apart from the similarity that structure from motion leaves open, and the world axes."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass

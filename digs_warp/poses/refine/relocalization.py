@@ -1,8 +1,8 @@
-"""Single frames whose poses contradict the color and depth of all frames around them, and where they belong.
+"""Outlier frames, whose poses contradict color and depth of the frames around them, and where they belong.
 
 Structure from motion may place a frame by what is far, which tells where a camera looks and hardly where it
 is. Its frames then agree with each other but for one, which agrees with none, or has nothing in common with
-any.
+any. It is placed again by features that other frames measure in the world (resection: `Correspondences`).
 """
 
 from collections.abc import Sequence

@@ -33,7 +33,7 @@ EVERY = FRAMES
 @pytest.fixture(scope="module")
 def mirrored(tmp_path_factory: pytest.TempPathFactory) -> Capture:
     """Half a turn around the built-in object; no camera sees what the first frame shows."""
-    settings = {"width": 320, "tier": "law", "path": "arc", "seed": 3}
+    settings = {"width": 320, "tier": "law", "camera_path": "arc", "seed": 3}
     folder = tmp_path_factory.mktemp("mirrored") / "capture"
     first = dw.simulate(frames=FRAMES, elevations=(20.0,), out=folder, **settings).frames[0]
     for layer, values in ((Layer.IMAGE, first.load_image()), (Layer.DEPTH, first.load_depth())):

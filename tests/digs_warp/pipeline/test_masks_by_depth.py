@@ -47,7 +47,7 @@ def write_lamp(path: Path) -> Path:
 def test_a_lamp_with_glass_loses_little_by_masks_from_depth(tmp_path: Path) -> None:
     far = np.random.default_rng(1).uniform(40, 230, (32, 64, 3)).repeat(8, 0).repeat(8, 1)
     write_image(tmp_path / "far.png", far.astype(np.uint8))
-    settings = {"environment": tmp_path / "far.png", "width": 192, "path": "arc", "seed": 1}
+    settings = {"environment": tmp_path / "far.png", "width": 192, "camera_path": "arc", "seed": 1}
     lamp = write_lamp(tmp_path / "lamp.glb")
     capture = dw.simulate(lamp, frames=12, elevations=(25.0,), **settings)
     with_true, by_depth = (

@@ -33,7 +33,7 @@ def capture(tmp_path_factory: pytest.TempPathFactory) -> Capture:
     across = np.cos(np.linspace(0, 2 * np.pi, 128))[None, :, None]
     pixels = np.broadcast_to(228 + 8 * across, (64, 128, 3)).astype(np.uint8)
     write_image(white, np.ascontiguousarray(pixels))
-    settings = {"environment": white, "width": 240, "tier": "law", "path": "arc", "seed": 2}
+    settings = {"environment": white, "width": 240, "tier": "law", "camera_path": "arc", "seed": 2}
     whole = dw.simulate(frames=40, elevations=(35.0,), **settings)
     return replace(whole, frames=whole.frames[:18])
 

@@ -29,7 +29,7 @@ WRONG = 5
 @pytest.fixture(scope="module")
 def capture(tmp_path_factory: pytest.TempPathFactory) -> Capture:
     """Half a turn around the built-in object."""
-    settings = {"width": 320, "tier": "law", "path": "arc", "seed": 3}
+    settings = {"width": 320, "tier": "law", "camera_path": "arc", "seed": 3}
     return dw.simulate(
         frames=12, elevations=(20.0,), out=tmp_path_factory.mktemp("arc") / "capture", **settings
     )
@@ -38,7 +38,7 @@ def capture(tmp_path_factory: pytest.TempPathFactory) -> Capture:
 @pytest.fixture(scope="module")
 def orbits(tmp_path_factory: pytest.TempPathFactory) -> Capture:
     """All around the built-in object in wide steps."""
-    settings = {"width": 320, "tier": "law", "path": "orbits", "seed": 3}
+    settings = {"width": 320, "tier": "law", "camera_path": "orbits", "seed": 3}
     return dw.simulate(frames=16, out=tmp_path_factory.mktemp("orbits") / "capture", **settings)
 
 
