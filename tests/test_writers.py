@@ -40,9 +40,9 @@ ALLOWED = {
     ("usd/capture_scene.py", "Save"): "below a temporary name; OpenUSD reports failed writes",
     ("usd/package.py", "write_bytes"): "below a temporary name of usd/files.py",
     ("usd/package.py", "open r+b"): "below a temporary name of usd/files.py",
-    ("usd/splat_layer.py", "open ?"): "below a temporary name of usd/files.py",
-    ("usd/splat_layer.py", "copyfileobj"): "below a temporary name of usd/files.py",
-    ("usd/crate_splice.py", "pwrite"): "below a temporary name of usd/files.py",
+    ("usd/writer.py", "open ?"): "below a temporary name of usd/files.py",
+    ("usd/writer.py", "copyfileobj"): "below a temporary name of usd/files.py",
+    ("usd/crate.py", "pwrite"): "below a temporary name of usd/files.py",
     ("digs_warp/poses/from_images/model.py", "write"): "below a temporary name, read back",
     (
         "digs_warp/record/replacement.py",

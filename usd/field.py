@@ -2,10 +2,12 @@
 
 Attributes are found by name, so that files open in versions of USD that do not know the splat schema.
 Attributes that are missing or too short get the schema's default. ``time`` is a time code; None
-means the first sample of each attribute, or its default.
+means the first sample of each attribute, or its default. Variants are chosen in the session layer: the file
+does not change.
 """
 
 import logging
+from collections.abc import Iterator, Mapping
 from math import isqrt
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -20,6 +22,66 @@ from digs_warp.usd.files import HINT
 
 if TYPE_CHECKING:
     from pxr import Usd
+
+
+# A choice: (path of the prim, name of its variant set) -> name of the variant.
+Selection = dict[tuple[str, str], str]
+
+
+def variant_sets(stage: "Usd.Stage") -> dict[tuple[str, str], list[str]]:
+    """Return the variants of every set in the current composition, by (prim path, set)."""
+    return {
+        (str(prim.GetPath()), name): list(prim.GetVariantSet(name).GetVariantNames())
+        for prim in stage.TraverseAll()
+        for name in prim.GetVariantSets().GetNames()
+    }
+
+
+def select_variants(stage: "Usd.Stage", chosen: Mapping[str, str], path: Path) -> None:
+    """Choose variants by the names of their sets, on every prim that has such a set.
+
+    Sets inside other variants are found once those are chosen: the order of ``chosen`` counts.
+
+    Raises:
+        UsdError: there is no such set or no such variant; lists all of them.
+    """
+    for name, variant in chosen.items():
+        found = {key: each for key, each in variant_sets(stage).items() if key[1] == name}
+        if not any(variant in each for each in found.values()):
+            there = "; ".join(f"{s}: {', '.join(v)}" for (_, s), v in variant_sets(stage).items())
+            raise UsdError(
+                f"USD scene '{path}': no variant '{variant}' of '{name}'; there is {there or 'none'}"
+            )
+        for (prim, _), variants in found.items():
+            if variant in variants:
+                _select(stage, prim, name, variant)
+
+
+def variant_combinations(stage: "Usd.Stage") -> Iterator[Selection]:
+    """Put the stage into every combination of its variants in turn; yield what is chosen.
+
+    A stage without variants is yielded once, with nothing chosen.
+    """
+    yield from _combinations(stage, {})
+
+
+def _combinations(stage: "Usd.Stage", chosen: Selection) -> Iterator[Selection]:
+    # A selection may add sets: nested ones, or those of a payload.
+    for key, variants in variant_sets(stage).items():
+        if key not in chosen and variants:
+            for variant in variants:
+                _select(stage, *key, variant)
+                yield from _combinations(stage, chosen | {key: variant})
+            return
+    yield chosen
+
+
+def _select(stage: "Usd.Stage", prim: str, name: str, variant: str) -> None:
+    from pxr import Usd
+
+    with Usd.EditContext(stage, stage.GetSessionLayer()):
+        stage.GetPrimAtPath(prim).GetVariantSet(name).SetVariantSelection(variant)
+
 
 _log = logging.getLogger(__name__)
 

@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 from digs_warp.record.files import to_json
+from digs_warp.words import counted
 
 Severity = Literal["error", "warning"]
 Status = Literal["passed", "failed", "not checked"]
@@ -42,11 +43,6 @@ class Check:
     name: str
     status: Status
     note: str = ""
-
-
-def counted(number: int, noun: str) -> str:
-    """Return the number with its noun, in the plural unless it is 1."""
-    return f"{number} {noun}{'' if number == 1 else 's'}"
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""Reads Gaussians from a USD scene, ours or another program's, into our world."""
+"""Reads Gaussians, or facts about them, from a USD scene, ours or another program's, into our world."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
@@ -10,23 +10,83 @@ import numpy as np
 from digs_warp.checks import UsdError
 from digs_warp.data.gaussians import Gaussians
 from digs_warp.device.threads import over_rows
+from digs_warp.geometry.rigid import matrix_from_quat_xyzw, quat_xyzw_from_matrix
+from digs_warp.geometry.sh import rotate_sh
 from digs_warp.usd import names
-from digs_warp.usd.affine import deformed
 from digs_warp.usd.convert import (
+    Precision,
     SplatArrays,
     check_activated,
     check_rows,
     gaussians_from_arrays,
     transformed,
 )
-from digs_warp.usd.field import find_field, find_fields, read_arrays
+from digs_warp.usd.field import (
+    extent_of,
+    find_field,
+    find_fields,
+    read_arrays,
+    select_variants,
+    splat_count,
+    stored_sh_degree,
+    variant_sets,
+)
 from digs_warp.usd.files import HINT, opened_stage
 from digs_warp.usd.frames import similarity_from_matrix, world_from_prim
 from digs_warp.usd.metadata import json_from_usd
-from digs_warp.usd.variants import select_variants
 
 if TYPE_CHECKING:
     from pxr import Usd
+
+
+# Splats per chunk, because of the (n, 3, 3) arrays.
+CHUNK = 65536
+
+
+def deformed(
+    arrays: SplatArrays, b_from_a: np.ndarray, what: str, sh_out: np.ndarray | None = None
+) -> SplatArrays:
+    """Return the splats of frame a in frame b under an affine ``b_from_a``, shape (4, 4).
+
+    A Gaussian of covariance C becomes one of ``L C L^T``, L the linear part: exact, even if L mirrors, shears
+    or scales the axes differently. There is no such rule for view-dependent colors: they are rotated (or
+    mirrored) by the orthogonal factor of L's polar decomposition, which is exact for similarities.
+    ``sh_out`` takes the coefficients where it is given.
+
+    Raises:
+        UsdError: the transform collapses a direction or is not finite.
+    """
+    linear = b_from_a[:3, :3]
+    if not np.isfinite(b_from_a).all() or abs(np.linalg.det(linear)) < np.finfo(np.float64).tiny:
+        raise UsdError(
+            f"{what}: the transform collapses or is not finite; expected an invertible one. Bake it first."
+        )
+    u, _, vt = np.linalg.svd(linear)
+    chunks = [
+        _turned_shapes(arrays.orientations[i : i + CHUNK], arrays.scales[i : i + CHUNK], linear)
+        for i in range(0, len(arrays), CHUNK)
+    ]
+    orientations = np.concatenate([quats for quats, _ in chunks] or [arrays.orientations])
+    scales = np.concatenate([scales for _, scales in chunks] or [arrays.scales])
+    return replace(
+        arrays,
+        positions=(arrays.positions @ linear.T + b_from_a[:3, 3]).astype(np.float32),
+        orientations=orientations.astype(np.float32),
+        scales=scales.astype(np.float32),
+        sh=rotate_sh(arrays.sh, u @ vt, sh_out),
+    )
+
+
+def _turned_shapes(
+    quats: np.ndarray, scales: np.ndarray, linear: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return quaternions (n, 4) and scales (n, 3) whose covariances are ``L R S^2 R^T L^T``."""
+    # The left singular vectors of L R S are the axes, the singular values the scales: no squares, so
+    # that flat splats keep their thin side.
+    half = linear @ (matrix_from_quat_xyzw(quats) * scales[:, None, :].astype(np.float64))
+    axes, values, _ = np.linalg.svd(half)
+    axes[:, :, 2] *= np.linalg.det(axes)[:, None]  # right-handed: the sign of an axis means nothing
+    return quat_xyzw_from_matrix(axes), values
 
 
 @dataclass(frozen=True, eq=False)
@@ -174,3 +234,59 @@ def _read_gaussians(prim: "Usd.Prim", what: str, options: ReadOptions) -> Gaussi
 def _check(arrays: SplatArrays, what: str) -> None:
     check_rows(arrays, what)
     check_activated(arrays, what)
+
+
+def describe(path: Path, prim_path: str | None = None) -> dict[str, Any]:
+    """Return facts about a scene: JSON-like, quick also for large files.
+
+    Keys: ``splats``, ``sh_degree``, ``precision`` ("float", "mixed" or "half"), ``extent`` (corners in the
+    prim's own frame and units, None when there is none), ``up_axis``, ``meters_per_unit``, ``bytes``,
+    ``prim_path``, ``variants`` (names by set), ``cameras`` (prim paths), ``views`` (time codes of the
+    timeline, 0 without one), ``metadata``.
+
+    Raises:
+        UsdError: the file cannot be opened, holds no splats, or several fields and no ``prim_path``.
+    """
+    path = Path(path)
+    with opened_stage(path) as stage:
+        return _facts(stage, path, prim_path)
+
+
+def _facts(stage: "Usd.Stage", path: Path, prim_path: str | None) -> dict[str, Any]:
+    from pxr import UsdGeom
+
+    prim = find_field(stage, path, prim_path)
+    count = splat_count(prim)
+    extent = extent_of(prim)
+    return {
+        "splats": count,
+        "sh_degree": stored_sh_degree(prim, count, f"USD scene '{path}'") or 0,
+        "precision": _precision(prim),
+        "extent": extent.tolist() if extent is not None and count else None,
+        "up_axis": str(UsdGeom.GetStageUpAxis(stage)),
+        "meters_per_unit": UsdGeom.GetStageMetersPerUnit(stage),
+        "bytes": path.stat().st_size,
+        "prim_path": str(prim.GetPath()),
+        "variants": {name: variants for (_, name), variants in variant_sets(stage).items()},
+        "cameras": [str(each.GetPath()) for each in stage.Traverse() if each.IsA(UsdGeom.Camera)],
+        "views": _time_codes(stage),
+        "metadata": read_metadata(stage),
+    }
+
+
+def _precision(prim: "Usd.Prim") -> Precision:
+    """Return the precision, from the types of the positions and the coefficients."""
+    stored = {
+        name: attribute.HasAuthoredValue()
+        for name in (names.POSITIONS, names.SH_COEFFICIENTS)
+        if (attribute := prim.GetAttribute(name + names.HALF_SUFFIX))
+    }
+    if stored.get(names.POSITIONS):
+        return "half"
+    return "mixed" if stored.get(names.SH_COEFFICIENTS) else "float"
+
+
+def _time_codes(stage: "Usd.Stage") -> int:
+    if not stage.HasAuthoredTimeCodeRange():
+        return 0
+    return 1 + round(stage.GetEndTimeCode() - stage.GetStartTimeCode())

@@ -11,8 +11,8 @@ import numpy as np
 
 from digs_warp.geometry.sh import C0, MAX_DEGREE
 from digs_warp.usd import names
+from digs_warp.usd.author import three_sigma_extent
 from digs_warp.usd.convert import SplatArrays, is_finite
-from digs_warp.usd.extent import three_sigma_extent
 from digs_warp.usd.findings import Finding
 
 QUAT_TOLERANCE = 1e-3

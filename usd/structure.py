@@ -21,8 +21,7 @@ from digs_warp.usd.crate import (
     read_sections,
     section_bodies,
 )
-from digs_warp.usd.crate_nesting import check_crate_nesting, check_tree_depth
-from digs_warp.usd.nesting import NestingError, check_text
+from digs_warp.usd.nesting import NestingError, check_crate_nesting, check_text, check_tree_depth
 from digs_warp.usd.package import LAYER_SUFFIXES, Member, leaves_package, mapped, read_members
 
 if TYPE_CHECKING:

@@ -165,7 +165,7 @@ def export_capture_folder(source: Path, form: CaptureFormat, out: Path, overwrit
 
 def _add_bop_model(capture: "Capture", folder: Path) -> None:
     """Write the recorded object as the model that the poses are of, where it is known."""
-    from digs_warp.formats.captures.bop_models import write_bop_models
+    from digs_warp.formats.captures.bop import write_bop_models
     from digs_warp.surface.true_surface import read_true_surfaces
 
     try:

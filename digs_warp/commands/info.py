@@ -19,6 +19,6 @@ class Info(Command):
 
     def execute(self) -> str:
         """Look and return the facts, one per line."""
-        from digs_warp.show.report.facts.describe import describe
+        from digs_warp.show.report.facts import describe
 
         return format_facts(describe(self.path))

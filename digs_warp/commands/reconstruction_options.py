@@ -158,7 +158,7 @@ def watched_training(view: bool) -> "Iterator[Watch | None]":
     if not view:
         yield None
         return
-    from digs_warp.show.view.live import live_page
+    from digs_warp.show.view.server import live_page
 
     with live_page(_say) as watch:
         yield watch

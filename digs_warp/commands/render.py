@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
     from digs_warp.geometry.camera import Camera
     from digs_warp.show.film.camera_path import Subject
-    from digs_warp.show.film.shoot import Clock
+    from digs_warp.show.film.video import Clock
 
 ORBIT_FOV_DEG = 45.0
 
@@ -76,8 +76,7 @@ class Render(Command):
     def execute(self) -> str:
         """Render, write, and say how fast it went."""
         from digs_warp.show.film.camera_path import find_framed_subject
-        from digs_warp.show.film.shoot import Clock, shoot
-        from digs_warp.show.film.video import SUFFIXES, write_video
+        from digs_warp.show.film.video import SUFFIXES, Clock, shoot, write_video
 
         is_file = self.out.suffix.lower() in SUFFIXES
         if self.out.suffix.lower() in OTHER_FILES:

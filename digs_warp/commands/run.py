@@ -121,7 +121,7 @@ class Run(ReconstructionOptions, _Recording):
 
 
 def _summary(folder: Path, log: RunLog, what: str) -> str:
-    from digs_warp.show.report.facts.captures import recorded_object
+    from digs_warp.show.report.capture_facts import recorded_object
 
     places = {
         "capture": layout.CAPTURE,

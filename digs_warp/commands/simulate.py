@@ -143,7 +143,7 @@ class Simulate(SettingsCommand):
         return self._record_many() if self.many.asked_for else self._record_one()
 
     def _record_one(self) -> str:
-        from digs_warp.show.report.facts.captures import recorded_object
+        from digs_warp.show.report.capture_facts import recorded_object
         from digs_warp.sim.record.record import simulate
 
         start = time.perf_counter()

@@ -109,8 +109,8 @@ class UsdInfo(JsonFile, Command):
 
     def execute(self) -> str:
         """Look and return the facts, one per line."""
-        from digs_warp.show.report.facts.scene_files import facts_of_usd
-        from digs_warp.usd.info import describe
+        from digs_warp.show.report.facts import facts_of_usd
+        from digs_warp.usd.reader import describe
 
         self.check(self.scene)
         scene = describe(self.scene, self.prim)

@@ -24,7 +24,7 @@ from digs_warp.pipeline.reconstruction import Reconstruction
 from digs_warp.pipeline.scene_files import SpzVersion, read_scene, write_scene_file
 from digs_warp.record.progress import progress
 from digs_warp.show.film.camera_path import find_subject, orbit
-from digs_warp.show.film.shoot import Clock, shoot
+from digs_warp.show.film.video import Clock, shoot
 from digs_warp.splat.render import render
 from digs_warp.study.results import Result
 from digs_warp.study.scenes import VOXEL

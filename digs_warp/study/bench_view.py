@@ -28,9 +28,8 @@ from digs_warp.init.recipes import initial_points
 from digs_warp.init.seed_gaussians import seed_gaussians
 from digs_warp.record.progress import progress
 from digs_warp.show.film.camera_path import find_subject, orbit
-from digs_warp.show.view.live import FIRST_PORT
-from digs_warp.show.view.streamer import put_behind
-from digs_warp.show.view.true_render import TrueRenderer
+from digs_warp.show.view.server import FIRST_PORT
+from digs_warp.show.view.streamer import TrueRenderer, put_behind
 from digs_warp.sim.config import SimulateConfig
 from digs_warp.sim.record.record import simulate
 from digs_warp.study.results import Result

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from digs_warp.record.files import write_atomically
 from digs_warp.show.report import markup
-from digs_warp.show.report.style import CSS
+from digs_warp.show.report.markup import CSS
 from digs_warp.study.charts import Chart
 from digs_warp.study.table import Table
 

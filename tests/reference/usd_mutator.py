@@ -125,8 +125,7 @@ def make_originals(folder: Path) -> list[Path]:
 def work(folder: Path, first: int, count: int) -> None:
     """Read mutated files ``first`` to ``count``; print a line before and after each."""
     from digs_warp.checks import DigsError
-    from digs_warp.usd.info import describe
-    from digs_warp.usd.reader import read_fields
+    from digs_warp.usd.reader import describe, read_fields
     from digs_warp.usd.validate import validate
 
     resource.setrlimit(resource.RLIMIT_AS, (MEMORY, MEMORY))

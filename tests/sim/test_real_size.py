@@ -14,8 +14,8 @@ from digs_warp.data.triangle_mesh import TriangleMesh
 from digs_warp.geometry.camera import pixel_centers
 from digs_warp.geometry.rigid import rigid
 from digs_warp.measure.surface_metrics import distances_to_surface
-from digs_warp.show.report.facts.captures import recorded_object
-from digs_warp.show.report.facts.describe import describe
+from digs_warp.show.report.capture_facts import recorded_object
+from digs_warp.show.report.facts import describe
 from digs_warp.sim.config import SimulateConfig
 from digs_warp.sim.record.data_set import plan_jobs, simulate_many
 from digs_warp.sim.record.record import simulate

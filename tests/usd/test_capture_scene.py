@@ -211,7 +211,7 @@ def test_an_independent_renderer_draws_the_file_as_ours_draws_the_gaussians(
 def test_stock_validators_find_nothing_in_any_variant(package: Path):
     from pxr import UsdValidation
 
-    from digs_warp.usd.variants import variant_combinations
+    from digs_warp.usd.field import variant_combinations
 
     stage = open_stage(package)
     validators = UsdValidation.ValidationRegistry().GetOrLoadAllValidators()

@@ -8,19 +8,18 @@ import numpy as np
 import pytest
 
 from digs_warp.checks import UsdError
-from digs_warp.usd import crate_splice, splat_layer
+from digs_warp.usd import crate, writer
 from digs_warp.usd.crate import (
     COUNT,
     SECTION,
     decompressed,
     read_sections,
     section_bodies,
+    splice,
     stored,
 )
-from digs_warp.usd.crate_splice import splice
 from digs_warp.usd.diff import differences
-from digs_warp.usd.info import describe
-from digs_warp.usd.reader import read_gaussians
+from digs_warp.usd.reader import describe, read_gaussians
 from digs_warp.usd.structure import _integers, check_paths, check_structure
 from digs_warp.usd.validate import validate
 from digs_warp.usd.writer import write_gaussians
@@ -248,8 +247,8 @@ def test_in_an_unknown_layout_the_library_writes_the_same_scene_itself(
     gaussians, (name, value) = random_gaussians(2000), DAMAGE[damage]
     fast, slow = (tmp_path / f"{kind}.{suffix}" for kind in ("fast", "slow"))
     write_gaussians(fast, gaussians, {"a": 1})
-    monkeypatch.setattr(splat_layer, "_warned", False)
-    monkeypatch.setattr(crate_splice, name, value)
+    monkeypatch.setattr(writer, "_warned", False)
+    monkeypatch.setattr(crate, name, value)
     write_gaussians(slow, gaussians, {"a": 1})
     write_gaussians(slow, gaussians, {"a": 1})
     monkeypatch.undo()

@@ -6,7 +6,7 @@ from numpy.testing import assert_allclose
 
 from digs_warp.checks import UsdError
 from digs_warp.record.files import to_json
-from digs_warp.usd.info import describe
+from digs_warp.usd.reader import describe
 from digs_warp.usd.writer import write_gaussians
 
 

@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 
 from digs_warp.checks import UsdError
-from digs_warp.usd.registration import FIELD_CHECKER, STAGE_CHECKER, register
-from digs_warp.usd.validate import validate
+from digs_warp.usd.validate import FIELD_CHECKER, STAGE_CHECKER, register, validate
 from digs_warp.usd.writer import write_gaussians
 from reference.capture_scenes import splats
 

@@ -8,7 +8,7 @@ import pytest
 
 from digs_warp.checks import UsdError
 from digs_warp.usd import nesting
-from digs_warp.usd.crate_nesting import check_tree_depth
+from digs_warp.usd.nesting import check_tree_depth
 from digs_warp.usd.reader import read_gaussians
 from digs_warp.usd.structure import check_structure
 from digs_warp.usd.validate import validate

@@ -8,7 +8,7 @@
     train/000000/scene_gt_info.json           per image and object: boxes, numbers of pixels
 
 What we write: the model's frame is that of the mesh file that was recorded, in millimetres, else the world's.
-`digs_warp.formats.captures.bop_models` writes the models. Nothing hides a single object, so its
+Nothing hides a single object, so its
 silhouette is the mask; cut by the image border, it counts as complete. Of several objects, the capture's
 object numbers give mask_visib, and its `Frame.objects` boxes, counts and mask: the whole silhouette, as if
 nothing hid it. A mesh that is there twice is two instances of one model. What we read may hold
@@ -17,6 +17,7 @@ world. See
 https://github.com/thodan/bop_toolkit/blob/master/docs/bop_datasets_format.md.
 """
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -25,8 +26,9 @@ import numpy as np
 from digs_warp.checks import CaptureError
 from digs_warp.data.capture import Capture
 from digs_warp.data.frame import Frame
-from digs_warp.data.images import write_image
+from digs_warp.data.images import to_uint8, write_image
 from digs_warp.data.object_view import Box
+from digs_warp.data.triangle_mesh import TriangleMesh
 from digs_warp.formats.captures.frames import (
     LARGEST_UINT16,
     copy_image,
@@ -38,7 +40,7 @@ from digs_warp.formats.captures.frames import (
 )
 from digs_warp.formats.captures.recorded_files import integer_centered_camera
 from digs_warp.formats.captures.recording import MM_PER_METRE, NumberedFiles, Recording
-from digs_warp.geometry.rigid import rigid
+from digs_warp.geometry.rigid import invert_rigid, rigid
 from digs_warp.record.fields import ABOVE_ZERO, Fields
 from digs_warp.record.files import read_json, to_json, write_atomically
 from digs_warp.words import counted
@@ -267,3 +269,57 @@ def _object_info(mask: np.ndarray, known: np.ndarray) -> dict[str, Any]:
 
 def _write_json(path: Path, content: dict[Any, Any]) -> None:
     write_atomically(path, to_json(content).encode())
+
+
+MODELS = "models"
+
+# Rows of the matrix of distances at a time.
+ROWS = 512
+
+
+def write_bop_models(capture: Capture, surfaces: Sequence[TriangleMesh], folder: Path) -> None:
+    """Write models/obj_000001.ply and so on, and models/models_info.json, of the data set in ``folder``.
+
+    Args:
+        capture: that `digs_warp.formats.captures.bop.write_bop` wrote to ``folder``.
+        surfaces: its objects, in the world.
+        folder: of the data set.
+    """
+    infos: dict[int, dict[str, float]] = {}
+    for index, (number, surface) in enumerate(zip(model_ids(capture), surfaces, strict=True)):
+        if number not in infos:
+            model_from_world = invert_rigid(model_placement(capture, index))
+            infos[number] = _write_model(surface, model_from_world, folder, number)
+    write_atomically(folder / MODELS / "models_info.json", to_json(infos).encode())
+
+
+def _write_model(
+    surface: TriangleMesh, model_from_world: np.ndarray, folder: Path, number: int
+) -> dict[str, float]:
+    """Write one model; return its size."""
+    import trimesh
+
+    points = MM_PER_METRE * surface.points_world.astype(np.float64)
+    points = points @ model_from_world[:3, :3].T + model_from_world[:3, 3]
+    colored = trimesh.Trimesh(
+        points, surface.triangles, vertex_colors=to_uint8(surface.colors), process=False
+    )
+    data = colored.export(file_type="ply", vertex_normal=True)
+    assert isinstance(data, bytes)
+    write_atomically(folder / MODELS / f"obj_{number:06d}.ply", data)
+    low, high = points.min(axis=0), points.max(axis=0)
+    info: dict[str, float] = {"diameter": diameter(points)}
+    info |= {f"min_{axis}": float(value) for axis, value in zip("xyz", low, strict=True)}
+    info |= {f"size_{axis}": float(value) for axis, value in zip("xyz", high - low, strict=True)}
+    return info
+
+
+def diameter(points: np.ndarray) -> float:
+    """Return the largest distance between two of the points, shape (n, 3)."""
+    from scipy.spatial import ConvexHull
+    from scipy.spatial.distance import cdist
+
+    # Only corners of the hull are that far apart. Joggled, because a flat mesh has no hull.
+    corners = points[ConvexHull(points, qhull_options="QJ").vertices] if len(points) > 4 else points
+    parts = (corners[i : i + ROWS] for i in range(0, len(corners), ROWS))
+    return max(float(cdist(part, corners).max()) for part in parts)

@@ -16,7 +16,7 @@ import numpy as np
 
 from digs_warp.checks import CaptureError
 from digs_warp.data.images import image_size
-from digs_warp.formats.captures.lens import Lens, undistorted
+from digs_warp.formats.captures.lens import Eye, Lens, rectify, undistorted
 from digs_warp.formats.captures.recorded_files import (
     IMAGE_SUFFIXES,
     expecting,
@@ -24,7 +24,6 @@ from digs_warp.formats.captures.recorded_files import (
     numbered_files,
 )
 from digs_warp.formats.captures.recording import RecordedFrame, Recording
-from digs_warp.formats.captures.rectify import Eye, rectify
 from digs_warp.formats.captures.to_capture import nearly_rigid
 from digs_warp.geometry.rigid import invert_rigid, matrix_from_quat_xyzw, rigid
 from digs_warp.record.fields import Fields

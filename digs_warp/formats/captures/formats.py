@@ -14,18 +14,15 @@ from digs_warp.formats.captures.colmap_import import read_colmap
 from digs_warp.formats.captures.euroc import read_euroc
 from digs_warp.formats.captures.kitti import write_kitti_stereo
 from digs_warp.formats.captures.middlebury import write_middlebury
-from digs_warp.formats.captures.nerfstudio import read_nerfstudio
-from digs_warp.formats.captures.nerfstudio_export import write_nerfstudio
+from digs_warp.formats.captures.nerfstudio import read_nerfstudio, write_nerfstudio
 from digs_warp.formats.captures.realsense import read_bag
-from digs_warp.formats.captures.record3d import read_record3d
 from digs_warp.formats.captures.recording import Recording
 from digs_warp.formats.captures.redwood import read_redwood, write_redwood
-from digs_warp.formats.captures.scannet import read_scannet
+from digs_warp.formats.captures.scanner_exports import read_record3d, read_scannet, read_zed
 from digs_warp.formats.captures.sceneflow import write_sceneflow
 from digs_warp.formats.captures.seven_scenes import read_seven_scenes
 from digs_warp.formats.captures.tum import read_tum, write_tum
 from digs_warp.formats.captures.video import read_film
-from digs_warp.formats.captures.zed import read_zed
 from digs_warp.words import did_you_mean
 
 READERS: dict[str, Callable[[Path], Recording]] = {

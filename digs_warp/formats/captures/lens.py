@@ -1,7 +1,8 @@
-"""Lenses that bend light: how the image of a pinhole camera is made from theirs.
+"""Makes images and depth of other cameras those of a capture's camera: undistorted, rectified, resampled.
 
 Formulas and coefficients are OpenCV's: Brown's radial and tangential distortion of ordinary lenses, and the
-polynomial of the angle of Kannala and Brandt (2006) for fisheye lenses.
+polynomial of the angle of Kannala and Brandt (2006) for fisheye lenses. A pair is rectified as by Fusiello
+et al. (2000).
 """
 
 from dataclasses import dataclass, replace
@@ -9,7 +10,9 @@ from functools import lru_cache
 
 import numpy as np
 
+from digs_warp.checks import CaptureError
 from digs_warp.geometry.camera import Intrinsics, pixel_centers
+from digs_warp.geometry.rigid import rigid, transform_points
 
 IDENTITY = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0)
 
@@ -151,3 +154,161 @@ def _maps(view: PinholeView) -> tuple[np.ndarray, np.ndarray]:
         places = np.where(np.abs(places) < -NOWHERE, places, NOWHERE)
     across, down = np.moveaxis(places.astype(np.float32), -1, 0)
     return np.ascontiguousarray(across), np.ascontiguousarray(down)
+
+
+# Eyes that look this far apart, or along the line between them [cosine], are no stereo pair.
+LEAST_COSINE, MOST_ALONG = 0.7, 0.7
+
+
+@dataclass(frozen=True, eq=False)
+class Eye:
+    """A camera of a rig: its pinhole part, its lens, and where it is: body from camera, (4, 4) [m]."""
+
+    intrinsics: Intrinsics
+    lens: Lens | None
+    body_from_cam: np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
+class RectifiedPair:
+    """How the images of two eyes become a rectified pair.
+
+    Attributes:
+        left, right: the views; both have the same target.
+        baseline: [m].
+        body_from_cam: of the rectified left camera, (4, 4) [m].
+    """
+
+    left: PinholeView
+    right: PinholeView
+    baseline: float
+    body_from_cam: np.ndarray
+
+
+def rectify(left: Eye, right: Eye, where: str) -> RectifiedPair:
+    """Return the rectified pair: rows along the line between the eyes, both facing the mean of their views.
+
+    The focal length is the mean of the eyes', so that the centers stay as sharp as they are; the principal
+    point is where the middles of both images come to lie on average.
+
+    Args:
+        left: the eye whose camera the frame has.
+        right: the other one.
+        where: the recording, for messages.
+
+    Raises:
+        CaptureError: the eyes are in one place, look apart, or stand one behind the other.
+    """
+    apart = right.body_from_cam[:3, 3] - left.body_from_cam[:3, 3]
+    baseline = float(np.linalg.norm(apart))
+    ahead = [eye.body_from_cam[:3, 2] for eye in (left, right)]
+    if not (baseline > 0 and ahead[0] @ ahead[1] > LEAST_COSINE):
+        raise CaptureError(
+            f"{where}: the two cameras are {baseline:.3g} m apart and look in directions with the cosine "
+            f"{ahead[0] @ ahead[1]:.2f}, expected side by side and almost parallel; check T_BS"
+        )
+    x, forward = apart / baseline, ahead[0] + ahead[1]
+    forward = forward / np.linalg.norm(forward)
+    if abs(x @ forward) > MOST_ALONG or x @ left.body_from_cam[:3, 0] < 0:
+        raise CaptureError(
+            f"{where}: cam1 is not to the right of cam0, expected a left and a right eye; swap the folders"
+        )
+    y = np.cross(forward, x)
+    y /= np.linalg.norm(y)
+    body_from_cam = rigid(np.stack([x, y, np.cross(x, y)], axis=1), left.body_from_cam[:3, 3])
+    turns = [body_from_cam[:3, :3].T @ eye.body_from_cam[:3, :3] for eye in (left, right)]
+    target = _target(left, right, turns)
+    views = [
+        PinholeView(eye.intrinsics, eye.lens, target, tuple(turn.ravel().tolist()))
+        for eye, turn in zip((left, right), turns, strict=True)
+    ]
+    return RectifiedPair(views[0], views[1], baseline, body_from_cam)
+
+
+def _target(left: Eye, right: Eye, turns: list[np.ndarray]) -> Intrinsics:
+    """Return the camera of both rectified images."""
+    ks = [left.intrinsics, right.intrinsics]
+    focal = float(np.mean([(k.fx, k.fy) for k in ks]))
+    middles = []
+    for k, turn in zip(ks, turns, strict=True):
+        ray = turn @ [(k.width / 2 - k.cx) / k.fx, (k.height / 2 - k.cy) / k.fy, 1.0]
+        middles.append(focal * ray[:2] / ray[2])
+    cx, cy = (ks[0].width / 2, ks[0].height / 2) - np.mean(middles, axis=0)
+    return Intrinsics(ks[0].width, ks[0].height, focal, focal, float(cx), float(cy))
+
+
+# A pixel of a depth camera covers at most this many columns and rows of the color image, and one more.
+LARGEST_SQUARE = 15
+
+
+def resample_depth(depth: np.ndarray, source: Intrinsics, target: Intrinsics) -> np.ndarray:
+    """Return the depth that ``target`` sees, (height, width): the nearest pixel of ``source``, never a mean.
+
+    Both cameras have the same pose, so a ray keeps its planar depth; NaN where
+    ``source`` does not look.
+    """
+    if source == target:
+        return depth
+    centers = pixel_centers(target.width, target.height)
+    u = (centers[..., 0] - target.cx) / target.fx * source.fx + source.cx
+    v = (centers[..., 1] - target.cy) / target.fy * source.fy + source.cy
+    column, row = np.floor(u).astype(int), np.floor(v).astype(int)
+    inside = (column >= 0) & (column < source.width) & (row >= 0) & (row < source.height)
+    found = np.full((target.height, target.width), np.nan, np.float32)
+    found[inside] = depth[row[inside], column[inside]]
+    return found
+
+
+def register_depth(
+    depth: np.ndarray, source: Intrinsics, target: Intrinsics, target_from_source: np.ndarray
+) -> np.ndarray:
+    """Return the depth that ``target``, a camera in another place, sees of the points of ``source``.
+
+    Each pixel of ``source`` is a square that faces its camera; what is nearest hides the rest.
+
+    Args:
+        depth: planar depth [m], (height, width), NaN where unknown.
+        source: its camera.
+        target: the other camera.
+        target_from_source: rigid motion [m], (4, 4).
+
+    Returns:
+        Planar depth [m], (height, width), float32; NaN where no point is seen.
+    """
+    rows, columns = np.nonzero(np.isfinite(depth))
+    z = depth[rows, columns].astype(np.float64)
+    low, nearness = _projected(columns, rows, z, source, target, target_from_source)
+    high, _ = _projected(columns + 1, rows + 1, z, source, target, target_from_source)
+    # A square covers the pixels whose centers lie in it, and at least the one in its middle.
+    middle = np.floor((low + high) / 2)
+    first = np.minimum(np.ceil(low - 0.5), middle)
+    last = np.maximum(np.ceil(high - 0.5) - 1, middle)
+    seen = (nearness > 0) & np.isfinite(first).all(1) & np.isfinite(last).all(1)
+    first, last, nearness = first[seen], last[seen], nearness[seen]
+    found = np.full((target.height, target.width), np.inf)
+    widest = (last - first).max(axis=0, initial=0).clip(0, LARGEST_SQUARE).astype(int)
+    for right in range(widest[0] + 1):
+        for down in range(widest[1] + 1):
+            place = first + [right, down]
+            inside = ((place <= last) & (place >= 0) & (place < [target.width, target.height])).all(
+                1
+            )
+            column, row = place[inside].astype(np.intp).T
+            np.minimum.at(found, (row, column), nearness[inside])
+    return np.where(np.isfinite(found), found, np.nan).astype(np.float32)
+
+
+def _projected(
+    u: np.ndarray,
+    v: np.ndarray,
+    z: np.ndarray,
+    source: Intrinsics,
+    target: Intrinsics,
+    target_from_source: np.ndarray,
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return the places (u, v) in ``target``, (n, 2), and depths [m], (n,), of those in ``source``."""
+    x, y = (u - source.cx) / source.fx * z, (v - source.cy) / source.fy * z
+    moved = transform_points(target_from_source, np.stack([x, y, z], axis=1))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        places = moved[:, :2] / moved[:, 2:] * [target.fx, target.fy] + [target.cx, target.cy]
+    return places, moved[:, 2]

@@ -17,9 +17,8 @@ from digs_warp.data.frame import Frame
 from digs_warp.data.images import write_image
 from digs_warp.data.occlusion import Occlusion
 from digs_warp.formats.captures.frames import for_each_frame
-from digs_warp.formats.captures.pfm import write_pfm
 from digs_warp.formats.captures.recording import MM_PER_METRE
-from digs_warp.formats.captures.stereo_pair import StereoExport
+from digs_warp.formats.captures.stereo_pair import StereoExport, write_pfm
 from digs_warp.geometry.camera import Intrinsics
 from digs_warp.record.files import write_atomically
 

@@ -15,9 +15,9 @@ from digs_warp.checks import CaptureError, require_file
 from digs_warp.data.images import write_image
 from digs_warp.data.sharpness import Sharpness
 from digs_warp.device.libraries import import_realsense
-from digs_warp.formats.captures.film_frames import choose
 from digs_warp.formats.captures.lens import Lens, undistorted
 from digs_warp.formats.captures.recording import RecordedFrame, Recording
+from digs_warp.formats.captures.video import choose
 from digs_warp.geometry.camera import Intrinsics
 
 logger = logging.getLogger(__name__)

@@ -18,8 +18,7 @@ import numpy as np
 from digs_warp.data.capture import Capture
 from digs_warp.data.frame import Frame
 from digs_warp.formats.captures.frames import for_each_frame
-from digs_warp.formats.captures.pfm import write_pfm
-from digs_warp.formats.captures.stereo_pair import StereoExport
+from digs_warp.formats.captures.stereo_pair import StereoExport, write_pfm
 from digs_warp.geometry.rigid import OPENCV_FROM_OPENGL
 from digs_warp.record.files import write_atomically
 

@@ -1,4 +1,8 @@
-"""What stereo data sets are made of: the two images of a frame, their camera, and their labels."""
+"""What stereo data sets are made of: the two images of a frame, their camera, and their labels.
+
+PFM, their format of float images: a header of three lines, then rows from bottom to top; a negative scale
+says that the numbers are little-endian. See https://netpbm.sourceforge.net/doc/pfm.html.
+"""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -13,7 +17,23 @@ from digs_warp.data.images import write_image
 from digs_warp.data.layers import Layer
 from digs_warp.formats.captures.frames import integer_centered
 from digs_warp.geometry.camera import Intrinsics
-from digs_warp.record.files import copy_file
+from digs_warp.record.files import copy_file, write_atomically
+
+KINDS = {1: "Pf", 3: "PF"}
+
+
+def write_pfm(path: Path, values: np.ndarray) -> None:
+    """Write an image of one or three channels.
+
+    Args:
+        path: the file.
+        values: shape (height, width) or (height, width, 3), float32.
+    """
+    image = values.reshape(*values.shape[:2], -1)
+    height, width, channels = image.shape
+    header = f"{KINDS[channels]}\n{width} {height}\n-1.0\n"
+    write_atomically(path, header.encode() + image[::-1].astype("<f4").tobytes())
+
 
 # The layers of the labels; `digs_warp.sim.record.labels.names` has all of them.
 DISPARITY = (Layer.DISPARITY, Layer.DISPARITY_RIGHT, Layer.OCCLUSION, Layer.OCCLUSION_RIGHT)

@@ -1,4 +1,8 @@
-"""A recording in another program's folder becomes a capture folder."""
+"""A recording in another program's folder becomes a capture folder.
+
+Where a recorded stereo pair came without depth, semi-global matching of its rectified images makes it, and
+says how far each match can be trusted.
+"""
 
 import logging
 from collections.abc import Sequence
@@ -14,13 +18,57 @@ from digs_warp.data.capture_writer import CaptureWriter, FrameImages
 from digs_warp.data.images import read_image
 from digs_warp.data.rig import Rig
 from digs_warp.formats.captures.frames import for_each_frame
-from digs_warp.formats.captures.matched_depth import matched_depth
+from digs_warp.formats.captures.lens import register_depth, resample_depth
 from digs_warp.formats.captures.recording import RecordedFrame, Recording
-from digs_warp.formats.captures.resample import register_depth, resample_depth
 from digs_warp.geometry.camera import Intrinsics
 from digs_warp.geometry.rigid import rigid
 from digs_warp.record.arrays import read_array
 from digs_warp.words import counted
+
+# What is nearer than this many times the distance between the eyes gets no depth: the search has to end.
+NEAREST_BASELINES = 4.0
+
+# A disparity below it [px] tells little: an error of a quarter of a pixel moves the depth by a fourth.
+LEAST_DISPARITY = 1.0
+
+# Width of the square that is compared [px].
+WINDOW = 5
+
+
+def matched_depth(
+    left: np.ndarray, right: np.ndarray, k: Intrinsics, baseline: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return depth and confidence of the left image of a rectified pair.
+
+    Args:
+        left: sRGB, (height, width, 3), uint8.
+        right: of the same camera, ``baseline`` metres to the right.
+        k: camera of both images.
+        baseline: distance between the eyes [m].
+
+    Returns:
+        Planar depth [m], (height, width), float32, NaN where nothing matches; and the confidence in each
+        match, 0 to 255, (height, width), uint8.
+    """
+    from digs_warp.data.images import to_uint8
+    from digs_warp.sim.sensor.filters import gray_of
+    from digs_warp.sim.sensor.guided.confidence import confidence_in_matches
+    from digs_warp.sim.sensor.matcher import match
+
+    grays = gray_of(left), gray_of(right)
+    disparities = search_end(k)
+    found = match(*grays, disparities, WINDOW)
+    confidence = confidence_in_matches(*grays, found, disparities, WINDOW)
+    found[~(found >= LEAST_DISPARITY)] = np.nan
+    depth = np.float32(k.fx * baseline) / found
+    return depth, to_uint8(np.where(np.isfinite(depth), confidence, 0.0))
+
+
+def search_end(k: Intrinsics) -> int:
+    """Return the end of the search range [px], exclusive: a multiple of 16."""
+    end = min(k.fx / NEAREST_BASELINES, float(k.width))
+    return 16 * max(1, int(np.ceil(end / 16)))
+
 
 logger = logging.getLogger(__name__)
 

@@ -1,12 +1,13 @@
 """A film of a moving camera becomes a recording: sharp, evenly spaced frames, without poses or depth.
 
 The film does not say how wide the lens sees. Phones and action cameras correct the distortion of their lenses
-as they record; of others, undistort the film first.
+as they record; of others, undistort the film first. Each frame is the sharpest of its neighborhood.
 """
 
 import logging
 from collections.abc import Iterator
 from contextlib import contextmanager
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -16,11 +17,36 @@ from digs_warp.bounds import IMAGE
 from digs_warp.checks import CaptureError, require_file
 from digs_warp.data.images import write_image
 from digs_warp.data.sharpness import REPEATED, Sharpness
-from digs_warp.formats.captures.film_frames import choose
 from digs_warp.formats.captures.recording import FRAME_RATE, RecordedFrame, Recording
 from digs_warp.geometry.camera import Intrinsics
 from digs_warp.record.progress import progress
 from digs_warp.words import counted
+
+# The sharpest frame is sought in this share of each interval, in its middle, so that the distances between
+# the chosen frames differ by less than a factor of five.
+SOUGHT = 0.67
+
+
+def choose(sharpness: np.ndarray, count: int) -> list[int]:
+    """Return the numbers of at most ``count`` frames, ascending.
+
+    Args:
+        sharpness: of each frame of the film, in order; `REPEATED` where it is the same as the one before.
+        count: at least 1.
+    """
+    usable = np.flatnonzero(sharpness != REPEATED)
+    if len(usable) <= count:
+        return usable.tolist()
+    edges = np.linspace(0, len(sharpness), count + 1)
+    chosen = []
+    for start, end in pairwise(edges):
+        margin = (1 - SOUGHT) / 2 * (end - start)
+        first = round(start + margin)
+        window = sharpness[first : max(round(end - margin), first + 1)]
+        if len(window) and window.max() != REPEATED:
+            chosen.append(first + int(np.argmax(window)))
+    return chosen
+
 
 logger = logging.getLogger(__name__)
 

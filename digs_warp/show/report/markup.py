@@ -1,4 +1,7 @@
-"""Small pieces of HTML. Every function takes plain text and escapes it; only ``body`` arguments are HTML."""
+"""Small pieces of HTML. Every function takes plain text and escapes it; only ``body`` arguments are HTML.
+
+The style sheet: light and dark, no outside fonts, readable on a phone and on paper.
+"""
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
@@ -6,6 +9,102 @@ from html import escape
 from typing import Any
 
 from digs_warp.show.report.pictures import ColorScale
+
+CSS = """
+:root { color-scheme: light dark; --ink: #1d2430; --soft: #5d6b7e; --paper: #f6f7f9; --panel: #fff;
+  --rule: #dfe4ea; --accent: #1f66b8; }
+@media (prefers-color-scheme: dark) { :root { --ink: #e6eaf0; --soft: #9aa7b8; --paper: #12161c;
+  --panel: #1a2029; --rule: #2c3541; --accent: #6aaaf0; } }
+* { box-sizing: border-box; }
+body { margin: 0; background: var(--paper); color: var(--ink);
+  font: 16px/1.5 system-ui, -apple-system, "Segoe UI", Roboto, "Liberation Sans", sans-serif; }
+main { max-width: 1320px; margin: 0 auto; padding: 2.5rem 1.25rem 4rem; }
+h1 { font-size: 1.9rem; margin: 0; letter-spacing: -0.01em; }
+h2 { font-size: 1.25rem; margin: 0 0 .25rem; }
+h3 { font-size: 1rem; margin: 1.25rem 0 .5rem; }
+p { margin: .25rem 0 1rem; color: var(--soft); max-width: 75ch; }
+section { background: var(--panel); border: 1px solid var(--rule); border-radius: 12px;
+  padding: 1.25rem 1.5rem; margin-top: 1.5rem; }
+.cards { display: grid; gap: .75rem;
+  grid-template-columns: repeat(auto-fit, minmax(min(13.5rem, 45%), 1fr));
+  margin-top: 1.5rem; }
+.card { background: var(--panel); border: 1px solid var(--rule); border-radius: 12px;
+  padding: .75rem 1rem; display: flex; flex-direction: column; }
+.card span, .card small { color: var(--soft); font-size: .82rem; }
+.card b { font-size: 1.45rem; font-variant-numeric: tabular-nums; white-space: nowrap; }
+.scroll { overflow-x: auto; } .scroll + .charts { margin-top: 1.25rem; }
+table { border-collapse: collapse; }
+table.pictures { width: 100%; min-width: 40rem; table-layout: fixed; }
+table.pictures th { font-size: .82rem; font-weight: 600; color: var(--soft); padding: .25rem;
+  text-align: left; vertical-align: middle; overflow-wrap: anywhere; }
+table.pictures tr > :first-child { width: 7.5rem; white-space: pre-line; }
+table.pictures td { padding: .25rem; }
+img { display: block; width: 100%; height: auto; border-radius: 4px; background: var(--rule);
+  outline: 1px solid var(--rule); }
+table.values { font-size: .9rem; font-variant-numeric: tabular-nums; }
+table.values th, table.values td { padding: .25rem 1.5rem .25rem 0; text-align: left;
+  border-bottom: 1px solid var(--rule); }
+table.values td { overflow-wrap: break-word; }
+table.values td:nth-child(2):last-child { overflow-wrap: anywhere; }
+table.values:has(th:nth-child(6)) { min-width: 50rem; }
+table.values td:nth-child(6) { white-space: nowrap; }
+table.values tr:first-child th { color: var(--soft); }
+table.values th { font-weight: 500; }
+figure { margin: 0 0 .5rem; }
+figcaption { color: var(--soft); font-size: .85rem; margin-top: .35rem; max-width: 75ch; }
+.charts { display: grid; grid-template-columns: repeat(auto-fit, minmax(min(25rem, 100%), 1fr));
+  gap: 1.25rem 2rem; }
+.chart svg { width: 100%; height: auto; max-width: 46rem; }
+.chart svg text { font-family: inherit !important; }
+.legends { display: flex; flex-wrap: wrap; gap: .5rem 2.5rem; margin: .5rem 0 1rem; }
+.legend { display: flex; flex-wrap: wrap; align-items: center; gap: .25rem .75rem;
+  font-size: .82rem; color: var(--soft); }
+.ramp { width: min(15rem, 70vw); height: .75rem; border-radius: 3px; }
+.ticks { display: flex; justify-content: space-between; font-variant-numeric: tabular-nums; }
+.missing { display: inline-block; width: .75rem; height: .75rem; border-radius: 3px;
+  background: rgb(128 128 128); margin-right: .35rem; }
+.swatches { display: flex; flex-wrap: wrap; gap: .25rem 1.25rem; font-size: .82rem; color: var(--soft);
+  margin-bottom: 1rem; }
+.swatches img { display: inline-block; width: 1.5rem; height: 1rem; border-radius: 3px;
+  margin-right: .35rem; outline: 1px solid var(--rule); vertical-align: -.15rem; }
+.small { display: grid; grid-template-columns: repeat(auto-fill, minmax(8rem, 1fr)); gap: 0 1rem; }
+.small img { outline: 1px solid var(--rule); }
+.columns { display: grid; grid-template-columns: repeat(auto-fit, minmax(min(20rem, 100%), 1fr));
+  gap: 0 2.5rem; align-items: start; }
+.two { display: grid; grid-template-columns: repeat(auto-fit, minmax(min(22rem, 100%), 1fr));
+  gap: 1rem 2rem; align-items: start; }
+video { display: block; width: 100%; height: auto; border-radius: 4px; background: var(--rule); }
+#view3d .stage { position: relative; }
+#view3d canvas { display: none; width: 100%; aspect-ratio: 4 / 3; border-radius: 4px;
+  outline: 1px solid var(--rule); cursor: grab; touch-action: none; }
+#view3d canvas:focus-visible { outline: 3px solid var(--accent); }
+#view3d .tools, #view3d .swatches { display: none; }
+#view3d.live canvas { display: block; } #view3d.live img { display: none; }
+#view3d.live .tools { display: flex; flex-wrap: wrap; gap: .5rem 1rem; align-items: center; }
+#view3d.live:has(:checked) .swatches { display: flex; }
+#view3d .swatches { margin-top: .75rem; }
+#view3d .swatches svg { vertical-align: -.2rem; background: #fff; border-radius: 3px; }
+#view3d .note { font-size: .85rem; margin: .5rem 0; }
+button { font: inherit; font-size: .9rem; color: var(--ink); background: var(--paper);
+  border: 1px solid var(--rule); border-radius: 8px; padding: .4rem .8rem; min-height: 2.5rem; }
+label { font-size: .9rem; min-height: 2.5rem; display: inline-flex; align-items: center; gap: .5rem; }
+input[type=checkbox] { width: 1.15rem; height: 1.15rem; }
+details { margin-top: .75rem; }
+a { color: var(--accent); } .links { margin: 1rem 0 0; }
+summary { cursor: pointer; color: var(--accent); }
+@media (max-width: 40rem) {
+  main { padding: 1.5rem .75rem 3rem; }
+  section { padding: 1rem; }
+  table.pictures, table.pictures tbody { display: block; }
+  table.pictures { min-width: calc(var(--columns) * 6rem); }
+  table.pictures tr { display: grid; grid-template-columns: repeat(var(--columns), minmax(0, 1fr)); }
+  table.pictures tr > :first-child { grid-column: 1 / -1; width: auto; white-space: normal; }
+  table.pictures tr:first-child > :first-child { display: none; }
+}
+@media print { #view3d.live canvas { display: none; } #view3d.live img { display: block; }
+  body { background: none; } section { break-inside: avoid-page; border: 0; padding: 0; } }
+"""
+
 
 UNKNOWN = "–"  # noqa: RUF001 (a dash, not a minus)
 

@@ -12,18 +12,16 @@ from digs_warp.measure.scores import Score, SurfaceError
 from digs_warp.pipeline.reconstruction import Reconstruction
 from digs_warp.record import layout
 from digs_warp.record.files import write_atomically
-from digs_warp.show.report.capture_section import capture_section
+from digs_warp.show.report.capture_section import capture_section, sensor_section
 from digs_warp.show.report.course_section import course_section
 from digs_warp.show.report.geometry_section import geometry_section
-from digs_warp.show.report.markup import card, number
+from digs_warp.show.report.markup import CSS, card, number
 from digs_warp.show.report.run_section import (
     RunRecords,
     figures_section,
     settings_section,
     times_section,
 )
-from digs_warp.show.report.sensor_section import sensor_section
-from digs_warp.show.report.style import CSS
 from digs_warp.show.report.view3d.section import start_view, view_section
 from digs_warp.show.report.views_section import views_section
 from digs_warp.words import counted

@@ -20,8 +20,7 @@ from digs_warp.show.film.camera_path import (
     same_width_of_view,
     up_of,
 )
-from digs_warp.show.film.shoot import shoot
-from digs_warp.show.film.video import write_video
+from digs_warp.show.film.video import shoot, write_video
 
 # A film of four seconds and half a megabyte: VP9 is slow to encode.
 FRAMES, FRAME_RATE = 48, 12.0

@@ -5,11 +5,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, cast
 
 from digs_warp.show.view import nodes
-from digs_warp.show.view.camera_views import Picture, pictures_of
 from digs_warp.show.view.contents import RESULT, Contents
-from digs_warp.show.view.crop import Box
-from digs_warp.show.view.placement import RADIUS
-from digs_warp.show.view.true_render import Shown
+from digs_warp.show.view.nodes import Picture, pictures_of
+from digs_warp.show.view.placement import RADIUS, Box
+from digs_warp.show.view.streamer import Shown
 
 if TYPE_CHECKING:
     import viser

@@ -1,7 +1,10 @@
-"""Puts contents into the scene of a page: one node for each thing that can be shown or hidden."""
+"""Puts contents into the scene of a page: one node for each thing that can be shown or hidden.
+
+Cameras show the photograph, the measured depth, or why depth is missing.
+"""
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING, TypeAlias
+from typing import TYPE_CHECKING, Literal, TypeAlias
 
 import numpy as np
 
@@ -9,15 +12,58 @@ from digs_warp.data.evenly import evenly
 from digs_warp.data.frame import Frame
 from digs_warp.data.gaussians import Gaussians
 from digs_warp.data.images import to_uint8
+from digs_warp.data.layers import Layer
 from digs_warp.data.point_cloud import PointCloud
 from digs_warp.data.triangle_mesh import TriangleMesh
 from digs_warp.geometry.rigid import matrix_from_quat_xyzw, quat_xyzw_from_matrix
 from digs_warp.geometry.sh import C0
-from digs_warp.show.view.camera_views import Picture, load_picture
+from digs_warp.show.report.causes import paint_causes
 from digs_warp.show.view.placement import RADIUS, Placement
+from digs_warp.show.view.streamer import painted_depth
 
 if TYPE_CHECKING:
     import viser
+
+
+Picture = Literal["photograph", "measured depth", "why depth is missing", "nothing"]
+
+LAYERS: dict[Picture, Layer] = {
+    "photograph": Layer.IMAGE,
+    "measured depth": Layer.DEPTH,
+    "why depth is missing": Layer.CAUSE,
+}
+
+# Width of a picture in a camera [px].
+WIDTH = 240
+
+
+def pictures_of(frames: tuple[Frame, ...]) -> list[Picture]:
+    """Return what the cameras can show, for at least one of the frames."""
+    known: list[Picture] = [
+        name for name, layer in LAYERS.items() if any(frame.has(layer) for frame in frames)
+    ]
+    return [*known, "nothing"]
+
+
+def load_picture(frame: Frame, picture: Picture) -> np.ndarray | None:
+    """Return a small picture, (height, width, 3), uint8; None where the frame does not have it.
+
+    Raises:
+        CaptureError: its image cannot be read.
+    """
+    if picture == "nothing" or not frame.has(LAYERS[picture]):
+        return None
+    if picture == "photograph":
+        full = frame.load_image()
+    elif picture == "measured depth":
+        depth = frame.load_depth()
+        full = painted_depth(depth, np.isfinite(depth) & (depth > 0))
+    else:
+        causes = frame.load_cause()
+        full = paint_causes(causes, max(1, causes.shape[1] // WIDTH))
+    step = max(1, full.shape[1] // WIDTH)
+    return np.ascontiguousarray(full[::step, ::step])
+
 
 Scene: TypeAlias = "viser.SceneApi"
 

@@ -12,19 +12,25 @@ import numpy as np
 
 from digs_warp.checks import DigsError
 from digs_warp.data.frame import Frame
-from digs_warp.data.gaussians import Gaussians
+from digs_warp.data.gaussians import FIELDS, Gaussians
 from digs_warp.geometry.rigid import quat_xyzw_from_matrix
 from digs_warp.show.view import nodes
 from digs_warp.show.view.contents import Contents, Stage
 from digs_warp.show.view.controls import Controls
-from digs_warp.show.view.crop import save_cropped
-from digs_warp.show.view.joined import joined
-from digs_warp.show.view.placement import RADIUS, Placement, side_by_side
-from digs_warp.show.view.streamer import Streamer
-from digs_warp.show.view.true_render import Shown, TrueRenderer
+from digs_warp.show.view.placement import RADIUS, Placement, save_cropped, side_by_side
+from digs_warp.show.view.streamer import Shown, Streamer, TrueRenderer
 
 if TYPE_CHECKING:
     import viser
+
+
+def joined(sets: Sequence[Gaussians]) -> Gaussians:
+    """Return all Gaussians of one or more sets; lower degrees of the color are filled up with zeros."""
+    bands = max(each.sh.shape[1] for each in sets)
+    columns = {name: np.concatenate([getattr(each, name) for each in sets]) for name in FIELDS[:-1]}
+    sh = [np.pad(each.sh, ((0, 0), (0, bands - each.sh.shape[1]), (0, 0))) for each in sets]
+    return Gaussians(**columns, sh=np.concatenate(sh))
+
 
 logger = logging.getLogger(__name__)
 

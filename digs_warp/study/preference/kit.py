@@ -109,7 +109,7 @@ def _films(
     results: Mapping[str, Gaussians], size: tuple[int, int], count: int
 ) -> dict[str, list[np.ndarray]]:
     """Return the frames of every strategy, seen by the same cameras."""
-    from digs_warp.show.film.shoot import shoot
+    from digs_warp.show.film.video import shoot
 
     cameras, center = _cameras(results, size, count)
     return {

@@ -15,7 +15,7 @@ from digs_warp.data.capture_writer import CaptureWriter, FrameImages
 from digs_warp.data.frame import Frame
 from digs_warp.data.layers import Layer
 from digs_warp.geometry.camera import Camera, Intrinsics
-from digs_warp.show.report.facts.describe import describe
+from digs_warp.show.report.facts import describe
 from digs_warp.sim.config import SimulateConfig, Tier
 from digs_warp.sim.record.frame_maker import FrameMaker, RenderedFrame
 from digs_warp.sim.record.record import simulate_in_memory

@@ -8,7 +8,7 @@ import pytest
 from digs_warp.cli import EXIT_BAD_INPUT, EXIT_OK, EXIT_WRONG_USAGE, main
 from digs_warp.commands.render import Render
 from digs_warp.data.images import read_image
-from digs_warp.show.film.shoot import Clock
+from digs_warp.show.film.video import Clock
 from reference.tiny_capture import ball, write_tiny_capture
 
 SMALL = ["--width", "64", "--height", "48", "--seconds", "0.1"]

@@ -15,7 +15,7 @@ from digs_warp.data.layers import Layer
 from digs_warp.pipeline.known_distance import KnownDistance
 from digs_warp.pipeline.reconstruction import Reconstruction
 from digs_warp.record.files import read_json
-from digs_warp.show.report.facts.describe import describe
+from digs_warp.show.report.facts import describe
 from digs_warp.show.report.run_section import figures_section
 from reference.tiny_capture import write_tiny_capture
 

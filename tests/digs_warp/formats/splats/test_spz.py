@@ -11,7 +11,7 @@ import zstandard
 
 from digs_warp.checks import DigsError
 from digs_warp.data.gaussians import Gaussians
-from digs_warp.formats.splats import spz_codes as codes
+from digs_warp.formats.splats import spz as codes
 from digs_warp.formats.splats.files import read_splat_file
 from digs_warp.formats.splats.rows import WORLD_FROM_Y_UP, turned
 from digs_warp.formats.splats.spz import read_spz, write_spz

@@ -12,8 +12,7 @@ from digs_warp.checks import DigsError
 from digs_warp.data.images import read_image, to_uint8
 from digs_warp.geometry.camera import Intrinsics
 from digs_warp.show.film.camera_path import find_subject, orbit
-from digs_warp.show.film.shoot import Clock, shoot
-from digs_warp.show.film.video import write_frames, write_video
+from digs_warp.show.film.video import Clock, shoot, write_frames, write_video
 from digs_warp.splat.footprint import near_plane
 from digs_warp.splat.render import render
 from reference.tiny_capture import ball

@@ -2,7 +2,7 @@
 
 import pytest
 
-from digs_warp.show.report.facts.words import sides_words
+from digs_warp.show.report.capture_facts import sides_words
 
 
 @pytest.mark.parametrize(

@@ -8,7 +8,7 @@ import pytest
 from digs_warp.commands.reconstruction_options import reconstruction_words
 from digs_warp.data.capture import Capture, read_capture
 from digs_warp.pipeline.reconstruction import Reconstruction
-from digs_warp.show.report.facts.describe import describe
+from digs_warp.show.report.facts import describe
 from reference.report_folder import write_and_parse
 
 ON_OBJECT = (

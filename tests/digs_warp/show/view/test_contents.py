@@ -8,9 +8,8 @@ import pytest
 from digs_warp.checks import DigsError
 from digs_warp.data.capture import Capture
 from digs_warp.pipeline.reconstruction import Reconstruction
-from digs_warp.show.view.camera_views import load_picture, pictures_of
-from digs_warp.show.view.contents import read_contents
-from digs_warp.show.view.sensed_points import NAME
+from digs_warp.show.view.contents import NAME, read_contents
+from digs_warp.show.view.nodes import load_picture, pictures_of
 from digs_warp.train.snapshots import save_snapshot
 from reference.report_folder import write_capture, write_reconstruction
 from reference.tiny_capture import ball

@@ -9,10 +9,9 @@ from digs_warp.checks import DigsError
 from digs_warp.geometry.camera import Camera, Intrinsics
 from digs_warp.geometry.rigid import look_at
 from digs_warp.pipeline.scene_files import read_scene
-from digs_warp.show.view.crop import Box, save_cropped
-from digs_warp.show.view.joined import joined
-from digs_warp.show.view.placement import RADIUS, Placement, side_by_side
-from digs_warp.show.view.true_render import TrueRenderer
+from digs_warp.show.view.page import joined
+from digs_warp.show.view.placement import RADIUS, Box, Placement, save_cropped, side_by_side
+from digs_warp.show.view.streamer import TrueRenderer
 from reference.tiny_capture import ball
 
 INTRINSICS = Intrinsics.from_fov(64, 48, 50)

@@ -12,9 +12,8 @@ from digs_warp.data.gaussians import Gaussians
 from digs_warp.pipeline.scene_files import read_scene
 from digs_warp.show.view.contents import Contents, Stage
 from digs_warp.show.view.controls import SIDE_BY_SIDE
-from digs_warp.show.view.live import live_page
 from digs_warp.show.view.page import Page
-from digs_warp.show.view.server import started
+from digs_warp.show.view.server import live_page, started
 from digs_warp.splat.device import DeviceGaussians
 from reference.tiny_capture import ball
 

@@ -12,7 +12,7 @@ from digs_warp.commands.convert import export_capture_folder
 from digs_warp.data.images import read_image
 from digs_warp.masks.config import SegmentConfig
 from digs_warp.masks.masks import segment
-from digs_warp.show.report.facts.describe import describe
+from digs_warp.show.report.facts import describe
 from digs_warp.sim.config import SimulateConfig
 from digs_warp.sim.record.record import simulate
 from reference.mesh_files import save

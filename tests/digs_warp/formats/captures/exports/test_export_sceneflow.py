@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from digs_warp.data.capture import Capture
-from digs_warp.formats.captures.pfm import write_pfm
+from digs_warp.formats.captures.stereo_pair import write_pfm
 from digs_warp.geometry.camera import Camera
 from digs_warp.geometry.rigid import OPENCV_FROM_OPENGL
 from reference.exported import exported

@@ -11,7 +11,7 @@ from digs_warp.data.capture import Capture
 from digs_warp.data.layers import Layer
 from digs_warp.formats.captures.formats import READERS, export_capture, read_recording
 from digs_warp.geometry.camera import Camera
-from digs_warp.show.report.facts.describe import describe
+from digs_warp.show.report.facts import describe
 from reference.recorded import check_same, converted
 
 

@@ -11,9 +11,9 @@ from digs_warp.cli import main
 from digs_warp.data.capture import Capture, read_capture
 from digs_warp.data.layers import Layer
 from digs_warp.data.sharpness import REPEATED, Sharpness
-from digs_warp.formats.captures.film_frames import choose
 from digs_warp.formats.captures.formats import export_capture, read_recording
 from digs_warp.formats.captures.realsense import read_bag
+from digs_warp.formats.captures.video import choose
 from digs_warp.show.film.video import write_video
 from reference import realsense_bag
 

@@ -10,13 +10,13 @@ import pytest
 from digs_warp.data.images import write_image
 from digs_warp.data.layers import Layer
 from digs_warp.formats.captures.formats import read_recording
-from digs_warp.formats.captures.matched_depth import (
+from digs_warp.formats.captures.to_capture import (
     LEAST_DISPARITY,
     NEAREST_BASELINES,
     matched_depth,
     search_end,
+    write_capture,
 )
-from digs_warp.formats.captures.to_capture import write_capture
 from digs_warp.geometry.camera import Intrinsics
 
 K = Intrinsics(160, 96, 150.0, 150.0, 80.0, 48.0)

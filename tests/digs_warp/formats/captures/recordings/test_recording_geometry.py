@@ -5,8 +5,13 @@ import numpy as np
 import pytest
 
 from digs_warp.checks import CaptureError
-from digs_warp.formats.captures.lens import Lens, PinholeView, undistorted
-from digs_warp.formats.captures.resample import register_depth, resample_depth
+from digs_warp.formats.captures.lens import (
+    Lens,
+    PinholeView,
+    register_depth,
+    resample_depth,
+    undistorted,
+)
 from digs_warp.formats.captures.to_capture import nearly_rigid
 from digs_warp.geometry.camera import Camera, Intrinsics, pixel_centers
 from digs_warp.geometry.rigid import look_at

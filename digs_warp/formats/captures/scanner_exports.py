@@ -1,0 +1,135 @@
+"""Folders exported from a scan: Record3D, ScanNet, ZED.
+
+Record3D (iPhone, iPad; https://record3d.app/features), OpenGL axes, K counts pixels of the color image:
+
+    metadata.json    K (9 numbers, column by column), w, h, fps,
+                     poses (qx qy qz qw tx ty tz, world from camera)
+    rgb/0.jpg        depth/0.exr in metres, at the size of the depth sensor     both may be below EXR_RGBD/
+
+ScanNet (https://github.com/ScanNet/ScanNet). Depth and color are assumed to be registered: the offset between
+the two cameras, a few centimetres at most, is not applied:
+
+    color/0.jpg  depth/0.png        depth in millimetres, any size
+    pose/0.txt                      4 x 4, world from camera, OpenCV axes; -inf where tracking was lost
+    intrinsic/intrinsic_color.txt   intrinsic/intrinsic_depth.txt     4 x 4
+
+Frames of a ZED recording (SVO): rectified left images, optional right ones, and depth. Integer depth is in
+millimetres, float depth in metres; NaN is unknown, -inf too near, +inf too far. Poses are not exported:
+
+    left000000.png  right000000.png  depth000000.png or .exr, .npy          in one folder
+    calibration.json                                   fx, fy, cx, cy of the rectified images, baseline [m]
+"""
+
+from pathlib import Path
+
+import numpy as np
+
+from digs_warp.checks import CaptureError
+from digs_warp.data.images import image_size
+from digs_warp.formats.captures.recorded_files import (
+    IMAGE_SUFFIXES,
+    integer_centered_camera,
+    numbered_files,
+    read_numbers,
+)
+from digs_warp.formats.captures.recording import (
+    FRAME_RATE,
+    MM_PER_METRE,
+    DepthCamera,
+    NumberedFiles,
+    Recording,
+)
+from digs_warp.geometry.camera import Intrinsics
+from digs_warp.geometry.rigid import OPENCV_FROM_OPENGL, matrix_from_quat_xyzw, rigid
+from digs_warp.record.fields import ABOVE_ZERO, Fields
+from digs_warp.record.files import read_json
+
+METADATA = "metadata.json"
+
+
+def read_record3d(folder: Path) -> Recording:
+    """Read an export "EXR + RGB" of Record3D.
+
+    Raises:
+        CaptureError: no images or metadata, or metadata without a camera.
+    """
+    base = "EXR_RGBD/" if (folder / "EXR_RGBD").is_dir() else ""
+    files = NumberedFiles.find(folder, f"{base}rgb/", f"{base}depth/", (".exr",))
+    path = folder / METADATA if (folder / METADATA).is_file() else folder / base / METADATA
+    metadata = Fields(read_json(path, "metadata"), f"'{path}'", CaptureError)
+    cameras = _cameras(metadata, files)
+    rows = metadata.array("poses", (-1, 7), default=np.zeros((0, 7)))
+    turns = matrix_from_quat_xyzw(rows[:, :4])
+    poses = {i: rigid(turns[i], rows[i, 4:]) @ OPENCV_FROM_OPENGL for i in range(len(rows))}
+    rate = metadata.number("fps", 0, default=0.0) or FRAME_RATE
+    return files.recording(cameras, poses, frame_rate=rate)
+
+
+def _cameras(metadata: Fields, files: NumberedFiles) -> Intrinsics | dict[int, Intrinsics]:
+    """The camera of all images, or one for each where the phone wrote them (autofocus)."""
+    size = files.image_size
+    own = metadata.array("perFrameIntrinsicCoeffs", (-1, 4), default=np.zeros((0, 4)))
+    if len(own) == len(files.images):
+        rows = zip(files.images, own.tolist(), strict=True)
+        return {number: Intrinsics(*size, *row) for number, row in rows}
+    matrix = metadata.array("K", (3, 3)).T
+    scale = size[0] / metadata.number("w", 1, default=size[0])
+    values = np.array([matrix[0, 0], matrix[1, 1], matrix[0, 2], matrix[1, 2]]) * scale
+    return Intrinsics(*size, *values.tolist())
+
+
+def read_scannet(folder: Path) -> Recording:
+    """Read a scene exported by ScanNet's SensReader, or another folder with the same layout.
+
+    Raises:
+        CaptureError: no images, or broken matrices.
+    """
+    files = NumberedFiles.find(folder, "color/", "depth/")
+    color_k = read_numbers(folder / "intrinsic/intrinsic_color.txt", (4, 4), "camera")
+    depth_camera = None
+    if files.depths:
+        depth_k = read_numbers(folder / "intrinsic/intrinsic_depth.txt", (4, 4), "depth camera")
+        size = image_size(next(iter(files.depths.values())))
+        depth_camera = DepthCamera(integer_centered_camera(depth_k, size))
+    poses = numbered_files(folder, "pose/", (".txt",))
+    return files.recording(
+        integer_centered_camera(color_k, files.image_size),
+        {number: _read_pose(path) for number, path in poses.items()},
+        depth_camera=depth_camera,
+    )
+
+
+def _read_pose(path: Path) -> np.ndarray | None:
+    pose = read_numbers(path, (4, 4), "pose")
+    return pose if np.isfinite(pose).all() else None
+
+
+CALIBRATION = "calibration.json"
+
+# No camera that a hand carries has eyes this far apart [m]; the SDK gives millimetres unless told otherwise.
+WIDEST = 2.0
+
+
+def read_zed(folder: Path) -> Recording:
+    """Read left images and depth as the ZED SDK's export samples write them.
+
+    Raises:
+        CaptureError: no left images, or no usable calibration.json.
+    """
+    files = NumberedFiles.find(folder, "left", "depth", (".png", ".exr", ".npy"))
+    path = folder / CALIBRATION
+    content = read_json(path, "calibration of the rectified left camera")
+    calibration = Fields(content, f"'{path}'", CaptureError)
+    fx, fy = (calibration.number(key, ABOVE_ZERO, what="pixels above 0") for key in ("fx", "fy"))
+    baseline = calibration.number("baseline", ABOVE_ZERO, default=None, what="metres above 0")
+    if baseline is not None and baseline > WIDEST:
+        raise CaptureError(
+            f"'{path}': baseline is {baseline:g}, expected metres, at most {WIDEST:g}; if it is in "
+            f"millimetres, as the ZED SDK has it, write {baseline / MM_PER_METRE:g}"
+        )
+    return files.recording(
+        Intrinsics(*files.image_size, fx, fy, calibration.number("cx"), calibration.number("cy")),
+        {},
+        baseline=baseline,
+        right=numbered_files(folder, "right", IMAGE_SUFFIXES) if baseline is not None else {},
+    )

@@ -1,1 +1,0 @@
-"""The facts that `digs-warp info` prints about each kind of file or folder."""
