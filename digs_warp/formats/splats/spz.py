@@ -196,9 +196,7 @@ def _decoded(packed: PackedSplats, rows: slice) -> Gaussians:
         name: memoryview(packed.streams[name])[rows.start * size : rows.stop * size]
         for name, size in sizes.items()
     }
-    decode_quats = (
-        decode_quats_first_three if packed.version == 2 else decode_quats_smallest_three
-    )
+    decode_quats = decode_quats_first_three if packed.version == 2 else decode_quats_smallest_three
     rest = decode_sh(streams["sh"], rows.stop - rows.start, packed.degree)
     rest = rest[:, : coefficient_count(min(packed.degree, MAX_DEGREE)) - 1]
     base = decode_colors(streams["colors"])
@@ -229,9 +227,7 @@ def write_spz(path: Path, gaussians: Gaussians, version: int = DEFAULT_VERSION) 
     bits = _fractional_bits(splats.means, what)
     # `turned` returns unit quaternions.
     quats = splats.quats.astype(np.float64)
-    encode_quats = (
-        encode_quats_first_three if version == 2 else encode_quats_smallest_three
-    )
+    encode_quats = encode_quats_first_three if version == 2 else encode_quats_smallest_three
     streams = {
         "positions": encode_positions(splats.means, bits),
         "alphas": codes_from_logits(splats.opacity_logits).tobytes(),
