@@ -1,5 +1,6 @@
-"""What readers and writers share: work on several frames at once, 16-bit depth, integer pixel centers,
-and the points that other programs' trainers start from: those that our own start takes from the depth maps.
+"""What readers and writers share: work on several frames at once, 16-bit depth, integer pixel centers.
+
+And the points that other programs' trainers start from: those that our own start takes from the depth maps.
 """
 
 import logging
