@@ -16,9 +16,9 @@ FLOORS = {
         (
             ("geometry", "checks", "bounds", "settings", "words", "record"),
             ("data", "device"),
-            ("measure", "check", "engines"),
+            ("measure", "engines"),
             ("init", "splat", "poses", "masks", "losses", "sim", "usd"),
-            ("train", "surface", "show.film", "torch", "formats"),
+            ("train", "surface", "show.film", "torch", "formats", "check"),
             ("pipeline",),
             ("show.report",),
             ("api", "cli", "__main__", "commands", "study", "show.view", "show"),

@@ -1,5 +1,5 @@
 """A cheap look at a capture before any work: do depth, poses, focal length and masks fit together?
 
-Nothing here changes a result. A doubt names the likely cause, so that a wrong unit or convention is found
+Nothing here changes a result. A finding names the likely cause, so that a wrong unit or convention is found
 in a second instead of after a training.
 """

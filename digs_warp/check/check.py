@@ -1,81 +1,100 @@
 """Looks at a capture before any work and names what does not fit together, with the likely cause."""
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from typing import Any
 
-import numpy as np
-
-from digs_warp.check.agreement import Agreement, agreement
-from digs_warp.check.alignment_doubts import alignment_doubts
-from digs_warp.check.causes import doubts_about_path, doubts_about_range, likely_cause
-from digs_warp.check.finding import Finding
-from digs_warp.check.mask_doubts import mask_doubts
-from digs_warp.check.motion_doubts import motion_doubts
-from digs_warp.check.small_frames import SmallFrame, neighbors, small_frames
+from digs_warp.check import recording
+from digs_warp.check.evidence import Agreement, Evidence
+from digs_warp.check.findings import ASKERS, CHECKS, ERRORS, Asker, Check, Finding
 from digs_warp.data.capture import Capture
+from digs_warp.data.layers import Layer
 
 
 @dataclass(frozen=True)
-class Plausibility:
-    """What the check found.
+class CheckResult:
+    """What the checks found.
 
     Attributes:
+        findings: what does not fit or could be better, the gravest first; empty for a good capture.
         agreement: of neighboring frames as recorded; None where poses or depth are unknown.
-        findings: what does not fit, the gravest first; empty for a good capture.
+        sharpness: median, 0.25 to 1; None: too plain to tell, or not asked for.
+        exposure_change: median from frame to frame [stops]; None: needs depth and poses, or not asked for.
+        not_checked: what could not be looked at, and why.
     """
 
-    agreement: Agreement | None = None
-    findings: tuple[Finding, ...] = ()
+    findings: tuple[Finding, ...]
+    agreement: Agreement | None
+    sharpness: float | None = None
+    exposure_change: float | None = None
+    not_checked: tuple[str, ...] = ()
 
     @property
-    def doubts(self) -> tuple[str, ...]:
-        """The findings as sentences."""
-        return tuple(map(str, self.findings))
+    def has_errors(self) -> bool:
+        """Whether no good reconstruction can come of the capture as it is."""
+        return any(each.is_error for each in self.findings)
+
+    def as_json(self) -> dict[str, Any]:
+        """Return everything as JSON values."""
+        return {
+            "findings": [asdict(each) for each in self.findings],
+            "agreement": None if self.agreement is None else asdict(self.agreement),
+            "photographs": {"sharpness": self.sharpness, "exposure_change": self.exposure_change},
+            "not_checked": list(self.not_checked),
+        }
 
 
-def check_capture(capture: Capture, *, poses: bool = True, masks: bool = True) -> Plausibility:
-    """Return what does not fit together in a capture, judged from a few pairs of neighboring frames.
+def check_capture(
+    capture: Capture, asker: Asker = "check", *, poses: bool = True, masks: bool = True
+) -> CheckResult:
+    """Return what does not fit together in a capture; a whole check takes seconds, the others less than one.
 
     A capture without poses is only checked for the range of its depth, its alignment and its masks; one
-    without depth for nothing.
+    without depth for little.
 
     Args:
         capture: the recording.
+        asker: how much is looked at.
         poses: whether its poses matter.
         masks: whether its masks matter.
 
     Raises:
         DigsError: a file that cannot be read.
     """
-    knows_poses = poses and capture.knows_poses
-    pairs = neighbors(capture.frames)
-    numbers = sorted({number for pair in pairs for number in pair}) or [0]
-    frames = small_frames(capture.frames, numbers)
-    if not any(np.isfinite(frame.depth).any() for frame in frames.values()):
-        return Plausibility()
-    pairs = [pair for pair in pairs if pair[0] in frames and pair[1] in frames]
-    looks = _doubts_about_looks(list(frames.values()), masks)
-    if not (knows_poses and pairs):
-        return Plausibility(None, (*doubts_about_range(frames), *looks))
-    as_recorded = agreement(frames, pairs)
-    cause = likely_cause([frame.camera for frame in capture.frames], frames, pairs, as_recorded)
-    if cause:  # what moves and where cameras stand cannot be told then
-        return Plausibility(as_recorded, (cause, *looks))
-    found = [*doubts_about_range(frames), *doubts_about_path(frames, pairs), *looks]
-    return Plausibility(as_recorded, (*found, *_doubts_about_motion(found, frames, pairs)))
+    evidence = Evidence(capture, poses, masks)
+    findings: list[Finding] = []
+    for check in CHECKS:
+        asked = ASKERS.index(check.asked_by) <= ASKERS.index(asker)
+        if asked and not _is_spoiled(check, findings):
+            found = check.look(evidence)
+            findings += [found] if found else []
+    if asker != "check":
+        return CheckResult(tuple(findings), evidence.agreement)
+    return CheckResult(
+        tuple(findings),
+        evidence.agreement,
+        evidence.once(recording.median_sharpness),
+        evidence.once(recording.median_exposure_change),
+        _not_checked(capture),
+    )
 
 
-def _doubts_about_looks(frames: Sequence[SmallFrame], masks: bool) -> list[Finding]:
-    """Return whether depth, images and masks lie over each other; the masks can tell more exactly."""
-    of_masks = mask_doubts(frames) if masks else []
-    not_aligned = [] if of_masks else alignment_doubts(frames)
-    return [*not_aligned, *of_masks]
+def _is_spoiled(check: Check, findings: Sequence[Finding]) -> bool:
+    """Whether what was found says that a check would tell nothing."""
+    return any(
+        each.kind in check.unless or (each.is_error and ERRORS in check.unless) for each in findings
+    )
 
 
-def _doubts_about_motion(
-    found: Sequence[Finding],
-    frames: Mapping[int, SmallFrame],
-    pairs: Sequence[tuple[int, int]],
-) -> list[Finding]:
-    """Return what moves, unless errors found before would look the same."""
-    return [] if any(each.is_error for each in found) else motion_doubts(frames, pairs)
+def _not_checked(capture: Capture) -> tuple[str, ...]:
+    has_depth, has_masks = (
+        any(frame.has(layer) for frame in capture.frames) for layer in (Layer.DEPTH, Layer.MASK)
+    )
+    missing = []
+    if not has_depth:
+        missing.append("units, focal length, pose convention, exposure, moving things: need depth")
+    elif not capture.knows_poses:
+        missing.append("focal length, pose convention, exposure, moving things: need poses")
+    if not has_masks:
+        missing.append("masks, and gaps in the way around the object: need masks")
+    return tuple(missing)

@@ -1,34 +1,102 @@
-"""Things that move: a frame sees through what another one saw standing there.
+"""Things that move and scenes that change while they are recorded: frames see through what others saw.
 
 Wrong depth looks the same: glass, mirrors, plain surfaces. But there the other frame explains the color: it
 shows what is really behind, and the pixel has its color. Something that moved has another color.
+
+Where a scene changed once, neighbors agree on either side, and so no pair of them tells it. So frames that
+look from about the same side are compared wherever they are in the recording, and the moment is sought that
+parts them best.
 """
 
 from collections.abc import Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
-from digs_warp.check.brightness import brightness_ratio
-from digs_warp.check.small_frames import SmallFrame, pixels_showing
+from digs_warp.check import thresholds as limits
+from digs_warp.check.evidence import Evidence, Pairs, brightness_ratio
+from digs_warp.check.thresholds import Threshold
+from digs_warp.data.evenly import evenly
+from digs_warp.device.parallel import default_threads
+from digs_warp.measure.thumbnails import SmallFrame, pixels_showing, small_frames
 
-# The other frame sees through a point if all it measures around there is farther by this share ...
-FARTHER = 0.1
-
-# ... within this many thumbnail pixels: poses and edges of depth are not exact.
+# What a frame shows around a pixel: within this many thumbnail pixels, for poses and edges of depth are not
+# exact.
 AROUND = 2
 
-# Points at steps of depth within AROUND pixels, by this share, are left out: they may hang in the air.
-STEP = 0.1
-
-# The pixel is unlike what is behind it if it is brighter or darker by this [of 255] than all that the other
-# frame shows within AROUND pixels.
-UNLIKE = 20.0
-
-# Fewer points in common than this do not make a large share.
-FEW = 500
+# This many frames, evenly spread, are compared with those that look less than this angle [degrees] away.
+FRAMES, ANGLE = 16, 60.0
 
 
-def moved_share(frames: Mapping[int, SmallFrame], pairs: Sequence[tuple[int, int]]) -> float:
+def moving_things(evidence: Evidence, most: Threshold) -> dict[str, Any] | None:
+    """Find pairs of frames in one of which more than this share of the points of the other are gone."""
+    share = moved_share(evidence.frames, evidence.pairs)
+    return {"share": share} if share > most else None
+
+
+def scene_change(evidence: Evidence, most: Threshold) -> dict[str, Any] | None:
+    """Find a moment across which more than this share of the points is gone; needs depth and poses."""
+    if not evidence.knows_poses:
+        return None
+    capture = evidence.capture
+    frames = small_frames(capture.frames, evenly(range(len(capture)), FRAMES))
+    found = moment_of_change([*frames.values()])
+    if found is None or found.across <= max(most, limits.CHANGE_FACTOR * found.within):
+        return None
+    names = [capture.frames[number].name for number in frames]
+    before, after = names[found.after - 1 : found.after + 1]
+    return {"before": before, "after": after, "across": found.across, "within": found.within}
+
+
+@dataclass(frozen=True)
+class Moment:
+    """The moment that parts the frames best.
+
+    Attributes:
+        after: the number of the first frame after it, among those compared.
+        across: share of the points of one side that are gone on the other, 0 to 1: the median over the pairs,
+            for wrong depth makes many points of a few pairs seem gone.
+        within: the same between frames of one side.
+    """
+
+    after: int
+    across: float
+    within: float
+
+
+def moment_of_change(frames: Sequence[SmallFrame]) -> Moment | None:
+    """Return the moment that parts the frames best; None if too few look from the same side."""
+    first, second = _pairs(frames)
+    with ThreadPoolExecutor(default_threads()) as pool:
+        gone = [*pool.map(lambda a, b: _gone(frames[a], frames[b]), first, second)]
+    shares = np.array(gone, dtype=np.float64)
+    moments, least = [], int(limits.LEAST_FRAMES_BESIDE_CHANGE)
+    for after in range(least, len(frames) - least + 1):
+        across = (first < after) != (second < after)
+        if (
+            min(np.count_nonzero(across), np.count_nonzero(~across))
+            >= limits.LEAST_PAIRS_FOR_CHANGE
+        ):
+            here, there = (float(np.median(shares[part])) for part in (across, ~across))
+            moments.append(Moment(after, here, there))
+    return max(moments, key=lambda moment: moment.across - moment.within, default=None)
+
+
+def _pairs(frames: Sequence[SmallFrame]) -> tuple[np.ndarray, np.ndarray]:
+    """Return the numbers of frames that look in about the same direction, (n,) each."""
+    axes = np.array([frame.camera.world_from_cam[:3, 2] for frame in frames]).reshape(-1, 3)
+    same_side = np.einsum("ik,jk->ij", axes, axes) > np.cos(np.deg2rad(ANGLE))
+    first, second = np.nonzero(np.triu(same_side, 1))
+    return first, second
+
+
+def _gone(first: SmallFrame, second: SmallFrame) -> float:
+    return (gone_share(first, second) + gone_share(second, first)) / 2
+
+
+def moved_share(frames: Mapping[int, SmallFrame], pairs: Pairs) -> float:
     """Return the share of points that are gone in the other frame, 0 to 1: the mean over the pairs."""
     shares = [
         gone_share(frames[first], frames[second])
@@ -45,12 +113,12 @@ def gone_share(first: SmallFrame, second: SmallFrame) -> float:
     inside = pixel >= 0
     nearest = _least_around(_known(second.depth)).reshape(-1)[pixel[inside]]
     known = np.isfinite(nearest)
-    through = nearest[known] > (1 + FARTHER) * depth[inside][known]
+    through = nearest[known] > (1 + limits.SEEN_THROUGH) * depth[inside][known]
     if not through.any():
         return 0.0
     places = (each[inside][known][through] for each in (rows, columns))
     gone = _unlike(first, second)[tuple(places)]
-    return np.count_nonzero(gone) / max(len(through), FEW)
+    return np.count_nonzero(gone) / max(len(through), limits.FEWEST_MOVED_POINTS)
 
 
 def _unlike(first: SmallFrame, second: SmallFrame) -> np.ndarray:
@@ -69,14 +137,19 @@ def _unlike(first: SmallFrame, second: SmallFrame) -> np.ndarray:
     shape = first.depth.shape
     darkest = _least_around(darkest.reshape(shape))
     brightest = -_least_around(-brightest.reshape(shape))
-    unlike = (first.green < darkest - UNLIKE) | (first.green > brightest + UNLIKE)
-    return unlike & (brightest >= darkest)
+    darker = first.green < darkest - limits.OTHER_BRIGHTNESS
+    brighter = first.green > brightest + limits.OTHER_BRIGHTNESS
+    return (darker | brighter) & (brightest >= darkest)
 
 
 def _solid(depth: np.ndarray) -> np.ndarray:
     """Return where the depth is known and steps nowhere near, (height, width) bool."""
     nearest, farthest = _least_around(_known(depth)), -_least_around(_known(-depth))
-    return np.isfinite(nearest) & np.isfinite(farthest) & (farthest < (1 + STEP) * nearest)
+    return (
+        np.isfinite(nearest)
+        & np.isfinite(farthest)
+        & (farthest < (1 + limits.DEPTH_STEP) * nearest)
+    )
 
 
 def _known(values: np.ndarray) -> np.ndarray:

@@ -13,8 +13,8 @@ from digs_warp.record.files import to_json, write_atomically
 from digs_warp.words import counted
 
 if TYPE_CHECKING:
-    from digs_warp.check.finding import Finding
-    from digs_warp.check.full_check import FullCheck
+    from digs_warp.check.check import CheckResult
+    from digs_warp.check.findings import Finding
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -38,22 +38,22 @@ class Check(Command):
 
     def execute(self) -> str:
         """Look; a capture with errors is raised, so that the exit code tells."""
-        from digs_warp.check.full_check import check_fully
+        from digs_warp.check.check import check_capture
         from digs_warp.data.capture import read_capture
 
         if self.json is not None:
             check_output_file(self.json, self.overwrite, [self.capture], flag="--json")
         capture = read_capture(self.capture)
-        found = check_fully(capture)
+        found = check_capture(capture)
         if self.json is not None:
             write_atomically(self.json, to_json(found.as_json()).encode())
         text = "\n".join([f"{capture}: {counted(len(capture), 'frame')}", *_lines(found)])
-        if any(each.is_error for each in found.findings):
+        if found.has_errors:
             raise CaptureError(text)
         return text
 
 
-def _lines(found: "FullCheck") -> list[str]:
+def _lines(found: "CheckResult") -> list[str]:
     """Return findings, measured values, and what could not be looked at."""
     findings = [line for each in found.findings for line in _of_finding(each)]
     return [
@@ -65,18 +65,17 @@ def _lines(found: "FullCheck") -> list[str]:
 
 def _of_finding(finding: "Finding") -> tuple[str, str]:
     degree = "error" if finding.is_error else "warning"
-    return f"{degree}: {finding.kind}: {finding.what}", f"  to mend it: {finding.mend}"
+    return f"{degree}: {finding.kind}: {finding.what}", f"  to mend it: {finding.remedy}"
 
 
-def _measured(found: "FullCheck") -> list[str]:
-    agreement, photographs = found.plausibility.agreement, found.photographs
+def _measured(found: "CheckResult") -> list[str]:
     words = []
-    if agreement is not None:
-        words.append(f"neighboring frames agree to {agreement.score:.0%}")
-    if photographs.sharpness is not None:
-        words.append(f"the sharpest edges have {photographs.sharpness:.0%} of the steepest slope")
-    if photographs.exposure_change is not None:
+    if found.agreement is not None:
+        words.append(f"neighboring frames agree to {found.agreement.score:.0%}")
+    if found.sharpness is not None:
+        words.append(f"the sharpest edges have {found.sharpness:.0%} of the steepest slope")
+    if found.exposure_change is not None:
         words.append(
-            f"the exposure changes by {photographs.exposure_change:.2f} stops from frame to frame"
+            f"the exposure changes by {found.exposure_change:.2f} stops from frame to frame"
         )
     return words

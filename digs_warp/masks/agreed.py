@@ -6,12 +6,12 @@ from pathlib import Path
 
 import numpy as np
 
-from digs_warp.check.mask_votes import MaskVotes, contradicted, mask_votes
-from digs_warp.check.small_frames import small_depths
 from digs_warp.data.frame import Frame
 from digs_warp.data.images import write_image
 from digs_warp.data.layers import Layer
 from digs_warp.masks.from_depth import cut_out, cut_size
+from digs_warp.masks.votes import MaskVotes, contradicted, mask_votes
+from digs_warp.measure.thumbnails import small_depths
 from digs_warp.words import counted
 
 logger = logging.getLogger(__name__)

@@ -10,8 +10,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
-from digs_warp.check.check import Plausibility, check_capture
-from digs_warp.check.frame_doubts import frame_doubts
+from digs_warp.check.check import CheckResult, check_capture
 from digs_warp.data.capture import Capture
 from digs_warp.data.layers import Layer
 from digs_warp.data.point_cloud import PointCloud
@@ -120,7 +119,7 @@ def front_end(
     say_subject(capture, config.subject, subject)
     # The check looks at small images with one core. It ends, and warns, also where other stages fail.
     with ThreadPoolExecutor(1, thread_name_prefix="check") as beside:
-        check = beside.submit(_doubts, capture, config)
+        check = beside.submit(_findings, capture, config)
         if config.needs_sfm or config.segment.source != "capture":
             with log.stage("check"):
                 check.result()  # before what takes minutes
@@ -274,18 +273,16 @@ def _start(
     return replace(start, because=f"{start.because}, guessed by {network.name}")
 
 
-def _doubts(capture: Capture, config: FrontEndConfig) -> tuple[str, ...]:
+def _findings(capture: Capture, config: FrontEndConfig) -> tuple[str, ...]:
     """Look at what the capture contributes, and warn of what does not fit together."""
-    found = quick_check(capture, config)
-    for doubt in found.doubts:
-        logger.warning("%s: %s", capture, doubt)
-    return found.doubts
+    found = tuple(map(str, quick_check(capture, config).findings))
+    for finding in found:
+        logger.warning("%s: %s", capture, finding)
+    return found
 
 
-def quick_check(capture: Capture, config: FrontEndConfig) -> Plausibility:
+def quick_check(capture: Capture, config: FrontEndConfig) -> CheckResult:
     """Return what a first look finds in the parts of the capture that the settings use."""
-    uses_poses = config.sfm.poses != "sfm"
-    found = check_capture(capture, poses=uses_poses, masks=config.segment.source == "capture")
-    if not uses_poses or len(capture) > SHORT or any(each.is_error for each in found.findings):
-        return found
-    return replace(found, findings=(*found.findings, *frame_doubts(capture)))
+    uses_poses, uses_masks = config.sfm.poses != "sfm", config.segment.source == "capture"
+    asker = "run" if uses_poses and len(capture) <= SHORT else "info"
+    return check_capture(capture, asker, poses=uses_poses, masks=uses_masks)

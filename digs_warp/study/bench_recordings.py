@@ -12,7 +12,7 @@ from typing import Literal
 
 import numpy as np
 
-from digs_warp.check.full_check import check_fully
+from digs_warp.check.check import check_capture
 from digs_warp.checks import DigsError
 from digs_warp.data.capture import Capture
 from digs_warp.data.evenly import evenly
@@ -159,7 +159,7 @@ class Notes:
 
     def check(self, capture: Capture) -> None:
         """Add what `digs-warp check` finds."""
-        findings = check_fully(capture).findings
+        findings = check_capture(capture).findings
         for each in findings:
             self._found("check", f"{each.kind}: {each.what}")
         if not findings:

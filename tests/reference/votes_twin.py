@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from digs_warp.check.small_frames import SmallDepth, pixels_showing
+from digs_warp.measure.thumbnails import SmallDepth, pixels_showing
 
 
 def votes_on(points_world: np.ndarray, voters: Sequence[SmallDepth]) -> np.ndarray:

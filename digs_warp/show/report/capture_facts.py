@@ -126,12 +126,12 @@ def _of_plausibility(capture: Capture) -> Facts:
     """Whether depth, poses, focal length and masks fit together."""
     from digs_warp.check.check import check_capture
 
-    found = check_capture(capture)
-    if found.doubts:
-        return {"doubts": " ".join(found.doubts)}
+    found = check_capture(capture, "info")
+    if found.findings:
+        return {"findings": " ".join(map(str, found.findings))}
     if found.agreement is None:
         return {}
-    return {"agreement": f"{found.agreement.score:.0%} between neighboring frames; nothing odd"}
+    return {"agreement": f"{found.agreement.score:.0%} between neighboring frames; no finding"}
 
 
 def _baseline(capture: Capture) -> str:

@@ -11,16 +11,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from digs_warp.check import photographs
-from digs_warp.check.coverage import widest_gap
-from digs_warp.check.full_check import check_fully
-from digs_warp.check.mask_doubts import BETTER_GROWN
-from digs_warp.check.mask_outline import LEAST, OutlineFit, outline_fit
+from digs_warp.check.alignment import OutlineFit, outlines
+from digs_warp.check.check import check_capture
+from digs_warp.check.evidence import Evidence
+from digs_warp.check.findings import limit_of
 from digs_warp.check.motion import moved_share
-from digs_warp.check.motion_doubts import MOST_MOVED
-from digs_warp.check.photographs import look_at_photographs
-from digs_warp.check.small_frames import neighbors, small_frames
-from digs_warp.check.view_doubts import WIDEST
+from digs_warp.check.recording import median_exposure_change, median_sharpness, widest_gap
+from digs_warp.check.thresholds import LEAST_OUTLINE_OFFSET
 from digs_warp.cli import EXIT_BAD_INPUT, EXIT_OK, main
 from digs_warp.data.capture import Capture
 from digs_warp.data.capture_writer import CaptureWriter, FrameImages
@@ -62,18 +59,18 @@ def good() -> Capture:
 
 
 def kinds(capture: Capture) -> list[str]:
-    return [each.kind for each in check_fully(capture).findings]
+    return [each.kind for each in check_capture(capture).findings]
 
 
-def outlines(capture: Capture) -> OutlineFit:
-    fit = outline_fit(list(small_frames(capture.frames, range(len(capture))).values()))
+def fit_of(capture: Capture) -> OutlineFit:
+    fit = outlines(Evidence(capture))
     assert fit is not None
     return fit
 
 
 def share_that_moved(capture: Capture) -> float:
-    pairs = neighbors(capture.frames)
-    return moved_share(small_frames(capture.frames, sorted(set(sum(pairs, ())))), pairs)
+    evidence = Evidence(capture)
+    return moved_share(evidence.frames, evidence.pairs)
 
 
 def test_a_good_capture_has_no_finding(good: Capture) -> None:
@@ -91,29 +88,30 @@ def test_limits_keep_a_distance_from_the_good_and_the_damaged(good: Capture) -> 
     def spoilt(damage: str) -> Capture:
         return DAMAGES[damage][0](good)
 
-    assert MARGIN * share_that_moved(good) < MOST_MOVED
-    assert share_that_moved(spoilt("balls")) > MARGIN * MOST_MOVED
-    here, there = look_at_photographs(good), look_at_photographs(spoilt("exposure"))
-    assert here.exposure_change is not None and there.exposure_change is not None
-    assert MARGIN * here.exposure_change < photographs.STEADY
-    assert there.exposure_change > MARGIN * photographs.STEADY
-    blurred = look_at_photographs(spoilt("blur")).sharpness
-    assert here.sharpness is not None and blurred is not None
+    most_moved, steady, sharp = map(limit_of, ("moving things", "exposure", "blur"))
+    assert MARGIN * share_that_moved(good) < most_moved
+    assert share_that_moved(spoilt("balls")) > MARGIN * most_moved
+    here, there = (median_exposure_change(Evidence(c)) for c in (good, spoilt("exposure")))
+    assert here is not None and there is not None
+    assert MARGIN * here < steady and there > MARGIN * steady
+    clear, blurred = (median_sharpness(Evidence(c)) for c in (good, spoilt("blur")))
+    assert clear is not None and blurred is not None
     fully_blurred = 0.25  # the least value of the measure
-    limit = photographs.SHARP - fully_blurred
-    assert here.sharpness - fully_blurred > MARGIN * limit
+    limit = sharp - fully_blurred
+    assert clear - fully_blurred > MARGIN * limit
     assert MARGIN * (blurred - fully_blurred) < limit
     gaps = [
         widest_gap([frame.camera for frame in each.frames])
         for each in (good, spoilt("half a circle"))
     ]
     assert gaps[0] is not None and gaps[1] is not None
-    assert MARGIN * gaps[0] < WIDEST and gaps[1] > MARGIN * WIDEST
-    assert MARGIN * max(outlines(good).offset, outlines(good).cut) <= LEAST
-    assert outlines(spoilt("moved masks")).offset >= MARGIN * LEAST
-    assert outlines(spoilt("moved depth")).offset >= MARGIN * LEAST
-    cut = outlines(spoilt("eroded masks"))
-    assert cut.cut >= MARGIN * LEAST and cut.larger > MARGIN * BETTER_GROWN
+    assert MARGIN * gaps[0] < limit_of("gap") and gaps[1] > MARGIN * limit_of("gap")
+    assert MARGIN * max(fit_of(good).offset, fit_of(good).cut) <= LEAST_OUTLINE_OFFSET
+    assert fit_of(spoilt("moved masks")).offset >= MARGIN * LEAST_OUTLINE_OFFSET
+    assert fit_of(spoilt("moved depth")).offset >= MARGIN * LEAST_OUTLINE_OFFSET
+    cut = fit_of(spoilt("eroded masks"))
+    assert cut.cut >= MARGIN * LEAST_OUTLINE_OFFSET
+    assert cut.larger > MARGIN * limit_of("masks cut")
 
 
 @pytest.mark.parametrize("kind", ["hololens_room_sequence", "tum_cabinet_orbit"])
@@ -122,7 +120,7 @@ def test_real_recordings_have_no_finding_until_they_are_damaged(
 ) -> None:
     capture = recorded(sample_data / "rgbd" / kind, kind)
     assert kinds(capture) == []
-    assert MARGIN * share_that_moved(capture) < MOST_MOVED
+    assert MARGIN * share_that_moved(capture) < limit_of("moving things")
     for damage in ("OpenCV axes", "blur", "exposure", "balls"):
         spoil, expected = DAMAGES[damage]
         assert kinds(spoil(capture)) == [expected]
@@ -150,7 +148,7 @@ def test_the_command_ends_well_for_a_good_capture_and_badly_for_one_with_errors(
     assert "warning: few views: The recording has only 3 frames" in printed
     (finding,) = json.loads(report.read_text())["findings"]
     assert finding["kind"] == "few views" and not finding["is_error"]
-    assert f"to mend it: {finding['mend']}" in printed
+    assert f"to mend it: {finding['remedy']}" in printed
     wrong_folder = written(wrong.opencv_axes(good), tmp_path / "wrong")
     arguments = ["check", str(wrong_folder), "--json", str(report)]
     assert main(arguments) == EXIT_BAD_INPUT
@@ -162,7 +160,7 @@ def test_the_command_ends_well_for_a_good_capture_and_badly_for_one_with_errors(
 
 def test_what_cannot_be_looked_at_is_said(good: Capture) -> None:
     bare = wrong.each_frame(good, lambda f: f.without_layer(Layer.DEPTH).without_layer(Layer.MASK))
-    found = check_fully(bare)
+    found = check_capture(bare)
     assert found.findings == ()
     assert [each.split(":")[1].strip() for each in found.not_checked] == [
         "need depth",

@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from digs_warp.check.full_check import check_fully
+from digs_warp.check.check import check_capture
 from digs_warp.data.capture import Capture
 from digs_warp.data.frame import Frame
 from digs_warp.data.layers import Layer
@@ -65,7 +65,7 @@ def test_wrong_masks_are_mended_and_named(good: Capture, tmp_path: Path) -> None
 
 
 def test_the_check_names_the_frames(good: Capture) -> None:
-    (finding,) = check_fully(Capture(None, tuple(with_wrong_masks(good)), None)).findings
+    (finding,) = check_capture(Capture(None, tuple(with_wrong_masks(good)), None)).findings
     assert finding.kind == "masks disagree" and not finding.is_error
     assert all(good.frames[number].name in finding.what for number in WRONG)
 

@@ -5,11 +5,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from digs_warp.check.mask_votes import AGREES, contradicted, mask_votes
-from digs_warp.check.seen_through import in_hull, seen_through
-from digs_warp.check.small_frames import SmallDepth
 from digs_warp.geometry.camera import Camera, Intrinsics, pixel_centers
 from digs_warp.geometry.rigid import look_at
+from digs_warp.masks.votes import AGREES, contradicted, in_hull, mask_votes, seen_through
+from digs_warp.measure.thumbnails import SmallDepth
 
 # Balls (center, radius) [m] before a wall at y = 0.5: one of glass, and what it stands on.
 GLASS = np.array([0.0, 0.0, 0.0]), 0.12

@@ -1,4 +1,4 @@
-"""Kernel of `digs_warp.check.mask_votes`: how other views vote on points. One thread per point."""
+"""Kernel of `digs_warp.masks.votes`: how other views vote on points. One thread per point."""
 
 import warp as wp
 

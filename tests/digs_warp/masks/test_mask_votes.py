@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 import warp as wp
 
-from digs_warp.check.mask_votes import Views, mask_votes
-from digs_warp.check.small_frames import SmallDepth
 from digs_warp.device.threads import limited_threads
+from digs_warp.masks.votes import Views, mask_votes
+from digs_warp.measure.thumbnails import SmallDepth
 from reference.ball_capture import ball_views
 from reference.votes_twin import votes_on
 

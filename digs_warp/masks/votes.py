@@ -1,6 +1,10 @@
 """What the other views say about a mask: each point that a frame measures is looked up in their masks.
 
-A point that most views call surround is surround, whatever one mask says.
+A point that most views call surround is surround, whatever one mask says. But a mask may be right although
+depth lies behind it: the object is glass, which depth sees through. What the masks of the other views leave
+of space tells it (the visual hull; Laurentini, "The visual hull concept for silhouette-based image
+understanding", IEEE PAMI 1994): where a pixel's ray passes through that before it comes to the measured
+depth, the object may stand there.
 """
 
 from collections.abc import Callable, Sequence
@@ -11,13 +15,12 @@ from functools import lru_cache
 import numpy as np
 import warp as wp
 
-from digs_warp.check.seen_through import in_hull, seen_through
-from digs_warp.check.small_frames import SmallDepth
-from digs_warp.check.votes_kernel import votes_kernel
 from digs_warp.data.evenly import evenly
 from digs_warp.device.eyes import eyes_of
 from digs_warp.device.parallel import launch_parallel
 from digs_warp.device.threads import default_threads
+from digs_warp.masks.votes_kernel import votes_kernel
+from digs_warp.measure.thumbnails import SmallDepth, pixels_showing
 
 # This many other views vote: of the nearer half of all, every n-th.
 VOTERS = 12
@@ -35,6 +38,18 @@ KEPT = 128
 # Where the best quarter of the masks overlaps by less than this, the depth is too bad to vote. Good depth
 # reaches 0.83, that of a thin, mirroring sword 0.54.
 TRUSTED, BEST = 0.67, 0.75
+
+# Places that are looked at along a ray, each farther by the same factor: 3 to 5 % with walls at 6 m.
+PLACES = 64
+
+# The first of them, as a share of the least depth in the frame: glass stands before what is measured.
+FIRST = 0.5
+
+# The last of them, as a share of the pixel's depth: nearer to it is what was measured.
+LAST = 0.95
+
+# A place is in the hull if at least FEWEST_VIEWS views have it in their image, IN_MASKS of them in the mask.
+FEWEST_VIEWS, IN_MASKS = 3, 0.8
 
 
 @dataclass(frozen=True, eq=False)
@@ -193,3 +208,36 @@ def _overlap(mask: np.ndarray, known: np.ndarray, is_object: np.ndarray) -> floa
     if known.mean() < LEAST_KNOWN or not (known & is_object).any():
         return 1.0
     return np.count_nonzero(known & mask & is_object) / either
+
+
+def seen_through(
+    frame: SmallDepth, rows: np.ndarray, columns: np.ndarray, others: Sequence[SmallDepth]
+) -> np.ndarray:
+    """Return at which pixels the object of the other masks may stand before what was measured, (n,) bool.
+
+    Args:
+        frame: with depth at all of the pixels.
+        rows: of the pixels, (n,).
+        columns: of the pixels, (n,).
+        others: with masks.
+    """
+    depth = frame.depth[rows, columns].astype(np.float64)
+    first = FIRST * float(np.nanmin(frame.depth))
+    found = np.zeros(len(depth), dtype=bool)
+    centers = np.stack([columns + 0.5, rows + 0.5], axis=1)
+    for share in np.linspace(0, 1, PLACES):
+        place = first ** (1 - share) * np.maximum(first, LAST * depth) ** share
+        found |= in_hull(frame.camera.unproject(centers, place), others)
+    return found
+
+
+def in_hull(points: np.ndarray, others: Sequence[SmallDepth]) -> np.ndarray:
+    """Return which points most of the views have in their masks, (n,) bool."""
+    views, masks = np.zeros((2, len(points)))
+    for other in others:
+        assert other.mask is not None
+        pixel, _ = pixels_showing(other.camera, points)
+        inside = pixel >= 0
+        views += inside
+        masks += inside & other.mask.reshape(-1)[pixel]
+    return (views >= FEWEST_VIEWS) & (masks >= IN_MASKS * views)

@@ -1,4 +1,4 @@
-"""A few pairs of neighboring frames at thumbnail size: all that the checks look at."""
+"""Frames at thumbnail size, for checks and votes of masks: noise is averaged away in their images."""
 
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
@@ -7,7 +7,6 @@ from typing import TypeVar
 
 import numpy as np
 
-from digs_warp.check.thumbnails import green_means
 from digs_warp.data.frame import Frame
 from digs_warp.data.layers import Layer
 from digs_warp.device.parallel import default_threads
@@ -18,19 +17,24 @@ _Small = TypeVar("_Small")
 # Thumbnails have at most this many columns.
 WIDTH = 160
 
-# This many pairs, evenly spread over the recording.
-PAIRS = 8
 
-# The second frame of a pair is the next one that the camera has turned this far from [degrees], or moved this
-# share of the extent of its path. With less motion, wrong depth and right depth look the same.
-TURN, MOVE = 10.0, 0.1
+def green_means(image: np.ndarray, step: int) -> np.ndarray:
+    """Return the means of the green channel over squares of ``step`` pixels, (height, width), float32."""
+    height, width = image.shape[0] // step, image.shape[1] // step
+    blocks = image[: height * step, : width * step, 1].reshape(height, step, width, step)
+    return blocks.mean(axis=(1, 3), dtype=np.float32)
 
-# It is among the next frames; together they are at most this share of the recording.
-REACH = 0.25
 
-# If it turned farther than this [degrees], the two frames see little in common: the least turned frame of the
-# recording is taken instead, for example one of the orbit above. Angles are right in any pose convention.
-TOO_FAR = 25.0
+def thumbnails(
+    frames: Sequence[Frame], thumbnail: Callable[[np.ndarray], np.ndarray]
+) -> list[np.ndarray]:
+    """Return what ``thumbnail`` makes of the photographs, read on all cores.
+
+    Raises:
+        DigsError: a file that cannot be read.
+    """
+    with ThreadPoolExecutor(default_threads()) as pool:
+        return [*pool.map(lambda frame: thumbnail(frame.load_image()), frames)]
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -126,29 +130,3 @@ def _on_all_cores(
     with ThreadPoolExecutor(default_threads()) as pool:
         loaded = pool.map(lambda number: load(frames[number], number), numbers)
         return dict(zip(numbers, loaded, strict=True))
-
-
-def neighbors(frames: Sequence[Frame]) -> list[tuple[int, int]]:
-    """Return pairs of numbers of neighboring frames, evenly spread, with some motion between them."""
-    if len(frames) < 2:
-        return []
-    starts = np.linspace(0, len(frames) - 2, min(PAIRS, len(frames) - 1)).round().astype(int)
-    poses = np.stack([frame.camera.world_from_cam for frame in frames])
-    extent = float(np.linalg.norm(np.ptp(poses[:, :3, 3], axis=0)))
-    reach = max(1, int(REACH * len(frames)))
-    pairs = [(i, _partner(poses, i, MOVE * extent, reach)) for i in starts.tolist()]
-    return sorted({(min(pair), max(pair)) for pair in pairs})
-
-
-def _partner(poses: np.ndarray, first: int, far: float, reach: int) -> int:
-    """Return the number of the frame that is compared with the frame ``first``."""
-    moved = np.linalg.norm(poses[:, :3, 3] - poses[first, :3, 3], axis=1)
-    cosines = (np.einsum("ij,nij->n", poses[first, :3, :3], poses[:, :3, :3]) - 1) / 2
-    turned = np.rad2deg(np.arccos(np.clip(cosines, -1, 1)))
-    ahead = slice(first + 1, first + 1 + reach)
-    enough = (turned[ahead] > TURN) | (moved[ahead] > far)
-    following = first + 1 + int(np.argmax(enough)) if enough.any() else len(enough) + first
-    if turned[following] <= TOO_FAR:
-        return following
-    turned[turned < TURN] = np.inf
-    return int(np.argmin(turned))

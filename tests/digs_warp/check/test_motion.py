@@ -5,16 +5,20 @@ from pathlib import Path
 
 import pytest
 
-from digs_warp.check.changed import CHANGED, FRAMES, TIMES, changed_scene, moment_of_change
-from digs_warp.check.full_check import check_fully
-from digs_warp.check.small_frames import small_frames
+from digs_warp.check.check import check_capture
+from digs_warp.check.evidence import Evidence
+from digs_warp.check.findings import limit_of
+from digs_warp.check.motion import FRAMES, moment_of_change, scene_change
+from digs_warp.check.thresholds import CHANGE_FACTOR
 from digs_warp.data.capture import Capture
+from digs_warp.measure.thumbnails import small_frames
 from digs_warp.sim.config import SimulateConfig
 from digs_warp.sim.record.record import simulate_in_memory
 from reference.real_captures import recorded
 from reference.wrong_captures import two_in_one
 
 MARGIN = 1.5
+CHANGED = limit_of("change")
 
 
 def walk(distractors: int) -> Capture:
@@ -45,22 +49,22 @@ def shares(capture: Capture) -> tuple[float, float]:
 
 def test_things_that_were_put_there_halfway_are_noticed(empty: Capture, furnished: Capture) -> None:
     joined = two_in_one(empty, furnished)
-    (found,) = check_fully(joined).findings
+    (found,) = check_capture(joined).findings
     assert found.kind == "change" and not found.is_error
     first, then = (int(words.split(" ")[0]) for words in found.what.split("frame ")[1:3])
     assert then == first + 1 and abs(then - FRAMES // 2) <= 1
     across, within = shares(joined)
-    assert across > MARGIN * TIMES * within
+    assert across > MARGIN * CHANGE_FACTOR * within
 
 
 def test_a_scene_that_stays_is_not(empty: Capture, furnished: Capture) -> None:
     for capture in (empty, furnished):
-        assert changed_scene(capture) == []
+        assert scene_change(Evidence(capture), CHANGED) is None
         assert MARGIN * shares(capture)[0] < CHANGED
 
 
 @pytest.mark.parametrize("kind", ["hololens_room_sequence", "tum_cabinet_orbit"])
 def test_nor_is_a_real_one(sample_data: Path, kind: str) -> None:
     capture = recorded(sample_data / "rgbd" / kind, kind)
-    assert changed_scene(capture) == []
+    assert scene_change(Evidence(capture), CHANGED) is None
     assert MARGIN * shares(replace(capture, frames=capture.frames[:FRAMES]))[0] < CHANGED

@@ -1,0 +1,276 @@
+"""Depth, images and masks that do not lie over each other: moved, cut, inverted, or contradicted.
+
+Edges of depth lie beside those of the images where depth is not registered; outlines of masks lie beside the
+steps of depth where masks are moved, or cut the object.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from digs_warp.check import thresholds as limits
+from digs_warp.check.evidence import Evidence
+from digs_warp.check.thresholds import Threshold
+from digs_warp.data.layers import Layer
+from digs_warp.masks.votes import contradicted, mask_votes
+from digs_warp.measure.thumbnails import SmallFrame, small_depths
+from digs_warp.words import counted
+
+# Offsets of depth edges up to this many thumbnail pixels are tried; a peak rises above what is this far
+# around.
+EDGE_REACH, AROUND = 10, 4
+
+# Outlines are moved and grown by up to this many thumbnail pixels. Distances are known up to those of the
+# largest outline, and a little more.
+REACH = 8
+FARTHEST = REACH + 2
+
+# Half the width of an outline [thumbnail px].
+HALF_WIDTH = 0.75
+
+
+def edges_moved(evidence: Evidence, least: Threshold) -> dict[str, Any] | None:
+    """Find depth edges that meet image edges much better after a shift by this [thumbnail px]."""
+    frames = [*evidence.frames.values()]
+    contrasts = [found for frame in frames if (found := _contrast(frame)) is not None]
+    if not contrasts or 2 * len(contrasts) < len(frames):
+        return None
+    contrast = np.mean(contrasts, axis=0)
+    row, column = (int(i) for i in np.unravel_index(int(np.argmax(contrast)), contrast.shape))
+    down, right = row - EDGE_REACH, column - EDGE_REACH
+    best, as_recorded = contrast[row, column], contrast[EDGE_REACH, EDGE_REACH]
+    better = limits.EDGE_CONTRAST_FACTOR * as_recorded + limits.EDGE_CONTRAST_OFFSET
+    if max(abs(down), abs(right)) < least or best < max(limits.EDGE_CONTRAST, better):
+        return None
+    if best < _largest_around(contrast, row, column) + limits.EDGE_CONTRAST_PEAK:
+        return None
+    return {"move": moved_by(right, down, frames[0])}
+
+
+def moved_by(right: int, down: int, frame: SmallFrame) -> str:
+    """Say how far a move by thumbnail pixels is."""
+    width = frame.depth.shape[1]
+    return (
+        f"{abs(right) / width:.1%} of the width to the {'right' if right > 0 else 'left'} and "
+        f"{abs(down) / width:.1%} {'down' if down > 0 else 'up'}"
+    )
+
+
+def masks_inverted(evidence: Evidence, share: Threshold) -> dict[str, Any] | None:
+    """Find masks that mark the surroundings: more than this share of them."""
+    frames = [frame for frame in evidence.frames.values() if frame.mask is not None]
+    inverted = sum(map(_is_inverted, frames)) if evidence.uses_masks else 0
+    return {"inverted": inverted, "count": len(frames)} if inverted > share * len(frames) else None
+
+
+def _is_inverted(frame: SmallFrame) -> bool:
+    mask = frame.mask
+    assert mask is not None
+    border = np.concatenate([mask[0], mask[-1], mask[:, 0], mask[:, -1]])
+    marked, left_out = (frame.depth[where & np.isfinite(frame.depth)] for where in (mask, ~mask))
+    covers = border.mean() >= limits.INVERTED_BORDER and (~mask).mean() >= limits.INVERTED_HOLE
+    if not (covers and marked.size and left_out.size):
+        return False
+    return bool(np.median(left_out) < np.median(marked))
+
+
+def masks_cut(evidence: Evidence, larger: Threshold) -> dict[str, Any] | None:
+    """Find masks that cut the object: along larger outlines, the depth bends this many times more."""
+    fit = evidence.once(outlines)
+    if fit is None or not _cuts(fit, larger):
+        return None
+    frame = next(iter(evidence.frames.values()))
+    return {"cut": fit.cut / frame.depth.shape[1]}
+
+
+def masks_moved(evidence: Evidence, moved: Threshold) -> dict[str, Any] | None:
+    """Find masks along whose moved outlines the depth bends this many times more, and the images fit, too."""
+    fit = evidence.once(outlines)
+    if fit is None or not _is_moved(fit, moved) or fit.image < 1:
+        return None
+    return {"move": moved_by(fit.right, fit.down, next(iter(evidence.frames.values())))}
+
+
+def depth_beside_masks(evidence: Evidence, moved: Threshold) -> dict[str, Any] | None:
+    """Find depth that lies beside outlines of masks that fit the images: the depth is what was moved."""
+    fit = evidence.once(outlines)
+    if fit is None or not _is_moved(fit, moved) or fit.image >= 1:
+        return None
+    return {"move": moved_by(-fit.right, -fit.down, next(iter(evidence.frames.values())))}
+
+
+def _cuts(fit: "OutlineFit", larger: float) -> bool:
+    is_cut = fit.cut >= limits.LEAST_OUTLINE_OFFSET and fit.larger > larger
+    return is_cut and (fit.larger >= fit.moved or not fit.offset)
+
+
+def _is_moved(fit: "OutlineFit", moved: float) -> bool:
+    return fit.offset >= limits.LEAST_OUTLINE_OFFSET and fit.moved > moved
+
+
+def masks_contradicted(evidence: Evidence, _: Threshold) -> dict[str, Any] | None:
+    """Find single masks that most other views contradict; the limit is that of `digs_warp.masks.votes`."""
+    capture, needed = evidence.capture, (Layer.MASK, Layer.DEPTH)
+    numbers = [n for n, frame in enumerate(capture.frames) if all(map(frame.has, needed))]
+    if not (evidence.knows_poses and numbers):
+        return None
+    votes = mask_votes([*small_depths(capture.frames, numbers).values()])
+    names = [capture.frames[numbers[outlier]].name for outlier in contradicted(votes)]
+    if not names:
+        return None
+    masks = counted(len(names), "mask")
+    return {"masks": masks, "count": len(numbers), "names": ", ".join(names)}
+
+
+def outlines(evidence: Evidence) -> "OutlineFit | None":
+    """Return how the outlines of the masks fit the depth."""
+    return outline_fit([*evidence.frames.values()]) if evidence.uses_masks else None
+
+
+@dataclass(frozen=True)
+class OutlineFit:
+    """How the outlines of the masks fit the depth best.
+
+    Attributes:
+        right: move of the outlines [thumbnail px], from -REACH to REACH.
+        down: the same, downward.
+        moved: how many times more the depth bends along the outlines after this move.
+        grown: pixels by which the masks are too small, from -REACH to REACH.
+        larger: how many times more the depth bends along the outlines of masks that are so much larger.
+        image: how many times steeper the images are along the outlines after the move.
+    """
+
+    right: int
+    down: int
+    moved: float
+    grown: int
+    larger: float
+    image: float
+
+    @property
+    def offset(self) -> int:
+        """The larger of both moves; 0 where it lies at the end of the range, which is no peak."""
+        offset = max(abs(self.right), abs(self.down))
+        return offset if offset < REACH else 0
+
+    @property
+    def cut(self) -> int:
+        """Pixels that the masks lack all around; 0 where it lies at the end of the range."""
+        return self.grown if 0 < self.grown < REACH else 0
+
+
+def outline_fit(frames: Sequence[SmallFrame]) -> OutlineFit | None:
+    """Return how the outlines fit best; None if too few frames show an outline and depth."""
+    seen = [found for frame in frames if (found := _along_outline(frame)) is not None]
+    if len(seen) < max(limits.LEAST_OUTLINES, len(frames) / 2):
+        return None
+    moved, grown, image = (np.mean([each[i] for each in seen], axis=0) for i in range(3))
+    row, column = np.unravel_index(int(np.argmax(moved)), moved.shape)
+    best = int(np.argmax(grown))
+    return OutlineFit(
+        right=int(column) - REACH,
+        down=int(row) - REACH,
+        moved=_ratio(moved[row, column], moved[REACH, REACH]),
+        grown=best - REACH,
+        larger=_ratio(grown[best], grown[REACH]),
+        image=_ratio(image[row, column], image[REACH, REACH]),
+    )
+
+
+def _along_outline(frame: SmallFrame) -> tuple[np.ndarray, np.ndarray, np.ndarray] | None:
+    """Return means along the outline of the mask: bend after moves, after growing, steepness after moves."""
+    mask = frame.mask
+    if mask is None or min(mask.shape) <= 2 * REACH + 2:
+        return None
+    distance = _distance(mask)
+    bend, steepness = _bend(frame.depth), np.hypot(*np.gradient(frame.green))
+    inner = np.zeros(mask.shape, dtype=bool)
+    inner[REACH:-REACH, REACH:-REACH] = True
+    rings = [inner & (np.abs(distance - by) <= HALF_WIDTH) for by in range(-REACH, REACH + 1)]
+    rows, columns = np.nonzero(rings[REACH])
+    if np.isfinite(bend[rows, columns]).sum() < limits.LEAST_OUTLINE_PIXELS:
+        return None
+    moves = range(-REACH, REACH + 1)
+    places = [[(rows + down, columns + right) for right in moves] for down in moves]
+    return (
+        np.array([[_mean(bend[place]) for place in row] for row in places]),
+        np.array([_mean(bend[ring]) for ring in rings]),
+        np.array([[_mean(steepness[place]) for place in row] for row in places]),
+    )
+
+
+def _distance(mask: np.ndarray) -> np.ndarray:
+    """Return the distance to the outline [px], below 0 inside, (height, width).
+
+    It is infinite, or too large, beyond `FARTHEST`.
+    """
+    return np.where(mask, 0.5 - _distance_to(~mask), _distance_to(mask) - 0.5)
+
+
+def _distance_to(pixels: np.ndarray) -> np.ndarray:
+    """Return the distance to the nearest of some pixels, a bool mask: along the columns, then along the rows.
+
+    In NumPy, because SciPy's transform takes a quarter of a second to import.
+    """
+    along = np.where(pixels, 0.0, np.inf)
+    for step in range(1, FARTHEST + 1):
+        along[step:][pixels[:-step] & (along[step:] > step)] = step
+        along[:-step][pixels[step:] & (along[:-step] > step)] = step
+    squared = along**2
+    nearest = squared.copy()
+    for step in range(1, FARTHEST + 1):
+        np.minimum(nearest[:, step:], squared[:, :-step] + step**2, out=nearest[:, step:])
+        np.minimum(nearest[:, :-step], squared[:, step:] + step**2, out=nearest[:, :-step])
+    return np.sqrt(nearest)
+
+
+def _bend(depth: np.ndarray) -> np.ndarray:
+    """Return how much the inverse depth bends, 0 to 1, NaN where unknown, (height, width)."""
+    inverse = 1.0 / depth
+    across, down = np.full_like(depth, np.nan), np.full_like(depth, np.nan)
+    across[:, 1:-1] = inverse[:, 2:] - 2 * inverse[:, 1:-1] + inverse[:, :-2]
+    down[1:-1] = inverse[2:] - 2 * inverse[1:-1] + inverse[:-2]
+    return np.minimum(np.fmax(np.abs(across), np.abs(down)) * depth / limits.FULL_BEND, 1.0)
+
+
+def _mean(values: np.ndarray) -> float:
+    """Return the mean of what is known; 0 where that is little."""
+    known = values[np.isfinite(values)]
+    return float(known.mean()) if len(known) >= limits.LEAST_OUTLINE_PIXELS else 0.0
+
+
+def _ratio(best: float, now: float) -> float:
+    return float(best / now) if now > 0 else (np.inf if best > 0 else 1.0)
+
+
+def _contrast(frame: SmallFrame) -> np.ndarray | None:
+    """Return the mean image contrast at the depth edges for each offset, (2 EDGE_REACH + 1,) * 2."""
+    if min(frame.depth.shape) <= 2 * EDGE_REACH + 2:
+        return None
+    log_depth = np.log(frame.depth)
+    edges = np.zeros(frame.depth.shape, dtype=bool)
+    edges[:, 1:-1] |= np.abs(log_depth[:, 2:] - log_depth[:, :-2]) > limits.DEPTH_EDGE
+    edges[1:-1] |= np.abs(log_depth[2:] - log_depth[:-2]) > limits.DEPTH_EDGE
+    rows, columns = np.nonzero(edges[EDGE_REACH:-EDGE_REACH, EDGE_REACH:-EDGE_REACH])
+    down, right = np.gradient(frame.green)
+    steepness = np.hypot(down, right)
+    steepness = np.minimum(steepness, np.quantile(steepness, 0.95))
+    if len(rows) < limits.LEAST_EDGES or steepness.std() == 0:
+        return None
+    steepness = (steepness - steepness.mean()) / steepness.std()
+    offsets = range(2 * EDGE_REACH + 1)
+    return np.array(
+        [[steepness[rows + row, columns + column].mean() for column in offsets] for row in offsets]
+    )
+
+
+def _largest_around(contrast: np.ndarray, row: int, column: int) -> float:
+    """Return the largest contrast AROUND pixels away from a place; infinite if it is near the rim."""
+    size = contrast.shape[0]
+    if not (AROUND <= row < size - AROUND and AROUND <= column < size - AROUND):
+        return np.inf
+    rows, columns = np.indices(contrast.shape)
+    away = np.maximum(np.abs(rows - row), np.abs(columns - column))
+    return float(contrast[away == AROUND].max())

@@ -1,0 +1,221 @@
+"""Wrong units, focal lengths, pose conventions and times: what would make depth, poses and images agree.
+
+Each explanation is tried: the one with which neighboring frames agree best is what is wrong, if they agree
+much better with it than as recorded.
+"""
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from digs_warp.check import thresholds as limits
+from digs_warp.check.evidence import Agreement, Evidence, agreement
+from digs_warp.check.thresholds import Threshold
+from digs_warp.geometry.camera import Camera, Intrinsics, pixel_centers
+from digs_warp.geometry.rigid import OPENCV_FROM_OPENGL, invert_rigid
+from digs_warp.measure.thumbnails import SmallFrame
+
+# Depth cameras measure medians in this range [m].
+NEAREST, FARTHEST = 0.01, 100.0
+
+# Factor that corrects the depth -> what is wrong then. A wrong unit of the poses looks the same.
+UNITS = {
+    1e-3: "the depth is in millimetres (or the poses are in kilometres)",
+    1e-2: "the depth is in centimetres",
+    2e-1: "the depth is in TUM's units, 5000 per metre, but was read as millimetres",
+    5.0: "the depth is in millimetres, but was read in TUM's units, 5000 per metre",
+    1e-1: "the depth is in tenths of its unit, such as 0.1 mm in 16-bit images",
+    0.0254: "the depth is in inches",
+    0.3048: "the depth is in feet",
+    1e1: "the depth is 10 times too small",
+    1 / 0.3048: "the poses are in feet",
+    1 / 0.0254: "the poses are in inches",
+    1e2: "the poses are in centimetres",
+    1e3: "the poses are in millimetres (or the depth is in kilometres)",
+}
+
+# Other factors that correct the depth: poses of structure from motion have a unit of their own.
+SCALES = (0.25, 0.4, 0.5, 0.67, 0.77, 0.83, 0.91, 1.1, 1.2, 1.3, 1.5, 2.0, 2.5, 4.0)
+
+# Factors that correct the focal length; steps of about 5 percent where a small error is likely.
+FOCAL_FACTORS = (
+    *(0.1, 0.25, 0.33, 0.4, 0.5, 0.6, 0.7, 0.77, 0.83, 0.87, 0.91, 0.95),
+    *(1.05, 1.1, 1.15, 1.2, 1.3, 1.43, 1.67, 2.0, 2.5, 3.0, 4.0, 10.0),
+)
+
+# Poses that belong to frames this far before or after.
+DELAYS = (-2, -1, 1, 2)
+
+
+@dataclass(frozen=True)
+class Explanation:
+    """Something that may be wrong.
+
+    Attributes:
+        kind: of the finding.
+        cause: for the user, a clause.
+        corrected: a frame as it would be right if this is the cause.
+        delays: whether it only takes the poses of other frames.
+    """
+
+    kind: str
+    cause: str
+    corrected: Callable[[SmallFrame], SmallFrame]
+    delays: bool = False
+
+
+@dataclass(frozen=True)
+class Trial:
+    """An explanation, and how well the frames agree with it."""
+
+    agreement: Agreement
+    explanation: Explanation
+
+
+def explained(kind: str) -> Callable[[Evidence, Threshold], dict[str, Any] | None]:
+    """Return the check whether an explanation of a kind brings the frames into agreement.
+
+    The limit is the agreement with it, 0 to 1.
+    """
+
+    def look(evidence: Evidence, convincing: Threshold) -> dict[str, Any] | None:
+        best, recorded = _best(evidence), evidence.agreement
+        if best is None or recorded is None or best.explanation.kind != kind:
+            return None
+        found = best.agreement
+        if found.overlap < limits.LEAST_OVERLAP or found.score <= _enough(recorded, convincing):
+            return None
+        return {"recorded": recorded.score, "then": found.score, "cause": best.explanation.cause}
+
+    return look
+
+
+def other_moments(evidence: Evidence, factor: Threshold) -> dict[str, Any] | None:
+    """Find depth of other images: with other poses it agrees better by this factor, the brightness less."""
+    recorded = evidence.agreement
+    if recorded is None or recorded.overlap < limits.LEAST_OVERLAP:
+        return None
+    for trial in evidence.once(trials):
+        other = trial.agreement
+        if (
+            trial.explanation.delays
+            and other.overlap >= limits.LEAST_OVERLAP
+            and other.depth > factor * recorded.depth
+            and other.brightness < recorded.brightness
+        ):
+            return {"depth": recorded.depth}
+    return None
+
+
+def no_agreement(evidence: Evidence, hopeless: Threshold) -> dict[str, Any] | None:
+    """Find frames that look at much in common but agree less than the limit."""
+    recorded = evidence.agreement
+    if recorded is None or recorded.overlap < limits.LEAST_OVERLAP or recorded.score >= hopeless:
+        return None
+    return {"recorded": recorded.score}
+
+
+def depth_range(evidence: Evidence, _: Threshold) -> dict[str, Any] | None:
+    """Find depth that no depth camera measures."""
+    if not evidence.frames:
+        return None
+    depth = np.concatenate([frame.depth.reshape(-1) for frame in evidence.frames.values()])
+    median = float(np.nanmedian(depth))
+    if NEAREST <= median <= FARTHEST:
+        return None
+    return {"median": median, "nearest": NEAREST, "farthest": FARTHEST}
+
+
+def _enough(recorded: Agreement, convincing: float) -> float:
+    gain = limits.AGREEMENT_GAIN_FACTOR * recorded.score + limits.AGREEMENT_GAIN_OFFSET
+    return max(convincing, gain)
+
+
+def _best(evidence: Evidence) -> Trial | None:
+    return max(evidence.once(trials), key=lambda trial: trial.agreement.score, default=None)
+
+
+def trials(evidence: Evidence) -> list[Trial]:
+    """Return how well the frames agree with each explanation; nothing where they cannot agree better."""
+    recorded = evidence.agreement
+    if recorded is None or _enough(recorded, 0.0) >= 1.0:
+        return []
+    return [
+        Trial(
+            agreement(
+                {n: each.corrected(frame) for n, frame in evidence.frames.items()}, evidence.pairs
+            ),
+            each,
+        )
+        for each in explanations([frame.camera for frame in evidence.capture.frames])
+    ]
+
+
+def explanations(cameras: Sequence[Camera]) -> Iterator[Explanation]:
+    """Yield everything that is tried; ``cameras`` are those of all frames."""
+    for factor, unit in UNITS.items():
+        yield Explanation("depth unit", unit, _scaled_depth(factor))
+    for factor in SCALES:
+        cause = f"depth and poses are in different units (depth x {factor:g} fits)"
+        yield Explanation("scale", cause, _scaled_depth(factor))
+    for factor in FOCAL_FACTORS:
+        cause = f"the focal length (about {factor:g} times the given one fits)"
+        yield Explanation("focal length", cause, _other_focal(factor))
+    inverted = "the poses are inverted (camera from world)"
+    for cause, right in (
+        ("the poses have OpenCV camera axes", _opencv_axes),
+        (inverted, _inverted),
+        (f"{inverted} and have OpenCV camera axes", invert_rigid),
+    ):
+        yield Explanation("pose convention", cause, _moved(right))
+    along = "the depth is the distance along the ray instead of along the optical axis"
+    yield Explanation("depth along rays", along, _planar)
+    for delay in DELAYS:
+        when = "later" if delay > 0 else "earlier"
+        cause = f"each image has the pose of another moment; those {abs(delay)} frame(s) {when} fit"
+        yield Explanation("time stamps", cause, _delayed(delay, cameras), delays=True)
+
+
+def _scaled_depth(factor: float) -> Callable[[SmallFrame], SmallFrame]:
+    return lambda frame: replace(frame, depth=frame.depth * np.float32(factor))
+
+
+def _other_focal(factor: float) -> Callable[[SmallFrame], SmallFrame]:
+    def corrected(frame: SmallFrame) -> SmallFrame:
+        k = frame.camera.intrinsics
+        other = Intrinsics(k.width, k.height, k.fx * factor, k.fy * factor, k.cx, k.cy)
+        return replace(frame, camera=replace(frame.camera, intrinsics=other))
+
+    return corrected
+
+
+def _moved(right: Callable[[np.ndarray], np.ndarray]) -> Callable[[SmallFrame], SmallFrame]:
+    return lambda frame: replace(
+        frame, camera=replace(frame.camera, world_from_cam=right(frame.camera.world_from_cam))
+    )
+
+
+def _opencv_axes(world_from_cam: np.ndarray) -> np.ndarray:
+    return world_from_cam @ OPENCV_FROM_OPENGL
+
+
+def _inverted(world_from_cam: np.ndarray) -> np.ndarray:
+    """The index holds the inverse, with OpenGL axes: of the reader's result, take its conversion back."""
+    return invert_rigid(world_from_cam @ OPENCV_FROM_OPENGL) @ OPENCV_FROM_OPENGL
+
+
+def _planar(frame: SmallFrame) -> SmallFrame:
+    k = frame.camera.intrinsics
+    offsets = (pixel_centers(k.width, k.height) - [k.cx, k.cy]) / [k.fx, k.fy]
+    lengths = np.sqrt(1 + np.square(offsets).sum(axis=-1))
+    return replace(frame, depth=frame.depth / lengths.astype(np.float32))
+
+
+def _delayed(delay: int, cameras: Sequence[Camera]) -> Callable[[SmallFrame], SmallFrame]:
+    def corrected(frame: SmallFrame) -> SmallFrame:
+        other = cameras[min(max(frame.number + delay, 0), len(cameras) - 1)]
+        return replace(frame, camera=replace(frame.camera, world_from_cam=other.world_from_cam))
+
+    return corrected

@@ -1,0 +1,317 @@
+"""The table of findings: what can be wrong with a capture, how it is measured, said and mended, and who asks.
+
+One more check is a function in the file of its family, and a row here.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, Literal
+
+from digs_warp.check import alignment, conventions, motion, outliers, recording
+from digs_warp.check import thresholds as limits
+from digs_warp.check.evidence import Evidence
+from digs_warp.check.thresholds import Threshold
+from digs_warp.masks.votes import AGREES
+
+# Who looks: `info` at a few pairs, `run` also at all frames of short recordings, `check` at everything.
+Asker = Literal["info", "run", "check"]
+ASKERS: tuple[Asker, ...] = ("info", "run", "check")
+
+
+@dataclass(frozen=True)
+class Finding:
+    """Something in a capture that does not fit together, or is worse than it could be.
+
+    Attributes:
+        kind: what it is about.
+        what: what was measured and what it means, a sentence or two.
+        remedy: what to do about it, a sentence or two.
+        is_error: no good reconstruction can come of the capture as it is; in spite of a warning it can be
+            used, though it will be worse.
+    """
+
+    kind: str
+    what: str
+    remedy: str
+    is_error: bool
+
+    def __str__(self) -> str:
+        return f"{self.what} {self.remedy}"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Check:
+    """A row of the table.
+
+    Attributes:
+        kind: name of the finding.
+        measure: what of the capture exceeds the limit, as values for the message; None: nothing.
+        limit: from where on it is a finding.
+        message: what it says, with places for the values and the limit.
+        remedy: what to do about it.
+        is_error: whether no good reconstruction can come of such a capture.
+        asked_by: the first of `ASKERS` that asks; those after it do, too.
+        unless: not asked where one of these kinds was found, which look the same; ``ERRORS``: any error.
+    """
+
+    kind: str
+    measure: Callable[[Evidence, Threshold], dict[str, Any] | None]
+    limit: Threshold
+    message: str
+    remedy: str
+    is_error: bool = False
+    asked_by: Asker = "info"
+    unless: tuple[str, ...] = ()
+
+    def look(self, evidence: Evidence) -> Finding | None:
+        """Return the finding, if there is one."""
+        found = self.measure(evidence, self.limit)
+        if found is None:
+            return None
+        what = self.message.format(limit=self.limit, **found)
+        return Finding(self.kind, what, self.remedy, self.is_error)
+
+
+ERRORS = "errors"
+
+EXPLAINED = (
+    "Neighboring frames agree to {recorded:.0%}. They would agree to {then:.0%} if this was corrected: "
+    "{cause}."
+)
+NOT_ALIGNED = (
+    "The depth fits the images better if it is moved by {move}: depth and images do not have the same "
+    "camera."
+)
+REGISTER = "Export depth that is registered to the color image."
+CHECK_TIMES = "Check the timestamps."
+
+# How wrong units and conventions are mended.
+EXPLANATIONS = {
+    "depth unit": "Write depth and poses in metres, or 16-bit depth in millimetres (for --from tum in "
+    "5000 per metre).",
+    "scale": "Both are in metres. Poses without a metric scale: use --poses sfm.",
+    "focal length": "Check fl_x and fl_y; they belong to images of the size w x h.",
+    "pose convention": "Poses are world from camera, with OpenGL camera axes (x right, y up, z backward).",
+    "depth along rays": "Divide it by the length of the ray (x, y, 1) of each pixel.",
+    "time stamps": CHECK_TIMES,
+}
+
+CHECKS = (
+    *(
+        Check(
+            kind=kind,
+            measure=conventions.explained(kind),
+            limit=limits.CONVINCING_AGREEMENT,
+            message=EXPLAINED,
+            remedy=remedy,
+            is_error=True,
+        )
+        for kind, remedy in EXPLANATIONS.items()
+    ),
+    Check(
+        kind="time stamps",
+        measure=conventions.other_moments,
+        limit=Threshold(1.25),
+        message="The depth of neighboring frames agrees to {depth:.0%}, but much better with the poses of "
+        "other frames: depth and images were not taken at the same time.",
+        remedy=CHECK_TIMES,
+        is_error=True,
+        unless=(ERRORS,),
+    ),
+    Check(
+        kind="order",
+        measure=conventions.no_agreement,
+        limit=Threshold(
+            0.1, set_on="simulated sensors with errors of twice their strength reach 0.13"
+        ),
+        message="Neighboring frames agree to {recorded:.0%}, and no wrong unit, focal length or convention "
+        "explains it: images, depth and poses do not belong together.",
+        remedy="Check the order of the frames and their timestamps.",
+        is_error=True,
+        unless=(ERRORS,),
+    ),
+    Check(
+        kind="depth unit",
+        measure=conventions.depth_range,
+        limit=Threshold(conventions.FARTHEST, "m"),
+        message="The median depth is {median:.3g} m, expected {nearest:g} to {farthest:g} m: it seems to "
+        "be in another unit.",
+        remedy="Write float images in metres, or 16-bit images in millimetres.",
+        is_error=True,
+        unless=(ERRORS,),
+    ),
+    Check(
+        kind="masks inverted",
+        measure=alignment.masks_inverted,
+        limit=Threshold(0.5, set_on="a majority"),
+        message="{inverted} of {count} masks cover the border of the image and leave out what is nearest: "
+        "they seem to be inverted.",
+        remedy="255 marks the object, 0 everything else.",
+        is_error=True,
+    ),
+    Check(
+        kind="masks cut",
+        measure=alignment.masks_cut,
+        limit=Threshold(1.5, set_on="masks of the built-in object that lack 5 px", margin="1.5"),
+        message="The depth ends {cut:.1%} of the image's width outside of the masks: they cut the object.",
+        remedy="Make them again: --masks depth, or a folder of better ones with --masks folder.",
+        is_error=True,
+        unless=("masks inverted",),
+    ),
+    Check(
+        kind="masks moved",
+        measure=alignment.masks_moved,
+        limit=Threshold(1.25, set_on="masks of the built-in object moved by 6 px"),
+        message="The masks fit depth and images better if they are moved by {move}.",
+        remedy="Make them from the images of this recording, at their full size and without cropping.",
+        is_error=True,
+        unless=("masks inverted", "masks cut"),
+    ),
+    Check(
+        kind="alignment",
+        measure=alignment.depth_beside_masks,
+        limit=Threshold(1.25, set_on="depth of the built-in object moved by 6 px"),
+        message=NOT_ALIGNED,
+        remedy=REGISTER,
+        is_error=True,
+        unless=("masks inverted", "masks cut"),
+    ),
+    Check(
+        kind="alignment",
+        measure=alignment.edges_moved,
+        limit=Threshold(3, "thumbnail px", "noise and the sensor's windows move edges by less"),
+        message=NOT_ALIGNED,
+        remedy=REGISTER,
+        is_error=True,
+        unless=("masks inverted", "masks cut", "masks moved", "alignment"),
+    ),
+    Check(
+        kind="moving things",
+        measure=motion.moving_things,
+        limit=Threshold(
+            0.015, set_on="a plain boot 0.007, real recordings below 0.001", margin="2"
+        ),
+        message="{share:.1%} of the points of a frame are gone in its neighbor, which shows something else "
+        "behind them: something moves.",
+        remedy="Record again while nothing moves, or use --masks so that only the object counts. If "
+        "nothing moved, the poses are those of other frames: check their order.",
+        unless=(ERRORS,),
+    ),
+    Check(
+        kind="outlier frames",
+        measure=outliers.outlier_frames,
+        limit=Threshold(0.5, "of the median agreement"),
+        message="{frames} of {count} contradict the depth of the frames before and after: {names}.",
+        remedy="Their poses are broken, or their depth is of another moment: leave these frames out.",
+        asked_by="run",
+        unless=(ERRORS,),
+    ),
+    Check(
+        kind="break",
+        measure=outliers.breaks,
+        limit=Threshold(0.5, "of the median agreement"),
+        message="The depth before and after does not fit together between frames {places}.",
+        remedy="Are these two recordings in one, or was tracking lost there? Reconstruct each part alone, "
+        "or find the poses again with --poses rgbd.",
+        is_error=True,
+        asked_by="run",
+        unless=(ERRORS,),
+    ),
+    Check(
+        kind="pose jump",
+        measure=outliers.pose_jumps,
+        limit=Threshold(0.3, set_on="an arc of 12 frames, a real room", margin="1.3"),
+        message="The poses jump between frames {places}: what both photographs show says that the camera "
+        "moved otherwise.",
+        remedy="Was tracking lost there, or are these two recordings in one? Reconstruct each part alone, "
+        "or find the poses again with --poses sfm.",
+        asked_by="run",
+        unless=(ERRORS,),
+    ),
+    Check(
+        kind="change",
+        measure=motion.scene_change,
+        limit=Threshold(
+            0.01, set_on="good recordings reach 0.0044: looking from above at a cow", margin="1.5"
+        ),
+        message="Up to frame {before} the frames show another scene than from frame {after} on: "
+        "{across:.1%} of the points of one part are gone in the other, {within:.1%} between frames of the "
+        "same part.",
+        remedy="Are these two recordings in one, or was something moved in between? Reconstruct each part "
+        "alone, or use --masks so that only what stayed counts.",
+        asked_by="run",
+        unless=(
+            ERRORS,
+            "outlier frames",
+            "pose jump",
+        ),  # behind wrong poses a scene seems to change
+    ),
+    Check(
+        kind="repeats",
+        measure=recording.repeats,
+        limit=Threshold(0.2, set_on="a few frames at rest do no harm"),
+        message="{repeated} of {count} repeat the one before: the camera was at rest, or frames are there "
+        "twice.",
+        remedy="They add no view, and where they are held out the scores are too good. Record again with "
+        "the camera moving, or take fewer frames: convert --frames.",
+        asked_by="check",
+    ),
+    Check(
+        kind="masks disagree",
+        measure=alignment.masks_contradicted,
+        limit=Threshold(AGREES, set_on="nine simulated objects"),
+        message="{masks} of {count} contradict what most other views show: {names}.",
+        remedy="'reconstruct' mends them; the setting mask_agreement: off keeps them.",
+        asked_by="check",
+        unless=(ERRORS,),
+    ),
+    Check(
+        kind="few views",
+        measure=recording.few_views,
+        limit=Threshold(6, "frames", "the smallest good recordings have 12; 3 cannot be enough"),
+        message="The recording has only {views}: most of it is seen once.",
+        remedy="Record 30 to 60 frames, from all sides and two heights.",
+        asked_by="check",
+        unless=(ERRORS,),
+    ),
+    Check(
+        kind="gap",
+        measure=recording.gap_in_views,
+        limit=Threshold(
+            120.0, "degrees", "walks around an object reach 40, half a circle has 180", "1.5"
+        ),
+        message="No camera looks at the object within {gap:.0f} degrees of the circle around it: that side "
+        "is not seen.",
+        remedy="Record the missing side, or do not show the result from there.",
+        asked_by="check",
+        unless=(ERRORS, "few views"),
+    ),
+    Check(
+        kind="blur",
+        measure=recording.blurred,
+        limit=Threshold(
+            0.35,
+            set_on="recordings have 0.41 or more, blurred by 3 px 0.29 or less; 0.25 is the least",
+            margin="1.5",
+        ),
+        message="The photographs are blurred: their sharpest edges have {sharpness:.0%} of the steepness "
+        "that pixels allow, expected {limit:.0%}.",
+        remedy="Move more slowly, add light or shorten the exposure. If the images were enlarged, use "
+        "their original size.",
+        asked_by="check",
+    ),
+    Check(
+        kind="exposure",
+        measure=recording.exposure_jumps,
+        limit=Threshold(0.6, "stops", "cameras that adapt reach 0.32", "1.5"),
+        message="The exposure changes by {stops:.1f} stops from frame to frame (median).",
+        remedy="Keep --fit-exposure on, which is the default. Next time, lock exposure and white balance.",
+        asked_by="check",
+        unless=(ERRORS,),
+    ),
+)
+
+
+def limit_of(kind: str) -> Threshold:
+    """Return the limit of the last row of a kind."""
+    return next(check.limit for check in reversed(CHECKS) if check.kind == kind)

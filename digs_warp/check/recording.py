@@ -1,0 +1,151 @@
+"""How it was recorded: too few views, sides that nobody looked at, repeated frames, blur and exposure."""
+
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
+from typing import Any
+
+import numpy as np
+
+from digs_warp.check import thresholds as limits
+from digs_warp.check.evidence import Evidence, exposure_change
+from digs_warp.check.thresholds import Threshold
+from digs_warp.checks import DigsError
+from digs_warp.data.layers import Layer
+from digs_warp.data.viewpoints import looked_at, upward
+from digs_warp.device.parallel import default_threads
+from digs_warp.geometry.camera import Camera
+from digs_warp.measure.thumbnails import green_means, small_frames, thumbnails
+from digs_warp.words import counted
+
+# Photographs that are looked at, evenly spread; the exposure is compared with that of the next frame.
+PHOTOGRAPHS = 30
+
+# The strongest edges: those above this quantile of all steps between neighboring pixels.
+STRONGEST = 0.995
+
+# Steps at 4 times the size of the pixels are compared. They are as large as those of single pixels in a sharp
+# image, and 4 times as large in one that is blurred over more than 4 pixels.
+COARSER = 4
+
+# Steps between frames that are looked at for repeats, evenly spread, and columns of their thumbnails.
+MOST_STEPS, WIDTH = 300, 40
+
+
+def few_views(evidence: Evidence, least: Threshold) -> dict[str, Any] | None:
+    """Find recordings of fewer frames."""
+    count = len(evidence.capture)
+    return {"views": counted(count, "frame")} if count < least else None
+
+
+def gap_in_views(evidence: Evidence, widest: Threshold) -> dict[str, Any] | None:
+    """Find a wider angle around the object without a camera; nothing without poses or masks."""
+    frames = evidence.capture.frames
+    if not evidence.knows_poses or not any(frame.has(Layer.MASK) for frame in frames):
+        return None
+    gap = widest_gap([frame.camera for frame in frames])
+    return None if gap is None or gap <= widest else {"gap": gap}
+
+
+def widest_gap(cameras: Sequence[Camera]) -> float | None:
+    """Return the widest angle around the object in which no camera stands [degrees], 0 to 360.
+
+    Angles are measured about the vertical axis through the point that the cameras look at. None if they all
+    look in the same direction, or if the images have no common up.
+    """
+    up = upward(cameras)
+    try:
+        center = looked_at(cameras)
+    except DigsError:
+        return None
+    if up is None:
+        return None
+    away = np.stack([camera.center_world for camera in cameras]) - center
+    sideways = away - np.outer(away @ up, up)
+    ahead = sideways[0]
+    beside = np.cross(up, ahead)
+    angles = np.sort(np.rad2deg(np.arctan2(sideways @ beside, sideways @ ahead)))
+    return float(np.diff(angles, append=angles[0] + 360.0).max())
+
+
+def repeats(evidence: Evidence, share: Threshold) -> dict[str, Any] | None:
+    """Find recordings of which more than this share of the frames repeat the one before."""
+    frames, last = evidence.capture.frames, len(evidence.capture) - 1
+    if last < 1:
+        return None
+    starts = np.unique(np.linspace(0, last - 1, min(MOST_STEPS, last)).round().astype(int))
+    numbers = sorted({*starts.tolist(), *(starts + 1).tolist()})
+    reduced = thumbnails(
+        [frames[i] for i in numbers],
+        lambda image: green_means(image, max(1, image.shape[1] // WIDTH)),
+    )
+    seen = dict(zip(numbers, reduced, strict=True))
+    same = [_is_same(seen[i], seen[i + 1]) for i in starts.tolist()]
+    if np.mean(same) <= share:
+        return None
+    return {"repeated": counted(sum(same), "frame"), "count": len(numbers)}
+
+
+def _is_same(first: np.ndarray, second: np.ndarray) -> bool:
+    return first.shape == second.shape and np.abs(first - second).mean() < limits.SAME_THUMBNAIL
+
+
+def blurred(evidence: Evidence, least: Threshold) -> dict[str, Any] | None:
+    """Find photographs whose median sharpness is less."""
+    found = evidence.once(median_sharpness)
+    return {"sharpness": found} if found is not None and found < least else None
+
+
+def exposure_jumps(evidence: Evidence, most: Threshold) -> dict[str, Any] | None:
+    """Find exposures that change more from frame to frame [stops] (median)."""
+    found = evidence.once(median_exposure_change)
+    return {"stops": found} if found is not None and found > most else None
+
+
+def _looked_at(evidence: Evidence) -> list[int]:
+    last = len(evidence.capture) - 1
+    return np.unique(np.linspace(0, last, min(PHOTOGRAPHS, last + 1)).round().astype(int)).tolist()
+
+
+def median_exposure_change(evidence: Evidence) -> float | None:
+    """Return the change of the exposure from frame to frame [stops]; None: needs depth and poses."""
+    if not evidence.knows_poses:
+        return None
+    pairs = [(n, n + 1) for n in _looked_at(evidence) if n + 1 < len(evidence.capture)]
+    frames = small_frames(evidence.capture.frames, sorted({n for pair in pairs for n in pair}))
+    return exposure_change(frames, [pair for pair in pairs if set(pair) <= frames.keys()])
+
+
+def median_sharpness(evidence: Evidence) -> float | None:
+    """Return the `sharpness` of the photographs; None: too plain to tell."""
+    frames = [evidence.capture.frames[number] for number in _looked_at(evidence)]
+    with ThreadPoolExecutor(default_threads()) as pool:
+        found = [*pool.map(lambda frame: sharpness(frame.load_image()), frames)]
+    valid = [each for each in found if each is not None]
+    return float(np.median(valid)) if valid else None
+
+
+def sharpness(image: np.ndarray) -> float | None:
+    """Return how sharp an image is: 1 for the sharpest, 1 / COARSER for a blur over more pixels than that.
+
+    Noise counts as sharp.
+
+    Args:
+        image: sRGB, shape (height, width, 3), uint8.
+
+    Returns:
+        None for an image that is too plain or too small to tell.
+    """
+    green = image[..., 1].astype(np.float32)
+    height, width = (side // COARSER for side in green.shape)
+    if min(height, width) < 2 * COARSER:
+        return None
+    blocks = green[: height * COARSER, : width * COARSER]
+    coarse = blocks.reshape(height, COARSER, width, COARSER).mean(axis=(1, 3))
+    strong = _strongest_step(coarse)
+    return _strongest_step(green) / strong if strong >= limits.PLAIN_STEPS else None
+
+
+def _strongest_step(image: np.ndarray) -> float:
+    """Return the step between neighboring pixels that few exceed."""
+    across, down = np.abs(np.diff(image, axis=1)), np.abs(np.diff(image, axis=0))
+    return float(np.quantile(np.concatenate([across.reshape(-1), down.reshape(-1)]), STRONGEST))

@@ -1,0 +1,101 @@
+"""Thresholds of the checks: value, unit, what each was set on, and its margin there.
+
+The limit from which on something is a finding stands in its row of `digs_warp.check.findings`; here are the
+thresholds of the measures. Sizes of work, such as how many frames are looked at, stand where the work is
+done.
+"""
+
+
+class Threshold(float):
+    """A number with its origin.
+
+    Attributes:
+        unit: of the value; "1" for shares and factors.
+        set_on: what it was set on; "by hand" where nothing was measured.
+        margin: how far good recordings, or damaged ones, keep from it there; "" where that is not known.
+    """
+
+    unit: str
+    set_on: str
+    margin: str
+
+    def __new__(
+        cls, value: float, unit: str = "1", set_on: str = "by hand", margin: str = ""
+    ) -> "Threshold":
+        """Return the number."""
+        self = super().__new__(cls, value)
+        self.unit, self.set_on, self.margin = unit, set_on, margin
+        return self
+
+
+# Agreement of frames: relative differences of depth that count as the same surface, for good and for noisy
+# sensors; points without which the brightness, or nothing at all, is compared; and the standard deviation of
+# images that show nothing, where depth alone misleads: around an object, inverted poses bring it into
+# agreement.
+SAME_DEPTH_FINE = Threshold(0.02)
+SAME_DEPTH_COARSE = Threshold(0.05)
+LEAST_POINTS_FOR_BRIGHTNESS = Threshold(50, "points")
+LEAST_POINTS_IN_COMMON = Threshold(200, "points")
+PLAIN_IMAGE = Threshold(2.0, "of 255")
+
+# Exposure: darker and brighter pixels are left out, for noise and the end of the range change their ratio.
+DARKEST = Threshold(20, "of 255")
+BRIGHTEST = Threshold(235, "of 255")
+
+# Wrong units and conventions: an explanation counts if, with it, the frames agree this well and have this
+# much in common, and agree better than as recorded by this factor and this difference.
+CONVINCING_AGREEMENT = Threshold(0.3, set_on="nine simulated objects, a real room and a cabinet")
+LEAST_OVERLAP = Threshold(0.25)
+AGREEMENT_GAIN_FACTOR = Threshold(1.12, set_on="the same")
+AGREEMENT_GAIN_OFFSET = Threshold(0.03, set_on="the same")
+
+# Edges of depth and image: a change of depth over two thumbnail pixels, and fewer of them say nothing. At the
+# best offset, the images' contrast at depth edges (in standard deviations above its mean) is at least
+# this, exceeds that without a shift by this factor and difference, and by the last difference that at offsets
+# around: a peak, not a slope.
+DEPTH_EDGE = Threshold(0.1)
+LEAST_EDGES = Threshold(30, "px")
+EDGE_CONTRAST = Threshold(0.25, "standard deviations")
+EDGE_CONTRAST_FACTOR = Threshold(1.3)
+EDGE_CONTRAST_OFFSET = Threshold(0.12, "standard deviations")
+EDGE_CONTRAST_PEAK = Threshold(0.1, "standard deviations")
+
+# Outlines of masks: depth bends fully where the second difference of the inverse depth is this share of it
+# (zero on a plane in any view, so that the ground does not count); fewer pixels, or outlines, say nothing.
+FULL_BEND = Threshold(0.05)
+LEAST_OUTLINE_PIXELS = Threshold(20, "px")
+LEAST_OUTLINES = Threshold(3, "frames")
+LEAST_OUTLINE_OFFSET = Threshold(3, "thumbnail px", "good masks fit best at up to 1", "1.5")
+# An inverted mask holds this share of the image's border, and leaves out this much of the image.
+INVERTED_BORDER = Threshold(0.75)
+INVERTED_HOLE = Threshold(0.01)
+
+# Moving things: the other frame sees through a point if all that it measures around is farther by this share;
+# it shows something else if the pixel is brighter or darker by this than all around there. Points at steps of
+# depth may hang in the air. Fewer points in common do not make a large share.
+SEEN_THROUGH = Threshold(0.1)
+DEPTH_STEP = Threshold(0.1)
+OTHER_BRIGHTNESS = Threshold(20.0, "of 255")
+FEWEST_MOVED_POINTS = Threshold(500, "points")
+# A change: across the moment, that many times more points are gone than on the same side of it, for glass,
+# gloss and wrong depth hide points on both; frames on each side, and pairs across and on the same side.
+CHANGE_FACTOR = Threshold(5.0, set_on="things put beside a simulated object halfway", margin="1.5")
+LEAST_FRAMES_BESIDE_CHANGE = Threshold(3, "frames")
+LEAST_PAIRS_FOR_CHANGE = Threshold(6, "pairs")
+
+# Outliers: two frames that look at this much in common can contradict each other; they agree above this share
+# of the median agreement of neighbors. Where that is below the last one, single frames are lost in noise.
+OUTLIER_OVERLAP = Threshold(0.1)
+AGREEING_SHARE = Threshold(0.75)
+LEAST_TYPICAL_AGREEMENT = Threshold(0.4)
+
+# Matched photographs: fewer matches prove nothing; the share of them that agrees with the poses of most
+# steps.
+LEAST_MATCHES = Threshold(30, "matches")
+USUAL_MATCH_SHARE = Threshold(0.6, set_on="an arc of 12 frames, a real room", margin="1.3")
+
+# Repeated frames: thumbnails that differ by less show the same.
+SAME_THUMBNAIL = Threshold(1.0, "of 255")
+
+# Blur: images with steps below this at the coarser size show nothing that could be sharp.
+PLAIN_STEPS = Threshold(8.0, "of 255")

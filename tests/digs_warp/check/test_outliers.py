@@ -1,0 +1,163 @@
+"""Outlier frames, two recordings in one, poses that jump, and frames that repeat are named."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from digs_warp.check.check import check_capture
+from digs_warp.check.evidence import Evidence
+from digs_warp.check.findings import CHECKS, Finding, limit_of
+from digs_warp.check.outliers import agreeing_shares
+from digs_warp.check.thresholds import USUAL_MATCH_SHARE
+from digs_warp.data.capture import Capture
+from digs_warp.data.frame import Frame
+from digs_warp.data.layers import Layer
+from digs_warp.sim.camera.walk.settings import WalkSettings
+from digs_warp.sim.config import SimulateConfig
+from digs_warp.sim.record.record import simulate_in_memory
+from reference.real_captures import recorded
+from reference.wrong_captures import each_frame, with_a_jump
+
+FRAMES, WIDTH = 16, 160
+STEPS = 12  # frames of the photographs without depth
+MARGIN = 1.3
+OUTLIERS = "outlier frames", "break"
+
+
+def look_for(capture: Capture, *kinds: str) -> list[Finding]:
+    """What the checks of some kinds find."""
+    evidence = Evidence(capture)
+    found = (check.look(evidence) for check in CHECKS if check.kind in kinds)
+    return [each for each in found if each is not None]
+
+
+@pytest.fixture(scope="module")
+def good() -> Capture:
+    return simulate_in_memory(
+        SimulateConfig(frames=FRAMES, width=WIDTH, height=90, samples_per_pixel=1)
+    )
+
+
+def moved(capture: Capture, numbers: range, turn_degrees: float) -> Capture:
+    """The capture with the cameras of some frames turned about the z axis of the world and lifted."""
+    angle = np.deg2rad(turn_degrees)
+    motion = np.eye(4)
+    motion[:2, :2] = [[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]]
+    motion[2, 3] = 0.1
+    frames = list(capture.frames)
+    for number in numbers:
+        camera = frames[number].camera
+        other = replace(camera, world_from_cam=motion @ camera.world_from_cam)
+        frames[number] = replace(frames[number], camera=other)
+    return replace(capture, frames=tuple(frames))
+
+
+def test_a_good_capture_has_neither(good: Capture) -> None:
+    assert look_for(good, *OUTLIERS, "repeats") == []
+
+
+@pytest.mark.parametrize("kind", ["hololens_room_sequence", "tum_cabinet_orbit"])
+def test_a_real_one_neither(sample_data: Path, kind: str) -> None:
+    capture = recorded(sample_data / "rgbd" / kind, kind)
+    assert look_for(capture, *OUTLIERS, "repeats") == []
+
+
+@pytest.mark.parametrize("number", [0, 1, 7, FRAMES - 1])
+def test_a_frame_with_a_broken_pose_is_named(good: Capture, number: int) -> None:
+    (found,) = look_for(moved(good, range(number, number + 1), 40.0), *OUTLIERS)
+    assert found.kind == "outlier frames" and not found.is_error
+    assert found.what.endswith(f"after: {good.frames[number].name}.")
+
+
+def test_two_broken_frames_apart_are_both_named(good: Capture) -> None:
+    capture = moved(moved(good, range(3, 4), 40.0), range(10, 11), -35.0)
+    (found,) = look_for(capture, *OUTLIERS)
+    assert f"{good.frames[3].name}, {good.frames[10].name}" in found.what
+
+
+def test_two_recordings_in_one_break_between_them(good: Capture) -> None:
+    (found,) = look_for(moved(good, range(8, FRAMES), 40.0), *OUTLIERS)
+    assert found.kind == "break" and found.is_error
+    assert f"between frames {good.frames[7].name} and {good.frames[8].name}." in found.what
+
+
+def test_a_camera_that_comes_back_does_not_break(good: Capture) -> None:
+    """Looking away at once, and back at what was seen before."""
+    half = FRAMES // 2
+    order = [*range(0, FRAMES, half), *range(1, FRAMES, half), *range(2, FRAMES, half)]
+    there_and_back = replace(good, frames=tuple(good.frames[i] for i in order))
+    assert look_for(there_and_back, *OUTLIERS) == []
+
+
+def test_without_depth_or_poses_nothing_is_said(good: Capture) -> None:
+    broken = moved(good, range(7, 8), 40.0)
+    bare = [frame.without_layer(Layer.DEPTH) for frame in broken.frames]
+    assert look_for(replace(broken, frames=tuple(bare)), *OUTLIERS) == []
+    unknown = replace(broken.about, poses_known=False)
+    assert look_for(replace(broken, about=unknown), *OUTLIERS) == []
+
+
+@pytest.mark.parametrize("noise", [0.0, 3.0])
+def test_a_camera_at_rest_and_doubled_frames_are_told(good: Capture, noise: float) -> None:
+    rng = np.random.default_rng(0)
+
+    def again(number: int) -> Frame:
+        frame = good.frames[number]
+        image = frame.load_image() + rng.normal(0, noise, (90, WIDTH, 3))
+        return frame.with_layer(Layer.IMAGE, np.clip(image, 0, 255).astype(np.uint8))
+
+    (rest,) = look_for(replace(good, frames=tuple(again(4) for _ in range(6))), "repeats")
+    assert "5 frames of 6 repeat the one before" in rest.what
+    (doubled,) = look_for(replace(good, frames=tuple(again(i // 2) for i in range(12))), "repeats")
+    assert "6 frames of 12 repeat the one before" in doubled.what
+    one_pause = (*good.frames[:8], again(7), *good.frames[8:])
+    assert look_for(replace(good, frames=one_pause), "repeats") == []
+
+
+@pytest.fixture(scope="module")
+def photographs() -> Capture:
+    """An arc around the built-in object in its room, without depth and masks."""
+    walk = WalkSettings(path="arc", elevations=(30.0,))
+    config = SimulateConfig(frames=STEPS, width=320, height=180, samples_per_pixel=1, walk=walk)
+    return bare(simulate_in_memory(config))
+
+
+def bare(capture: Capture) -> Capture:
+    return each_frame(capture, lambda f: f.without_layer(Layer.DEPTH).without_layer(Layer.MASK))
+
+
+@pytest.mark.parametrize(("shift", "turn"), [((0.0, 0.0, 0.1), 0.0), ((0.5, -0.2, 0.0), 40.0)])
+def test_a_jump_is_named(
+    photographs: Capture, shift: tuple[float, float, float], turn: float
+) -> None:
+    jumping = with_a_jump(photographs, shift, turn)
+    (found,) = check_capture(jumping).findings
+    assert found.kind == "pose jump" and not found.is_error
+    before, after = (photographs.frames[STEPS // 2 + i].name for i in (-1, 0))
+    assert f"between frames {before} and {after}:" in found.what
+
+
+def test_right_poses_have_none(photographs: Capture) -> None:
+    assert check_capture(photographs).findings == ()
+    shares = [share for share in agreeing_shares(photographs.frames) if share is not None]
+    assert len(shares) > STEPS / 2
+    assert min(shares) > MARGIN * limit_of("pose jump")
+    assert np.median(shares) > MARGIN * USUAL_MATCH_SHARE
+
+
+def test_depth_and_unknown_poses_are_left_to_others(photographs: Capture) -> None:
+    jumping = with_a_jump(photographs, (0.0, 0.0, 0.1), 0.0)
+    unknown = replace(jumping, about=replace(jumping.about, poses_known=False))
+    assert look_for(unknown, "pose jump") == []
+    depth = np.ones((180, 320), np.float32)
+    deep = each_frame(jumping, lambda f: f.with_layer(Layer.DEPTH, depth))
+    assert look_for(deep, "pose jump") == []
+
+
+def test_a_real_room_without_its_depth_has_none_until_it_jumps(sample_data: Path) -> None:
+    room = bare(recorded(sample_data / "rgbd" / "hololens_room_sequence", "hololens_room_sequence"))
+    assert check_capture(room).findings == ()
+    (found,) = look_for(with_a_jump(room, (0.3, 0.0, 0.2), 20.0), "pose jump")
+    assert found.kind == "pose jump"
