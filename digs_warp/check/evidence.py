@@ -13,6 +13,7 @@ import numpy as np
 from digs_warp.check import thresholds as limits
 from digs_warp.data.capture import Capture
 from digs_warp.data.frame import Frame
+from digs_warp.geometry.reproject import FINE, SAME_SURFACE, DepthTolerance, compare_depth
 from digs_warp.measure.thumbnails import SmallFrame, pixels_showing, small_frames
 
 _Measured = TypeVar("_Measured")
@@ -49,7 +50,7 @@ class Agreement:
     Attributes:
         overlap: share of the points of one frame that the other one looks at and has depth for, 0 to 1.
         depth: share of points at the depth that the other frame measured, among those that it does not hide;
-            mean of the shares within the fine and the coarse tolerance.
+            mean of the shares within a fine and the usual tolerance.
         brightness: correlation of the brightness that both frames give those points, -1 to 1.
     """
 
@@ -144,13 +145,15 @@ class SharedPoints(NamedTuple):
     """What one frame says about points of another, (n,) each.
 
     Attributes:
-        farther: log of the depth in its camera over what it measured; below 0 it sees through the point.
+        depth: planar depth of the points in its camera [m].
+        measured: what it measured at their pixels [m].
         here: brightness in the frame that measured the points.
         there: brightness in the one that is asked.
         looked_at: number of points of the first frame; others of them lie outside or have no depth there.
     """
 
-    farther: np.ndarray
+    depth: np.ndarray
+    measured: np.ndarray
     here: np.ndarray
     there: np.ndarray
     looked_at: int
@@ -158,7 +161,7 @@ class SharedPoints(NamedTuple):
     @property
     def same_surface(self) -> np.ndarray:
         """Which points both frames measure at about the same place, bool."""
-        return np.abs(self.farther) < limits.SAME_DEPTH_COARSE
+        return compare_depth(self.depth, self.measured).agrees
 
 
 def shared_points(first: SmallFrame, second: SmallFrame) -> SharedPoints:
@@ -167,34 +170,35 @@ def shared_points(first: SmallFrame, second: SmallFrame) -> SharedPoints:
     some = measured[:: max(1, len(measured) // SAMPLES)]
     rows, columns = np.divmod(some, first.depth.shape[1])
     pixel, depth = pixels_showing(second.camera, first.points_at(rows, columns))
-    inside = pixel >= 0
-    farther = np.log(depth[inside] / second.depth.reshape(-1)[pixel[inside]])
-    known = np.isfinite(farther)
-    here = first.green[rows, columns][inside]
-    there = second.green.reshape(-1)[pixel[inside]]
-    return SharedPoints(farther[known], here[known], there[known], len(pixel))
+    there = np.where(pixel >= 0, second.depth.reshape(-1)[pixel], np.nan)
+    known = np.isfinite(there)
+    pixel = pixel[known]
+    here, beyond = first.green[rows, columns][known], second.green.reshape(-1)[pixel]
+    return SharedPoints(depth[known], there[known], here, beyond, len(some))
 
 
 def agreement(frames: Mapping[int, SmallFrame], pairs: Pairs) -> Agreement:
     """Return how well the pairs agree, each looked at from both sides; zeros if too little is in common."""
     seen = [shared_points(frames[a], frames[b]) for pair in pairs for a, b in (pair, pair[::-1])]
-    farther, here = (np.concatenate([each[i] for each in seen]) for i in range(2))
-    there = np.concatenate([_as_exposed_here(each) for each in seen])
-    if len(farther) < limits.LEAST_POINTS_IN_COMMON or here.std() < limits.PLAIN_IMAGE:
+    here = np.concatenate([each.here for each in seen])
+    if len(here) < limits.LEAST_POINTS_IN_COMMON or here.std() < limits.PLAIN_IMAGE:
         return Agreement(0.0, 0.0, 0.0)
-    close = np.abs(farther) < limits.SAME_DEPTH_COARSE
-    overlap = len(farther) / max(sum(each.looked_at for each in seen), 1)
-    return Agreement(overlap, same_depth_share(farther), _correlation(here[close], there[close]))
+    there = np.concatenate([_as_exposed_here(each) for each in seen])
+    close = np.concatenate([each.same_surface for each in seen])
+    overlap = len(here) / max(sum(each.looked_at for each in seen), 1)
+    return Agreement(overlap, same_depth_share(seen), _correlation(here[close], there[close]))
 
 
-def same_depth_share(farther: np.ndarray) -> float:
-    """Return the share of points that agree, of those not hidden: mean of the fine and the coarse limit."""
+def same_depth_share(seen: Sequence[SharedPoints]) -> float:
+    """Return the share of points that agree, of those not hidden: mean of a fine and the usual tolerance."""
+    depth, measured = (np.concatenate([each[i] for each in seen]) for i in range(2))
 
-    def share(tolerance: float) -> float:
-        agree = np.count_nonzero(np.abs(farther) < tolerance)
-        return float(agree) / max(agree + np.count_nonzero(farther <= -tolerance), 1)
+    def share(tolerance: DepthTolerance) -> float:
+        found = compare_depth(depth, measured, tolerance)
+        agree = np.count_nonzero(found.agrees)
+        return float(agree) / max(agree + np.count_nonzero(found.seen_through), 1)
 
-    return (share(limits.SAME_DEPTH_FINE) + share(limits.SAME_DEPTH_COARSE)) / 2
+    return (share(FINE) + share(SAME_SURFACE)) / 2
 
 
 def _as_exposed_here(seen: SharedPoints) -> np.ndarray:

@@ -92,11 +92,10 @@ def links(evidence: Evidence) -> Links | None:
 def _share(first: SmallFrame, second: SmallFrame) -> float | None:
     """Return the share of points in common at the same depth in both; None: hardly any in common."""
     seen = [shared_points(first, second), shared_points(second, first)]
-    farther = np.concatenate([each.farther for each in seen])
     overlap = limits.OUTLIER_OVERLAP * sum(each.looked_at for each in seen)
-    if len(farther) < max(limits.LEAST_POINTS_IN_COMMON, overlap):
+    if sum(len(each.depth) for each in seen) < max(limits.LEAST_POINTS_IN_COMMON, overlap):
         return None
-    return same_depth_share(farther)
+    return same_depth_share(seen)
 
 
 def outlier_frames(evidence: Evidence, below: Threshold) -> dict[str, Any] | None:

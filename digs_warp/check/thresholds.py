@@ -28,12 +28,9 @@ class Threshold(float):
         return self
 
 
-# Agreement of frames: relative differences of depth that count as the same surface, for good and for noisy
-# sensors; points without which the brightness, or nothing at all, is compared; and the standard deviation of
-# images that show nothing, where depth alone misleads: around an object, inverted poses bring it into
-# agreement.
-SAME_DEPTH_FINE = Threshold(0.02)
-SAME_DEPTH_COARSE = Threshold(0.05)
+# Agreement of frames, in depth as `digs_warp.geometry.reproject` has it: points without which the brightness,
+# or nothing at all, is compared; and the standard deviation of images that show nothing, where depth alone
+# misleads: around an object, inverted poses bring it into agreement.
 LEAST_POINTS_FOR_BRIGHTNESS = Threshold(50, "points")
 LEAST_POINTS_IN_COMMON = Threshold(200, "points")
 PLAIN_IMAGE = Threshold(2.0, "of 255")

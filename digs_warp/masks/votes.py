@@ -19,6 +19,8 @@ from digs_warp.data.evenly import evenly
 from digs_warp.device.eyes import eyes_of
 from digs_warp.device.parallel import launch_parallel
 from digs_warp.device.threads import default_threads
+from digs_warp.geometry.reproject import unproject_pixels
+from digs_warp.geometry.rigid import transform_points
 from digs_warp.masks.votes_kernel import votes_kernel
 from digs_warp.measure.thumbnails import SmallDepth, pixels_showing
 
@@ -224,10 +226,10 @@ def seen_through(
     depth = frame.depth[rows, columns].astype(np.float64)
     first = FIRST * float(np.nanmin(frame.depth))
     found = np.zeros(len(depth), dtype=bool)
-    centers = np.stack([columns + 0.5, rows + 0.5], axis=1)
     for share in np.linspace(0, 1, PLACES):
         place = first ** (1 - share) * np.maximum(first, LAST * depth) ** share
-        found |= in_hull(frame.camera.unproject(centers, place), others)
+        points = unproject_pixels(rows, columns, place, frame.camera.intrinsics)
+        found |= in_hull(transform_points(frame.camera.world_from_cam, points), others)
     return found
 
 

@@ -3,13 +3,13 @@
 import warp as wp
 
 from digs_warp.device.eyes import Eye, pixel_seen, place_of, shows
+from digs_warp.geometry.reproject import SAME_SURFACE
+from digs_warp.geometry.reproject_kernel import agrees
 
 wp.set_module_options({"enable_backward": False})
 
 # A view votes on a point if it measures it at the same depth, within this share.
-SAME_DEPTH = 0.05
-
-_SAME_DEPTH = wp.constant(wp.float64(SAME_DEPTH))
+_SAME_DEPTH = wp.constant(wp.float64(SAME_SURFACE.relative))
 
 
 @wp.kernel
@@ -35,7 +35,7 @@ def votes_kernel(
         if shows(eye, seen):
             place = place_of(eye, seen)
             # A comparison with NaN, where nothing was measured, is False.
-            if wp.abs(wp.float64(depth[place]) - seen[2]) < _SAME_DEPTH * seen[2]:
+            if agrees(seen[2], wp.float64(depth[place]), _SAME_DEPTH * seen[2]):
                 found += 1
                 if masks[place] != wp.uint8(0):
                     for_object += 1

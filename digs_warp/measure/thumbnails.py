@@ -11,6 +11,8 @@ from digs_warp.data.frame import Frame
 from digs_warp.data.layers import Layer
 from digs_warp.device.parallel import default_threads
 from digs_warp.geometry.camera import Camera, Intrinsics
+from digs_warp.geometry.reproject import reproject, unproject_pixels
+from digs_warp.geometry.rigid import transform_points
 
 _Small = TypeVar("_Small")
 
@@ -55,8 +57,9 @@ class SmallDepth:
 
     def points_at(self, rows: np.ndarray, columns: np.ndarray) -> np.ndarray:
         """Return the world points that pixels measure, (n, 3)."""
-        centers = np.stack([columns + 0.5, rows + 0.5], axis=1)
-        return self.camera.unproject(centers, self.depth[rows, columns].astype(np.float64))
+        depth = self.depth[rows, columns].astype(np.float64)
+        points = unproject_pixels(rows, columns, depth, self.camera.intrinsics)
+        return transform_points(self.camera.world_from_cam, points)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -76,12 +79,8 @@ def pixels_showing(camera: Camera, points: np.ndarray) -> tuple[np.ndarray, np.n
     Pixels are indices into the flattened image; -1: the point lies outside of it.
     """
     k = camera.intrinsics
-    px, depth = camera.project(points)
-    inside = camera.shows(px, depth)
-    columns, rows = px[inside].astype(np.intp).T
-    pixel = np.full(len(depth), -1)
-    pixel[inside] = rows * k.width + columns
-    return pixel, depth
+    seen = reproject(points, camera.cam_from_world, k)
+    return np.where(seen.inside, seen.rows * k.width + seen.columns, -1), seen.depth
 
 
 def small_depth(frame: Frame, number: int) -> SmallDepth:

@@ -16,6 +16,16 @@ def exported(capture: Capture, form: str, folder: Path) -> Path:
     return folder
 
 
+def assert_exported_alike_twice(capture: Capture, form: str, folder: Path) -> int:
+    """Export twice, compare the bytes, and return the number of files."""
+    first, second = (exported(capture, form, folder / name) for name in "ab")
+    files = [path.relative_to(first) for path in sorted(first.rglob("*")) if path.is_file()]
+    assert files
+    for path in files:
+        assert (first / path).read_bytes() == (second / path).read_bytes()
+    return len(files)
+
+
 def with_last_frame(capture: Capture, **changes: Any) -> Capture:
     """The same capture with other values in its last frame."""
     return replace(capture, frames=(*capture.frames[:-1], replace(capture.frames[-1], **changes)))

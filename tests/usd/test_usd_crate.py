@@ -26,10 +26,10 @@ from digs_warp.usd.writer import write_gaussians
 from reference.usd_files import run_fresh
 
 
-@pytest.mark.parametrize("size", [0, 1, 14, 15, 16, 269, 270, 271, 5000])
-def test_stored_blocks_come_back(size: int):
-    data = random.Random(size).randbytes(size)
-    assert decompressed(stored(data), size) == data
+def test_stored_blocks_come_back():
+    for size in (0, 1, 14, 15, 16, 269, 270, 271, 5000):
+        data = random.Random(size).randbytes(size)
+        assert decompressed(stored(data), size) == data
 
 
 def test_compressed_blocks_repeat_what_is_before():
@@ -177,9 +177,13 @@ def test_versions_with_other_tables_are_refused(tmp_path: Path, random_gaussians
         read_gaussians(path)
 
 
-@pytest.mark.parametrize("suffix", ["usdc", "usdz"])
-@pytest.mark.parametrize("precision", ["float", "mixed", "half"])
-@pytest.mark.parametrize("count", [1, 2, 20_000])
+@pytest.mark.parametrize(
+    ("suffix", "precision", "count"),
+    [
+        *(("usdc", precision, 20_000) for precision in ("float", "mixed", "half")),
+        *(("usdz", "float", 1), ("usdz", "mixed", 2), ("usdz", "half", 20_000)),
+    ],
+)
 def test_arrays_written_in_pieces_are_those_that_the_library_writes(
     tmp_path: Path, random_gaussians, suffix: str, precision, count: int
 ):
@@ -239,8 +243,9 @@ DAMAGE = {
 }
 
 
-@pytest.mark.parametrize("suffix", ["usdc", "usdz"])
-@pytest.mark.parametrize("damage", DAMAGE)
+@pytest.mark.parametrize(
+    ("damage", "suffix"), [*((damage, "usdc") for damage in DAMAGE), ("version", "usdz")]
+)
 def test_in_an_unknown_layout_the_library_writes_the_same_scene_itself(
     tmp_path: Path, random_gaussians, monkeypatch, caplog, damage: str, suffix: str
 ):

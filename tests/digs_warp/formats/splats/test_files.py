@@ -52,8 +52,16 @@ def test_spz_does_not_need_to_be_told(tmp_path: Path) -> None:
         np.testing.assert_allclose(read.means, g.means, atol=1e-6)
 
 
-@pytest.mark.parametrize("value", [np.nan, np.inf])
-@pytest.mark.parametrize("field", ["means", "log_scales", "quats", "sh"])
+@pytest.mark.parametrize(
+    ("field", "value"),
+    [
+        ("means", np.nan),
+        ("means", np.inf),
+        ("log_scales", np.inf),
+        ("quats", np.nan),
+        ("sh", np.inf),
+    ],
+)
 def test_broken_rows_are_counted_refused_or_dropped(
     tmp_path: Path, field: str, value: float, caplog: pytest.LogCaptureFixture
 ) -> None:

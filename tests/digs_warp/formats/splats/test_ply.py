@@ -21,8 +21,7 @@ def assert_equal(a: Gaussians, b: Gaussians) -> None:
         np.testing.assert_array_equal(getattr(a, name), getattr(b, name), err_msg=name)
 
 
-@pytest.mark.parametrize("degree", range(4))
-@pytest.mark.parametrize("count", [0, 1, 50])
+@pytest.mark.parametrize(("count", "degree"), [(0, 3), (1, 0), (50, 0), (50, 1), (50, 2), (50, 3)])
 def test_every_field_comes_back_exactly(tmp_path: Path, degree: int, count: int) -> None:
     gaussians = random_gaussians(count, degree)
     write_ply(tmp_path / "a.ply", gaussians)
