@@ -17,7 +17,7 @@ from digs_warp.sim.sensor.filters import gray_of
 from digs_warp.sim.sensor.frame import Sensed
 from digs_warp.sim.sensor.guided import search as guided
 from digs_warp.sim.sensor.guided.confidence import BASE, FLOOR, ODDS
-from digs_warp.sim.sensor.limit import within_range
+from digs_warp.sim.sensor.law import within_range
 from digs_warp.sim.sensor.matcher import search_range
 from digs_warp.study.realism_scenes import Scene, places
 from digs_warp.study.realism_scores import agreement, bad_share

@@ -12,8 +12,7 @@ from digs_warp.geometry.camera import Camera, Intrinsics
 from digs_warp.sim.camera.profiles import load_profile
 from digs_warp.sim.camera.rig import StereoRig
 from digs_warp.sim.render.raycast import RaycastRenderer
-from digs_warp.sim.scene.environment import Environment
-from digs_warp.sim.scene.panorama import panorama_directions
+from digs_warp.sim.scene.environment import Environment, panorama_directions
 from digs_warp.sim.scene.scene import Material, Scene
 from digs_warp.sim.sensor.color import PIXEL_EFFECTS
 from digs_warp.sim.sensor.color.recorded import recorded_images

@@ -21,11 +21,11 @@ from digs_warp.sim.record.inputs import load_inputs
 from digs_warp.sim.record.record import frames_at_once
 from digs_warp.sim.record.sensor_plan import plan_for_facts
 from digs_warp.sim.record.session import Session, prepare_session
-from digs_warp.sim.sensor.blame import blame
 from digs_warp.sim.sensor.cause import Cause
 from digs_warp.sim.sensor.color.recorded import recorded_images
 from digs_warp.sim.sensor.effects import AFTER_MATCHING
 from digs_warp.sim.sensor.effects.protocol import Choice
+from digs_warp.sim.sensor.error_attribution import attribute_errors
 from digs_warp.sim.sensor.facts import measure_facts
 from digs_warp.sim.sensor.frame import FrameTruth, Sensed
 from digs_warp.sim.sensor.planner import plan
@@ -199,7 +199,7 @@ def _cause_results(cases: Sequence[Case]) -> list[Result]:
         truth = case.fresh()
         for tier in ("matcher", "guided"):
             disparity = case.sense(tier)
-            causes, missing = blame(disparity, truth), np.isnan(disparity)
+            causes, missing = attribute_errors(disparity, truth), np.isnan(disparity)
             for cause in Cause:
                 failed = causes == cause
                 row = shares.setdefault(cause, {})

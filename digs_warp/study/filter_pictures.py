@@ -11,14 +11,14 @@ from digs_warp.sim.camera.shutter import Shutter
 from digs_warp.sim.config import SimulateConfig
 from digs_warp.sim.record.inputs import load_inputs
 from digs_warp.sim.record.session import prepare_session
-from digs_warp.sim.sensor.after.chain import AfterMatching, Shot
-from digs_warp.sim.sensor.after.names import FILTERS
-from digs_warp.sim.sensor.after.temporal import EARLIER_FRAMES
-from digs_warp.sim.sensor.blame import WRONG
 from digs_warp.sim.sensor.color import PIXEL_EFFECTS
 from digs_warp.sim.sensor.color.recorded import recorded_images
+from digs_warp.sim.sensor.error_attribution import WRONG
 from digs_warp.sim.sensor.filters import gray_of
 from digs_warp.sim.sensor.frame import FrameTruth, Sensed
+from digs_warp.sim.sensor.post_filters.chain import AfterMatching, Shot
+from digs_warp.sim.sensor.post_filters.names import FILTERS
+from digs_warp.sim.sensor.post_filters.temporal import EARLIER_FRAMES
 from digs_warp.sim.sensor.scores import score
 from digs_warp.sim.sensor.steps import find_steps
 from digs_warp.sim.sensor.tiers import sense
