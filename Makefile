@@ -3,7 +3,7 @@
 
 SHELL := /bin/bash
 .DEFAULT_GOAL := help
-.PHONY: help setup demo docs figures sensor sensor-cost performance studies pages test test-all lint format constraints release clean
+.PHONY: help setup demo docs studies pages test test-all lint format constraints release clean
 
 VENV := .venv
 BIN := $(VENV)/bin
@@ -40,38 +40,21 @@ $(VENV)/bin/python:
 demo: setup ## The main job on the built-in object: capture, reconstruct, out/demo/scene.usdz
 	$(BIN)/digs-warp run --out out/demo --overwrite
 
-figures: demo ## The pictures of README and docs, from the results of make demo
-	$(BIN)/python scripts/pictures.py demo
-
-sensor: setup ## Photograph every effect of the simulated camera for docs/sensor.md
-	$(BIN)/python scripts/sensor_page.py
-
-sensor-cost: setup ## Measure the simulated camera against real matching, for docs/sensor-cost.md
-	$(BIN)/python scripts/pages.py sim realism
-
 docs: setup ## The documentation as a site in build/site; fails when a link leads nowhere
 	$(BIN)/python -m pip install --disable-pip-version-check --quiet --use-pep517 -c constraints.txt -e '.[docs]'
 	$(BIN)/zensical build --strict
 
-performance: setup ## Measure the rasterizer, for docs/performance.md
-	$(BIN)/python scripts/pages.py raster scaling
-
-studies: setup ## Run the studies within their budgets and write docs/study; two and a half hours on a quiet machine
+studies: setup ## Run the studies within their budgets and write docs/study; two hours on a quiet machine
 	$(BIN)/digs-warp study run initialization --time-budget 20min
 	$(BIN)/digs-warp study run tradeoff --time-budget 20min
 	$(BIN)/digs-warp study run robustness --time-budget 12min
-	$(BIN)/digs-warp study run ablation --time-budget 20min
-	$(BIN)/digs-warp study run camera --time-budget 40min
-	$(BIN)/digs-warp study run segmentation --time-budget 10min
-	$(BIN)/digs-warp study run few-views --time-budget 20min
-	$(BIN)/digs-warp study run scaling --time-budget 10min
-	$(BIN)/python scripts/study_pages.py
-	$(BIN)/python scripts/pictures.py initialization
+	$(BIN)/python -m studies run components --time-budget 40min
+	$(BIN)/python -m studies run few-views --time-budget 20min
+	$(BIN)/python -m studies page studies
 
-pages: setup ## Run all other benchmarks for the documentation; an hour on a quiet machine
-	$(BIN)/python scripts/pages.py convergence options train init init-noise masks sfm sfm-full sfm-sensor sfm-poses \
-		paper-length usd render mesh splat-files
-	$(BIN)/python scripts/recordings_page.py
+pages: demo ## Run all benchmarks and draw all pictures for the documentation; an hour on a quiet machine
+	$(BIN)/python -m studies page raster training surface trained init-noise poses masks usd sim realism sensor-fit \
+		demo starts sensor scenes randomization gallery real-recordings
 
 # Threads of NumPy's matrix products, which wait by turning, would take the cores from the other process.
 PYTEST = OPENBLAS_NUM_THREADS=$${OPENBLAS_NUM_THREADS:-1} $(BIN)/python -m pytest --numprocesses $(WORKERS) --dist loadfile

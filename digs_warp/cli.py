@@ -41,7 +41,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     """Run one command line (default: this process's) and return the exit code.
 
     0: done; 1: bad input, explained on stderr; 2: wrong usage; 130: interrupted with Ctrl-C; 143 and 129:
-    with SIGTERM and SIGHUP; 141: nobody reads the output any more (``digs-warp bench --help | head``).
+    with SIGTERM and SIGHUP; 141: nobody reads the output any more (``digs-warp run --help | head``).
     """
     try:
         code = _run(argv)

@@ -70,7 +70,7 @@ def test_help_loads_nothing_heavy(command: str) -> None:
 
 def test_a_command_starts_without_the_others() -> None:
     code = "from digs_warp.cli import parse\nparse(['reconstruct', 'capture', '--out', 'result'])"
-    others = ("simulate", "bench", "plan", "mesh", "render", "sensor")
+    others = ("simulate", "study", "plan", "mesh", "render", "sensor")
     assert loaded_after(code, tuple(f"digs_warp.commands.{name}" for name in others)) == set()
 
 

@@ -48,11 +48,11 @@ ALLOWED = {
         "digs_warp/record/replacement.py",
         "replace",
     ): "files that are synced, in an order that a note keeps",
-    ("sim/testing/series.py", "rename"): "of record/disk.py: a folder whose files are synced",
-    ("digs_warp/study/bench_usd.py", "save"): "what is measured, in a temporary folder",
+    ("sim/testing/cache.py", "rename"): "of record/disk.py: a folder whose files are synced",
+    ("studies/usd_files.py", "save"): "what is measured, in a temporary folder",
     ("scripts/killed_worker.py", "copyfile"): "in a temporary folder",
-    ("digs_warp/study/real_recordings.py", "symlink_to"): "in a temporary folder",
-    ("digs_warp/study/timing.py", "write_text"): "a switch of the system below /proc",
+    ("studies/real_recordings.py", "symlink_to"): "in a temporary folder",
+    ("studies/timing.py", "write_text"): "a switch of the system below /proc",
 }
 
 

@@ -37,7 +37,7 @@ class SettingsCommand(Command):
 
 @dataclass(frozen=True)
 class Preset:
-    """A command with its own name and defaults, such as `bench raster`.
+    """A command with its own name and defaults, such as `study run tradeoff`.
 
     Attributes:
         command: holds the defaults; a required flag is `tyro.MISSING`.
@@ -111,9 +111,7 @@ details, --version prints the version.""",
             "usd": "usd.USD",
             "masks": "masks.Masks",
             "sensor": "sensor.SENSOR",
-            "bench": "bench.BENCH",
             "study": "study.STUDY",
-            "preference": "preference.PREFERENCE",
         }
     ),
 )

@@ -6,7 +6,6 @@ from typing import Annotated, ClassVar
 
 import tyro
 
-from digs_warp.checks import DigsError
 from digs_warp.commands.command import Command, Group, Preset
 from digs_warp.engines.config import EngineConfig
 from digs_warp.record.durations import DURATION
@@ -45,6 +44,9 @@ class RunStudy(Command):
     iterations: Annotated[int, ITERATIONS]
     """Training steps of each case. The paper's 12,000 would take days."""
 
+    meshes: tuple[Path, ...] = ()
+    """Mesh files to measure instead of the sample objects; the first --objects of them."""
+
     time_budget: Annotated[float | None, DURATION, SECONDS] = None
     """Start no case that would likely end later than this, for example 60s, 20min or 2h. The most important
     cases come first. Default: no limit."""
@@ -60,31 +62,9 @@ class RunStudy(Command):
 
     def execute(self) -> str:
         """Measure, and say how many cases there are and where the report is."""
-        from digs_warp.study.engine.chain import run_case
-        from digs_warp.study.engine.runner import run_cases
-
         study = find_study(self.name)
-        self._check_folder()
-        outcome = run_cases(
-            study.cases(self.objects, self.seeds, self.iterations),
-            self.out,
-            measure=run_case,
-            engine=self.on,
-            budget=self.time_budget,
-        )
-        return f"{outcome}\nreport: {study.report(self.out)}"
-
-    def _check_folder(self) -> None:
-        """Refuse a folder that holds something else: the report would replace files of the same names."""
-        from digs_warp.engines.task import RESULTS
-        from digs_warp.study.engine.chain import CAPTURES
-
-        if not self.out.is_dir() or not any(self.out.iterdir()):
-            return
-        if not any((self.out / name).exists() for name in (RESULTS, CAPTURES)):
-            raise DigsError(
-                f"--out '{self.out}': the folder is not empty and holds no study; name another folder"
-            )
+        cases = study.cases(self.objects, self.seeds, self.iterations, self.meshes)
+        return study.run(cases, self.out, self.on, self.time_budget)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from digs_warp.checks import DigsError
+from digs_warp.engines.config import EngineConfig
 from digs_warp.words import counted, did_you_mean
 
 if TYPE_CHECKING:
@@ -16,9 +17,9 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Study:
-    """A question, and the module of `digs_warp.study.studies` that answers it.
+    """A question, and the module that answers it.
 
-    The module has ``cases(objects_count, seeds, iterations)``, the most important first, and
+    The module has ``cases(objects, seeds, iterations)``, the most important first, and
     ``sections(records)``, the content of the report.
 
     Attributes:
@@ -26,6 +27,9 @@ class Study:
         title: of the report.
         summary: one line for help and report.
         objects, iterations: defaults of the command line.
+        first: sample objects that come before the others.
+        package: of the module.
+        command: what runs it, for messages.
     """
 
     name: str
@@ -33,15 +37,46 @@ class Study:
     summary: str
     objects: int
     iterations: int
+    first: Sequence[str] = ()
+    package: str = "digs_warp.study.studies"
+    command: str = "digs-warp study"
 
     @property
     def folder(self) -> Path:
         """The default folder of results and report."""
         return Path("out") / "study" / self.name
 
-    def cases(self, objects: int, seeds: int, iterations: int) -> "Sequence[Case]":
-        """Return the cases."""
-        return self._module().cases(objects, seeds, iterations)
+    def cases(
+        self, objects: int, seeds: int, iterations: int, meshes: Sequence[Path] = ()
+    ) -> "Sequence[Case]":
+        """Return the cases for that many objects: sample objects, or ``meshes``, files of one's own."""
+        from digs_warp.study.scenes import objects as named
+
+        return self._module().cases(named(objects, self.first, meshes), seeds, iterations)
+
+    def run(
+        self,
+        cases: "Sequence[Case]",
+        folder: Path,
+        engine: EngineConfig | None = None,
+        budget: float | None = None,
+    ) -> str:
+        """Measure the cases that have no result in ``folder`` yet, draw the report, and say where it is.
+
+        Raises:
+            DigsError: the folder holds something else: the report would replace files of the same names.
+        """
+        from digs_warp.engines.task import RESULTS
+        from digs_warp.study.engine.chain import CAPTURES, run_case
+        from digs_warp.study.engine.runner import run_cases
+
+        if folder.is_dir() and any(folder.iterdir()):
+            if not any((folder / name).exists() for name in (RESULTS, CAPTURES)):
+                raise DigsError(
+                    f"--out '{folder}': the folder is not empty and holds no study; name another folder"
+                )
+        outcome = run_cases(cases, folder, measure=run_case, engine=engine, budget=budget)
+        return f"{outcome}\nreport: {self.report(folder)}"
 
     def sections(self, records: Sequence[Any]) -> "Sequence[Section]":
         """Return the content of the report for the records of successful cases."""
@@ -62,8 +97,8 @@ class Study:
         if not good:
             errors = "; ".join(sorted({record["error"] for record in records})) or "there are none"
             raise DigsError(
-                f"study '{folder / RESULTS}': no case ended well: {errors}; measure some with 'digs-warp "
-                f"study run {self.name}'"
+                f"study '{folder / RESULTS}': no case ended well: {errors}; measure some with "
+                f"'{self.command} run {self.name}'"
             )
         failed = len(records) - len(good)
         intro = f"{self.summary[0].upper()}{self.summary[1:]}. {counted(len(good), 'case')}"
@@ -73,8 +108,7 @@ class Study:
         return write_pages(self.title, intro, self.sections(good), folder)
 
     def _module(self) -> Any:
-        name = self.name.replace("-", "_")
-        return importlib.import_module(f"digs_warp.study.studies.{name}")
+        return importlib.import_module(f"{self.package}.{self.name.replace('-', '_')}")
 
 
 STUDIES = (
@@ -100,55 +134,16 @@ STUDIES = (
         objects=1,
         iterations=300,
     ),
-    Study(
-        "ablation",
-        "The value of each component of the start",
-        "the paper's Highdepth without one component, or with one addition: points, scale, quality along the "
-        "iterations",
-        objects=2,
-        iterations=1000,
-    ),
-    Study(
-        "camera",
-        "The camera in the training",
-        "what the training knows of exposure, poses, shutter, blur, rims, depth and gloss: nothing, "
-        "everything, and all but one part, for six kinds of recordings",
-        objects=6,
-        iterations=300,
-    ),
-    Study(
-        "segmentation",
-        "Wrong masks",
-        "spoiled object masks at rising strength, by strategy",
-        objects=1,
-        iterations=1000,
-    ),
-    Study(
-        "few-views",
-        "Few views",
-        "3 to 24 views: a start from the sensor's depth beside sparse and random points, with and without "
-        "depth in the loss",
-        objects=6,
-        iterations=500,
-    ),
-    Study(
-        "scaling",
-        "How the work grows",
-        "seconds and memory by frames, pixels, splats and threads, with fitted laws and plans from them",
-        objects=1,
-        iterations=200,
-    ),
 )
 
 
-def find_study(name: str) -> Study:
+def find_study(name: str, studies: Sequence[Study] = STUDIES) -> Study:
     """Return the study of that name.
 
     Raises:
         DigsError: there is none.
     """
-    for study in STUDIES:
-        if study.name == name:
-            return study
-    known = [study.name for study in STUDIES]
-    raise DigsError(f"study '{name}': no such study{did_you_mean(name, known)}")
+    by_name = {study.name: study for study in studies}
+    if name not in by_name:
+        raise DigsError(f"study '{name}': no such study{did_you_mean(name, by_name)}")
+    return by_name[name]

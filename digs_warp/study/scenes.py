@@ -1,13 +1,14 @@
 """The objects that studies record: the built-in one, and meshes of the sample data where it is present."""
 
 import os
-from collections.abc import Sequence
-from dataclasses import replace
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 from digs_warp.checks import DigsError
-from digs_warp.sim.config import SimulateConfig
+
+# Settings of a recording by the name of the object.
+Objects = Mapping[str, Mapping[str, Any]]
 
 BUILT_IN = "built-in vase"
 
@@ -39,50 +40,32 @@ def voxel_size(strategy: str) -> float:
     return COARSE_VOXEL if strategy == "depth" else VOXEL
 
 
-def with_meshes(
-    recording: SimulateConfig, meshes: Sequence[str], data: Path | None, bench: str
-) -> dict[str, SimulateConfig]:
-    """Return the recording of each sample mesh that is there, by its name.
+def objects(count: int, first: Sequence[str] = (), meshes: Sequence[Path] = ()) -> Objects:
+    """Return up to ``count`` objects by name, as settings of a recording.
+
+    Without meshes these are sample objects, the built-in object last; without sample data it is alone.
 
     Args:
-        recording: of every mesh.
-        meshes: names of sample meshes.
-        data: folder of the sample data; None: DIGS_WARP_SAMPLE_DATA or ../shared/data.
-        bench: the benchmark that asks, for the message.
+        count: how many.
+        first: sample objects that come before the others.
+        meshes: files of one's own; then these are the objects.
 
     Raises:
-        DigsError: none of the meshes is there.
-    """
-    data = data or sample_data()
-    present = [mesh for mesh in meshes if (data / "meshes" / mesh).is_dir()]
-    if not present:
-        raise DigsError(f"bench {bench}: no sample meshes in '{data}'; {SEE_SAMPLE_DATA}")
-    surround = data / "envs" / ENVIRONMENT / f"{ENVIRONMENT}_1k.hdr"
-    environment = surround if surround.is_file() else None
-    return {
-        mesh: replace(
-            recording, mesh=data / "meshes" / mesh / f"{mesh}.glb", environment=environment
-        )
-        for mesh in present
-    }
-
-
-def objects(count: int, first: Sequence[str] = ()) -> dict[str, dict[str, Any]]:
-    """Return ``count`` objects by name, as settings of a recording.
-
-    Without sample data there is the built-in object alone.
-
-    Args:
-        count: how many; the built-in object comes last.
-        first: sample objects that come before the others.
+        DigsError: two meshes with the same name.
     """
     data = sample_data()
     environment = data / "envs" / ENVIRONMENT / f"{ENVIRONMENT}_1k.hdr"
     surround = {"environment": environment} if environment.is_file() else {}
-    found: dict[str, dict[str, Any]] = {}
-    for name in dict.fromkeys((*first, *SAMPLE_OBJECTS)):
-        mesh = data / "meshes" / name / f"{name}.glb"
-        if mesh.is_file():
-            found[name] = {"mesh": mesh, "object_size": OBJECT_SIZE} | surround
-    found[BUILT_IN] = {}
+    if len({mesh.stem for mesh in meshes}) < len(meshes):
+        raise DigsError("--meshes: two files with the same name; results are told apart by it")
+    files = list(meshes) or [
+        mesh
+        for name in dict.fromkeys((*first, *SAMPLE_OBJECTS))
+        if (mesh := data / "meshes" / name / f"{name}.glb").is_file()
+    ]
+    found: dict[str, dict[str, Any]] = {
+        mesh.stem: {"mesh": mesh, "object_size": OBJECT_SIZE} | surround for mesh in files
+    }
+    if not meshes:
+        found[BUILT_IN] = {}
     return dict(list(found.items())[:count])

@@ -190,10 +190,6 @@ KINDS = (
         *_settings("simulate", "--out", "x"), *_settings("reconstruct", "x", "--out", "x"),
         Input("settings", "camera.yaml", (PLAN,)),
         Input("study", "results.jsonl", ("study report tradeoff --out .",)),
-        *(
-            Input("study", name, ("preference evaluate answers.csv --key key.json",))
-            for name in ("key.json", "answers.csv")
-        ),
     )),
 )  # fmt: skip
 

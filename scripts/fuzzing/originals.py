@@ -18,7 +18,6 @@ from digs_warp.data.gaussians import Gaussians
 from digs_warp.data.images import write_image
 from digs_warp.formats.splats.files import write_splat_file
 from digs_warp.show.film.video import write_video
-from digs_warp.study.preference.design import design, save_key
 from fuzzing.recordings import write_euroc, write_seven_scenes
 
 PUBLISHED_STUDY = Path(__file__).resolve().parents[2] / "docs/study/tradeoff/results.jsonl"
@@ -266,19 +265,10 @@ class Originals:
         (folder / "camera.yaml").write_text(yaml.safe_dump(profile))
 
     def _study(self, folder: Path) -> None:
-        """Results of a study, and the key and answers of a preference kit."""
+        """Results of a study."""
         folder.mkdir()
         lines = PUBLISHED_STUDY.read_text().splitlines()[:6]
         (folder / "results.jsonl").write_text("\n".join(lines) + "\n")
-        save_key(
-            design(["a", "b"], ["default", "highdepth", "fusion", "random"]), folder / "key.json"
-        )
-        rows = [
-            f"p{v},{v},{q},{choice}" for v in (1, 2, 3, 4) for q, choice in ((1, "A"), (2, "B"))
-        ]
-        (folder / "answers.csv").write_text(
-            "participant,version,question,choice\n" + "\n".join(rows) + "\n"
-        )
 
 
 def _digs_warp(*words: str | Path, ends_with: int = 0) -> None:

@@ -1,7 +1,7 @@
 """Compare our views and gradients with gsplat's PyTorch functions, on the CPU, in one run; print two tables.
 
     pip install torch==2.13.0 && pip install --no-deps gsplat jaxtyping wadler_lindig rich
-    python scripts/peers/gsplat_gradients.py
+    python -m scripts.peers.gsplat_gradients
 
 Of gsplat's PyTorch reference, the projection and the spherical harmonics run on a CPU; its pixels need CUDA
 (the lists of pixels per splat and nerfacc's scans have no other version). So the first table takes projection
@@ -22,8 +22,8 @@ from digs_warp.geometry.camera import Camera, Intrinsics
 from digs_warp.splat.config import DEFAULT_OPTIONS
 from digs_warp.splat.device import DeviceGaussians
 from digs_warp.splat.render import SplatRenderer
-from digs_warp.study.results import Result, format_tables
-from digs_warp.study.timing import best_ms
+from studies.results import Result, format_tables
+from studies.timing import best_ms
 
 NEAR = 0.2
 ROUNDS = 7

@@ -1,7 +1,7 @@
 """Write the same Gaussians with NVIDIA's usd-convert-gsplat and with this package, in one run; print a table.
 
     python -m venv /tmp/other && /tmp/other/bin/pip install usd-convert-gsplat usd-core
-    python scripts/peers/usd_writers.py /tmp/other/bin/usd-convert-gsplat --splats 100000
+    python -m scripts.peers.usd_writers /tmp/other/bin/usd-convert-gsplat --splats 100000
 
 The other program pins its own NumPy and reads a PLY, so it runs in its own environment; its time contains its
 start and the reading of the PLY, and so does ours, started as a separate process. Our reader then reads
@@ -16,14 +16,11 @@ import tempfile
 from pathlib import Path
 
 from digs_warp.formats.splats.files import write_splat_file
-from digs_warp.study.bench_usd import random_splats
-from digs_warp.study.machine import processor
-from digs_warp.study.results import Result, format_tables, tables
-from digs_warp.study.timing import Stopwatch
+from digs_warp.study.timing import Stopwatch, processor
 from digs_warp.usd.diff import differences
-
-sys.path.append(str(Path(__file__).resolve().parent.parent))
-from page_marks import fill
+from scripts.page_marks import fill
+from studies.results import Result, format_tables, tables
+from studies.usd_files import random_splats
 
 
 def main() -> None:

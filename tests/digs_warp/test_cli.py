@@ -34,8 +34,8 @@ def our_folder(path: Path) -> Path:
         ["simulate", "--out", "x", "--frames", "0"],
         ["simulate", "--out", "x", "--tier", "perfect"],
         ["simulate", "--out", "x", "--resume", "--overwrite"],
-        ["bench", "nonsense"],
-        ["bench"],
+        ["study", "run", "nonsense"],
+        ["study"],
         ["simulate", "--quiet", "--verbose", "--out", "x"],
     ],
 )
@@ -145,7 +145,7 @@ def test_the_installed_command_prints_results_to_stdout_and_complaints_to_stderr
     assert bad.stderr.startswith("digs-warp: ")
 
 
-@pytest.mark.parametrize("arguments", [["--help"], ["bench", "--help"], ["--version-of-nothing"]])
+@pytest.mark.parametrize("arguments", [["--help"], ["study", "--help"], ["--version-of-nothing"]])
 def test_a_reader_that_goes_away_is_no_error_to_talk_about(arguments: list[str]):
     program = "import sys; from digs_warp.cli import main; sys.exit(main())"
     reading, writing = os.pipe()

@@ -1,6 +1,6 @@
 import numpy as np
 
-from digs_warp.study.bench_usd import bench_usd
+from studies.usd_files import bench_usd
 
 
 def test_every_precision_is_measured_and_files_are_the_arrays_and_little_else():

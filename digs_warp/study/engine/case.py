@@ -18,9 +18,7 @@ class Case:
 
     Attributes:
         labels: what the study varies, for its tables: ``{"object": "avocado", "strategy": "fusion"}``.
-        recording: settings of `digs_warp.sim.config.SimulateConfig` that differ from the default; or, of a
-            real recording, ``real`` (its name in `digs_warp.study.real_recordings`) and ``frames`` (how many
-            of its frames, evenly spread).
+        recording: settings of `digs_warp.sim.config.SimulateConfig` that differ from the default.
         reconstruction: dotted settings of `digs_warp.pipeline.reconstruct.ReconstructConfig` that differ.
         effort: estimated time relative to the other cases of the study, for the time budget.
         threads: CPU threads; None: those of the runner.
@@ -45,11 +43,6 @@ class Case:
     def recording_key(self) -> str:
         """Cases with the same key share one recording."""
         return digest(self.recording)
-
-    @property
-    def real(self) -> str | None:
-        """The name of the real recording; None: it is a simulated one."""
-        return self.recording.get("real")
 
     @property
     def name(self) -> str:

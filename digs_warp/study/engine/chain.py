@@ -16,18 +16,17 @@ import numpy as np
 
 from digs_warp.data.capture import Capture
 from digs_warp.data.frame import Frame
-from digs_warp.data.point_cloud import PointCloud
 from digs_warp.data.posed_frames import PosedFrames
 from digs_warp.poses.from_images.config import SfmConfig
 from digs_warp.record.digest import digest
 from digs_warp.record.files import copy_folder, read_json, to_json, write_atomically
 from digs_warp.record.lock import taking_turns
 from digs_warp.record.results import to_json as record_json
-from digs_warp.record.run_log import RunLog, RunRecord, versions
+from digs_warp.record.run_log import RunRecord, versions
 from digs_warp.sim.config import SimulateConfig
 from digs_warp.study.engine.case import Case, with_settings
 from digs_warp.study.engine.perturb import perturbed_capture
-from digs_warp.study.engine.placement import mesh_in_place, motion_to_truth
+from digs_warp.study.engine.placement import mesh_in_place, motion_to_truth, pose_pixels
 from digs_warp.study.engine.scores import (
     YARDSTICK,
     psnr_in_place,
@@ -35,10 +34,7 @@ from digs_warp.study.engine.scores import (
     score_finishes,
     score_on_yardstick,
 )
-from digs_warp.study.machine import processor
-from digs_warp.study.pose_pixels import pose_pixels
-from digs_warp.study.real_recordings import few_frames
-from digs_warp.study.timing import Stopwatch
+from digs_warp.study.timing import Stopwatch, processor
 
 if TYPE_CHECKING:
     from digs_warp.pipeline.reconstruct import ReconstructConfig
@@ -59,16 +55,9 @@ SFM_PER_METRE = 1.37
 # Points within this distance [m] of the true surface count as on it.
 SURFACE_THRESHOLD = 0.005
 
-# What a real recording has instead of comparisons with the truth.
-_NO_TRUTH: dict[str, Any] = {"yardstick": {}, "finishes": {}, "scale_error": None, "surface": {}}
-
 
 def record_case(case: Case, folder: Path) -> Capture:
     """Return the recording of a case; it is made when the study's ``folder`` does not hold it yet."""
-    if case.real is not None:
-        recording = folder / CAPTURES / case.recording_key
-        with taking_turns(recording):
-            return few_frames(case.real, case.recording["frames"], recording)
     return _recorded(with_settings(SimulateConfig(), case.recording), case.recording_key, folder)
 
 
@@ -81,8 +70,7 @@ def run_case(case: Case, folder: Path) -> dict[str, Any]:
     `engine.scores`), ``scale_error`` (share that the scale is missed by), ``seconds`` (of stages; compiling
     kernels apart), ``cpu_seconds`` (of all threads, for everything but the recording and structure from
     motion: does not depend on what else the machine does), ``recording_seconds``, ``results`` (counts),
-    ``memory_mb`` (peak of this process), ``versions``, ``machine``. What needs the truth (yardstick,
-    surface, finishes, scale) is empty for a real recording.
+    ``memory_mb`` (peak of this process), ``versions``, ``machine``.
 
     Args:
         case: its recording is taken from the study's ``folder`` or made there; structure from motion with
@@ -103,7 +91,7 @@ def run_case(case: Case, folder: Path) -> dict[str, Any]:
     measured = _measure(result)
     if _is_shared(config) and MATCHING in measured["seconds"]:  # it read what is there
         measured["seconds"][MATCHING] = _matching_seconds(case, config, folder)
-    measured |= _NO_TRUTH if case.real else _against_truth(case, config, capture, result, folder)
+    measured |= _against_truth(case, config, capture, result, folder)
     measured |= {
         "cpu_seconds": round(watch.cpu_seconds, 3),
         "recording_seconds": _recording_seconds(capture),
@@ -114,24 +102,6 @@ def run_case(case: Case, folder: Path) -> dict[str, Any]:
     measured["seconds"]["compile kernels"] = round(compiling, 3)
     shutil.rmtree(work)
     return measured
-
-
-def start_of_case(case: Case, folder: Path) -> tuple[Capture, PosedFrames, PointCloud]:
-    """Return the recording of a case, its frames as posed, and the points to start from; nothing is trained.
-
-    Args:
-        case: as in `run_case`.
-        folder: of the study; recordings and structure from motion are taken from there, or left there.
-    """
-    from digs_warp.pipeline.front_end import front_end
-    from digs_warp.pipeline.reconstruct import ReconstructConfig
-
-    capture = record_case(case, folder)
-    config = with_settings(ReconstructConfig(), case.reconstruction)
-    work = _workplace(case, capture, config, folder)
-    prepared = front_end(capture, config, work, RunLog("reconstruct", config))
-    shutil.rmtree(work)
-    return capture, prepared.poses.posed, prepared.start.points
 
 
 def _workplace(case: Case, capture: Capture, config: "ReconstructConfig", folder: Path) -> Path:
@@ -247,7 +217,7 @@ def _scale_error(capture: Capture, config: "ReconstructConfig", posed: PosedFram
     from digs_warp.init.local_scales import local_scales
     from digs_warp.init.scale import estimate_scale
     from digs_warp.poses.from_images.similarity import umeyama
-    from digs_warp.study.synthetic_sfm import sfm_from_truth
+    from digs_warp.study.engine.synthetic_sfm import sfm_from_truth
 
     if config.sfm.poses == "sfm":
         true = {frame.name: frame.camera.center_world for frame in capture.frames}

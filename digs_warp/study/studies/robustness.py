@@ -19,7 +19,7 @@ from digs_warp.study.engine.records import (
     tabulate,
 )
 from digs_warp.study.page import Section
-from digs_warp.study.scenes import objects, voxel_size
+from digs_warp.study.scenes import Objects, voxel_size
 from digs_warp.study.table import Table
 
 # The largest first: it shows whether an effect matters at all.
@@ -34,7 +34,7 @@ ALL, NONE = "all together", "none"
 RECORDING: dict[str, Any] = {"frames": 24, "width": 400, "height": 225, "samples_per_pixel": 2}
 
 
-def cases(objects_count: int = 1, seeds: int = 1, iterations: int = 300) -> list[Case]:
+def cases(objects: Objects, seeds: int = 1, iterations: int = 300) -> list[Case]:
     """Return the cases: no effect and all of them for every strategy, then each effect for the main one."""
     from digs_warp.sim.record.sensor_plan import ALL_EFFECT_NAMES
 
@@ -50,7 +50,7 @@ def cases(objects_count: int = 1, seeds: int = 1, iterations: int = 300) -> list
         _case(name, scene, effect, strength, strategy, seed, iterations)
         for seed in range(seeds)
         for effect, strength, strategy in settings
-        for name, scene in objects(objects_count).items()
+        for name, scene in objects.items()
     ]
 
 

@@ -1,7 +1,6 @@
 """What accuracy costs in time: each knob of the chain alone, and the Pareto front of all settings."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from digs_warp.study.charts import Chart, Curve
@@ -14,7 +13,7 @@ from digs_warp.study.engine.records import (
     pareto_front,
 )
 from digs_warp.study.page import Section
-from digs_warp.study.scenes import OBJECT_SIZE, VOXEL, objects, voxel_size
+from digs_warp.study.scenes import VOXEL, Objects, voxel_size
 from digs_warp.study.studies import held_surface
 from digs_warp.study.studies.finishes import finish_sections
 from digs_warp.study.table import Table
@@ -48,9 +47,6 @@ KNOBS: dict[str, tuple[str, str, Sequence[Any]]] = {
 # These only matter with estimated poses, and are compared with them.
 OF_SFM = ("features per image", "pairs of images")
 
-# Settings that belong to the measured scene and walk.
-OF_THE_SCENE = ("mesh", "environment", "object_size", "seed", "train.seed")
-
 # Realism of the recording: shown, but not a setting to choose for its quality.
 REALISM = ("sensor tier",)
 
@@ -72,22 +68,22 @@ BUYS = {
 }
 
 
-def cases(objects_count: int = 2, seeds: int = 1, iterations: int = 500) -> list[Case]:
+def cases(objects: Objects, seeds: int = 1, iterations: int = 500) -> list[Case]:
     """Return the usual settings, then one knob turned at a time; one object after the other."""
     usual = RECONSTRUCTION | {"train.stop.iterations": iterations}
     turned = [(knob, value) for knob, (_, _, values) in KNOBS.items() for value in values]
     return [
         _case(name, recording, knob, value, seed, usual)
         for seed in range(seeds)
-        for name, recording in objects(objects_count).items()
+        for name, recording in objects.items()
         for knob, value in [(USUAL, ""), *turned]
     ]
 
 
 def _case(
-    name: str, scene: dict[str, Any], knob: str, value: Any, seed: int, usual: dict[str, Any]
+    name: str, scene: Mapping[str, Any], knob: str, value: Any, seed: int, usual: dict[str, Any]
 ) -> Case:
-    recording = scene | RECORDING | {"seed": seed}
+    recording = {**scene, **RECORDING, "seed": seed}
     reconstruction = usual | {"train.seed": seed}
     if knob != USUAL:
         part, setting, _ = KNOBS[knob]
@@ -125,45 +121,6 @@ def total_seconds(record: Record) -> float:
         s for name, s in stages if name not in ("compile kernels", "measure course")
     )
     return reconstruction + sum(record["recording_seconds"].values())
-
-
-@dataclass(frozen=True)
-class Best:
-    """The best setting within a time.
-
-    Attributes:
-        name: what was turned, in words.
-        settings: of recording and reconstruction, without the scene and the seeds.
-        seconds: time of the whole chain.
-        quality: PSNR on the object [dB] in views of a perfect camera.
-    """
-
-    name: str
-    settings: dict[str, Any]
-    seconds: Spread
-    quality: Spread
-
-
-def best_within(records: Sequence[Record], budget: float) -> Best | None:
-    """Return the setting of the highest quality whose mean time is within ``budget`` seconds."""
-    measured = _choices(_measured(records))
-    within = {key: m for key, m in measured.items() if m[0].mean <= budget}
-    if not within:
-        return None
-    key = max(within, key=lambda k: within[k][1].mean)
-    record = group_by(records, "knob", "value")[key][0]
-    settings = {**record["recording"], **record["reconstruction"]}
-    kept = {n: v for n, v in settings.items() if n not in OF_THE_SCENE}
-    if "init.voxel_size" in kept:  # objects of other sizes need other voxels
-        kept["init.voxel_size"] /= OBJECT_SIZE
-        kept["init.voxel_unit"] = "object"
-    return Best(name_of(key), kept, *within[key])
-
-
-def least_seconds(records: Sequence[Record]) -> float:
-    """Return the mean time of the fastest setting [s]; NaN without any."""
-    measured = _choices(_measured(records)).values()
-    return min((seconds.mean for seconds, _ in measured), default=float("nan"))
 
 
 Measured = dict[tuple[Any, ...], tuple[Spread, Spread]]

@@ -21,7 +21,7 @@ wp.set_module_options(vector_module_options())
 
 # Odds that a match is within a pixel of the truth: BASE + ODDS (rival - cost) / (cost + FLOOR)^2.5. Even
 # where nothing tells it from its rivals, it is right that often. Maximum likelihood, exponents rounded, on
-# matches within the range of the camera on every other sample mesh (`scripts/tune_guided.py`).
+# matches within the range of the camera on every other sample mesh.
 BASE = 0.64
 ODDS = 37.7
 FLOOR = 0.25

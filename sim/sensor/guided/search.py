@@ -1,5 +1,10 @@
 """The band-limited search of a pair: strips of the image, a launch for all."""
 
+# Warp's stubs do not type device code.
+# pyright: reportArgumentType=false, reportAttributeAccessIssue=false, reportCallIssue=false
+# pyright: reportGeneralTypeIssues=false, reportInvalidTypeForm=false, reportOperatorIssue=false
+# pyright: reportIndexIssue=false
+
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,6 +15,7 @@ from digs_warp.device.kernel_options import vector_module_options
 from digs_warp.device.parallel import launch_parallel, packed
 from digs_warp.device.warp_start import start_warp
 from digs_warp.sim.sensor.guided.blocks import BLOCK, BLOCKS, MAX_BLOCKS, choose_blocks
+from digs_warp.sim.sensor.guided.coarse import coarse_half_blocks
 from digs_warp.sim.sensor.guided.costs import LARGEST_WINDOW, TILE_COLUMNS, TILE_ROWS, tile_costs
 from digs_warp.sim.sensor.guided.easy import easy_squares
 from digs_warp.sim.sensor.guided.islands import drop_islands
@@ -27,45 +33,7 @@ from digs_warp.sim.sensor.matcher import (
     LARGE_STEP,
     LEFT_RIGHT,
     SMALL_STEP,
-    match,
 )
-
-# The full search runs on images this many times smaller; there, a block is one disparity.
-COARSE = BLOCK
-
-
-def coarse_half_blocks(left: np.ndarray, right: np.ndarray, count: int, window: int) -> np.ndarray:
-    """Return what a full search of small images prefers, in half blocks, int32, -1 where it finds none.
-
-    Without its checks: a wrong match in repeating or missing texture is what the pixel should try.
-
-    Args:
-        left: gray image, (height, width), uint8.
-        right: of the same size.
-        count: of the blocks in the search range.
-        window: width of the matching window [px].
-
-    Returns:
-        One for every 8 x 8 pixels: twice the block, plus one in its upper half.
-    """
-    import cv2
-
-    height, width = left.shape
-    size = (max(1, width // COARSE), max(1, height // COARSE))
-    small, small_right = (
-        cv2.resize(image, size, interpolation=cv2.INTER_AREA) for image in (left, right)
-    )
-    disparities = -(-count // 16) * 16
-    found = match(small, small_right, disparities, window, checks=False)
-    found[~(found < count)] = -1
-    return np.floor(2 * found).clip(-1).astype(np.int32)
-
-
-# Warp's stubs do not type device code.
-# pyright: reportArgumentType=false, reportAttributeAccessIssue=false, reportCallIssue=false
-# pyright: reportGeneralTypeIssues=false, reportInvalidTypeForm=false, reportOperatorIssue=false
-# pyright: reportIndexIssue=false
-
 
 start_warp()
 wp.set_module_options(vector_module_options())
@@ -77,7 +45,7 @@ STRIP_ROWS = 180
 WARM_UP = 16
 
 # By how much a match must be better than its best rival [%]. The full search asks for 10; three more stand
-# for the rivals that are not tried: as many pixels are then missing (`scripts/tune_guided.py`).
+# for the rivals that are not tried: as many pixels are then missing.
 UNIQUENESS = 13
 
 _LANES = wp.constant(BLOCKS * BLOCK)

@@ -160,13 +160,6 @@ def test_a_file_is_not_replaced_by_what_is_made_from_it(tmp_path: Path) -> None:
     assert mesh.read_text() == "v 0 0 0"
 
 
-def test_a_benchmark_replaces_a_file_only_when_told(tmp_path: Path) -> None:
-    precious = tmp_path / "precious.json"
-    precious.write_text("precious")
-    assert main(["bench", "sfm", "--json", str(precious)]) == EXIT_BAD_INPUT
-    assert precious.read_text() == "precious"
-
-
 def test_a_link_among_the_devices_is_not_replaced(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -13,13 +13,11 @@ import pytest
 
 from digs_warp import cli
 from digs_warp.cli import EXIT_OK, EXIT_WRONG_USAGE, main
-from digs_warp.commands.bench import Bench, BenchWithPicture
 from digs_warp.commands.command import COMMANDS, Command, Group, Node, Preset
 from digs_warp.commands.output import OutputFolder
 from digs_warp.commands.settings_file import alternatives, settings_of
 from digs_warp.commands.simulate import Simulate
 from digs_warp.commands.study import RunStudy
-from digs_warp.study.benchmarks import BENCHMARKS
 from digs_warp.study.catalogue import STUDIES
 
 
@@ -32,7 +30,7 @@ def names_below(group: Group) -> Iterator[list[str]]:
 
 
 ALL = list(names_below(COMMANDS))
-GROUPS = [[], ["usd"], ["bench"], ["study"], ["study", "run"], ["study", "report"], ["preference"]]
+GROUPS = [[], ["usd"], ["study"], ["study", "run"], ["study", "report"]]
 each_command = pytest.mark.parametrize("command", ALL, ids=" ".join)
 
 
@@ -98,23 +96,7 @@ def test_hidden_flags_still_work() -> None:
     assert command.output == OutputFolder(out=Path("x"))
 
 
-def test_a_benchmark_says_what_it_measures(capsys: pytest.CaptureFixture[str]) -> None:
-    for benchmark in BENCHMARKS:
-        text = "\n".join(help_lines(["bench", benchmark.name, "--help"], capsys))
-        assert benchmark.summary[1:] in text
-        assert ("--plot" in text) == bool(benchmark.chart_function)
-        assert ("--only" in text) == bool(benchmark.cases)
-        assert all(case in text for case in benchmark.cases)
-
-
-# Commands of commands
-
-
-def test_every_benchmark_and_study_is_a_command() -> None:
-    for benchmark in BENCHMARKS:
-        command = cli.parse(["bench", benchmark.name])
-        assert isinstance(command, BenchWithPicture if benchmark.chart_function else Bench)
-        assert command.name == benchmark.name
+def test_every_study_is_a_command() -> None:
     for study in STUDIES:
         command = cli.parse(["study", "run", study.name, "--seeds", "3"])
         assert isinstance(command, RunStudy)
@@ -129,7 +111,6 @@ def test_every_benchmark_and_study_is_a_command() -> None:
     ("words", "suggestion"),
     [
         (["simulte"], "did you mean 'simulate'?"),
-        (["bench", "rastr"], "did you mean 'raster'?"),
         (["study", "run", "tradof"], "did you mean 'tradeoff'?"),
         (["usd", "vaildate"], "did you mean 'validate'?"),
         (["convert", "a", "--out", "x", "--to", "gsplat"], "expected one of colmap"),
@@ -161,9 +142,7 @@ def test_a_close_miss_is_suggested_in_a_few_lines(
     assert len(captured.err.splitlines()) <= 16
 
 
-@pytest.mark.parametrize(
-    ("words", "known"), [(["qqq"], "reconstruct"), (["bench", "qqq"], "raster"), (["usd"], "diff")]
-)
+@pytest.mark.parametrize(("words", "known"), [(["qqq"], "reconstruct"), (["usd"], "diff")])
 def test_without_a_close_miss_the_error_says_what_there_is(
     words: list[str], known: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -183,12 +162,6 @@ def test_without_a_close_miss_the_error_says_what_there_is(
         ),
         (["run", "--out", "x", "--test-every", "1"], "--test-every: 1, expected 2 to 1,000,000"),
         (["reconstruct", "a", "--out", "x", "--test-every", "0"], "--test-every: 0, expected 2"),
-        (["preference", "make", "--out", "x"], "ITEM: none given, expected at least one folder"),
-        (
-            ["preference", "make", "a", "--out", "x", "--width", "1"],
-            "--width: 1, expected 16 to 8,192",
-        ),
-        (["preference", "evaluate", "--key", "k"], "SHEET: none given"),
         (["study", "run", "tradeoff", "--seeds", "0"], "--seeds: 0, expected 1 to 1,000"),
     ],
 )
@@ -217,7 +190,6 @@ REQUIRED = {
         "usd diff": "a b",
     },
     **{"sensor fit": "a --out x", "sensor wall": "--out x"},
-    **{"preference make": "a --out x", "preference evaluate": "a --key k"},
 }
 
 

@@ -26,7 +26,7 @@ from digs_warp.sim.config import SimulateConfig
 from digs_warp.sim.record.inputs import load_inputs
 from digs_warp.sim.record.session import prepare_session
 from digs_warp.sim.sensor.frame import FrameTruth
-from digs_warp.study.synthetic_sfm import (
+from digs_warp.study.engine.synthetic_sfm import (
     sfm_from_truth,
     with_disparity_offset,
     with_wrong_baseline,

@@ -21,7 +21,7 @@ from digs_warp.init.local_scales import local_scales
 from digs_warp.init.random_points import random_points
 from digs_warp.init.recipes import initialize
 from digs_warp.init.scale import estimate_scale
-from digs_warp.study.synthetic_sfm import sfm_from_truth
+from digs_warp.study.engine.synthetic_sfm import sfm_from_truth
 from reference.ball_capture import INTRINSICS, RADIUS, ball_views, write_capture
 
 SFM_PER_METRE = 2.5

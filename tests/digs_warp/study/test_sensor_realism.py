@@ -14,9 +14,11 @@ from digs_warp.sim.fit.known_frame import WarpedRays
 from digs_warp.sim.sensor.frame import FrameTruth
 from digs_warp.sim.sensor.scores import score
 from digs_warp.sim.sensor.tiers import sense
-from digs_warp.study.real_pair import load_motorcycle
-from digs_warp.study.realism_scenes import Scene, places
-from digs_warp.study.realism_scores import (
+from reference.recorded_scenes import RecordedScene, record_scene
+from reference.stereo_pairs import bad_by_edge_distance
+from studies.real_pair import load_motorcycle
+from studies.realism_scenes import Scene, places
+from studies.realism_scores import (
     Trust,
     agreement,
     autocorrelation,
@@ -29,8 +31,6 @@ from digs_warp.study.realism_scores import (
     small_hole_share,
     temporal_share,
 )
-from reference.recorded_scenes import RecordedScene, record_scene
-from reference.stereo_pairs import bad_by_edge_distance
 
 # Object and surround of the sample data: wood on a tiled floor, a painted cow in the woods.
 SAMPLES = {"painted_stool": "st_fagans_interior", "spot": "forest_slope"}

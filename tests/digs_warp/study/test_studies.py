@@ -1,19 +1,20 @@
 """The studies: cases that differ, and one study end to end."""
 
-import json
 import shlex
 from pathlib import Path
+from typing import Any
 
 import pytest
 
+from digs_warp.checks import DigsError
 from digs_warp.cli import main
 from digs_warp.engines.task import RESULTS
 from digs_warp.pipeline.reconstruct import ReconstructConfig
 from digs_warp.sim.config import SimulateConfig
-from digs_warp.study.catalogue import STUDIES, Study
+from digs_warp.study.catalogue import STUDIES, Study, find_study
 from digs_warp.study.engine.case import Case, with_settings
-
-BY_NAME = {study.name: study for study in STUDIES}
+from digs_warp.study.engine.store import Store
+from digs_warp.study.page import write_pages
 
 
 @pytest.mark.parametrize("study", STUDIES, ids=lambda study: study.name)
@@ -21,49 +22,104 @@ def test_cases_differ_and_their_settings_are_accepted(study: Study) -> None:
     cases = study.cases(2, 2, 300)
     assert len({case.key for case in cases}) == len(cases) > 10
     for case in cases:
-        if case.real is None:
-            with_settings(SimulateConfig(), case.recording)
+        with_settings(SimulateConfig(), case.recording)
         config = with_settings(ReconstructConfig(), case.reconstruction)
         if case.labels.get("knob") != "iterations" and case.effort == 1:
             assert config.train.stop.iterations == 300
 
 
-def test_a_study_is_measured_resumed_and_drawn(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    """Segmentation, with a recording so small that only the machinery is tested."""
-    from digs_warp.study.studies import segmentation
+SMALL = {"frames": 6, "width": 96, "height": 54, "samples_per_pixel": 1, "tier": "law"}
 
-    def few(objects_count: int, seeds: int, iterations: int) -> list[Case]:
-        return [
-            Case(
-                {"object": "vase", "mask error": error, "strategy": "highdepth", "seed": 0},
-                {"frames": 6, "width": 96, "height": 54, "samples_per_pixel": 1, "tier": "law"},
-                {"segment.masks": "degraded", "segment.mask_error": error}
-                | {"init.voxel_size": 0.02, "train.stop.iterations": iterations, "test_every": 3},
-            )
-            for error in (0.0, 2.0)
-        ]
 
-    monkeypatch.setattr(segmentation, "cases", few)
-    out = tmp_path / "out"
-    assert main(["study", "run", "segmentation", "--out", str(out), "--iterations", "4"]) == 0
-    assert "2 cases measured" in capsys.readouterr().out
-    records = [json.loads(line) for line in (out / RESULTS).read_text().splitlines()]
-    for record in records:
-        assert record["yardstick"]["psnr_object"] > 5
-        assert 0 < record["yardstick"]["depth_mae"] < 0.2
-        assert 0 < record["yardstick"]["depth_seen"] <= 1
-        assert 0 < record["surface"]["points"]["chamfer"] < 0.2
-        assert record["memory_mb"] > 100
-        assert record["course"][-1]["iteration"] == 4
-        assert record["seconds"]["train"] > 0
-    assert not list((out / "work").iterdir())
+@pytest.fixture(scope="module")
+def measured(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
+    """What two cases gave, with a recording so small that only the machinery is tested."""
+    cases = [
+        Case(
+            {
+                "object": "vase",
+                "effect": "none",
+                "strength": 0.0,
+                "strategy": "highdepth",
+                "seed": s,
+            },
+            SMALL,
+            {"init.voxel_size": 0.02, "train.stop.iterations": 4, "train.seed": s, "test_every": 3},
+            finishes=s == 0,
+        )
+        for s in (0, 1)
+    ]
+    out = tmp_path_factory.mktemp("study") / "out"
+    study = find_study("robustness")
+    assert study.run(cases, out).startswith("2 cases measured")
     before = (out / RESULTS).read_bytes()
-    assert main(["study", "run", "segmentation", "--out", str(out), "--iterations", "4"]) == 0
-    assert "2 were there before" in capsys.readouterr().out
+    assert "2 were there before" in study.run(cases, out)
     assert (out / RESULTS).read_bytes() == before
-    assert "Wrong masks" in (out / "report.md").read_text()
+    assert not list((out / "work").iterdir())
+    assert study.title in (out / "report.md").read_text()
+    with pytest.raises(DigsError, match="holds no study"):
+        study.run(cases, out / "plots")
+    return Store(out).finished()[0]
+
+
+def test_a_case_is_measured(measured: dict[str, Any]) -> None:
+    assert measured["yardstick"]["psnr_object"] > 5
+    assert 0 < measured["yardstick"]["depth_mae"] < 0.2
+    assert 0 < measured["yardstick"]["depth_seen"] <= 1
+    assert 0 < measured["surface"]["points"]["chamfer"] < 0.2
+    assert measured["memory_mb"] > 100
+    assert measured["course"][-1]["iteration"] == 4
+    assert measured["seconds"]["train"] > 0
+    assert {row["value"] for row in measured["finishes"]["precisions"]} >= {"float", "half"}
+
+
+@pytest.mark.parametrize("study", STUDIES, ids=lambda study: study.name)
+def test_a_report_is_drawn_from_some_or_all_records(
+    study: Study, measured: dict[str, Any], tmp_path: Path
+) -> None:
+    cases = study.cases(1, 1, 1000)
+    course = [measured["course"][-1] | {"iteration": i} for i in (100, 300, 500, 1000)]
+    records = [
+        measured | {"labels": case.labels, "reconstruction": case.reconstruction, "course": course}
+        for case in cases
+    ]
+    for count in (1, len(records)):
+        page = write_pages(study.title, "", study.sections(records[:count]), tmp_path / str(count))
+        assert page.stat().st_size > 3000
+    tables = [table for section in study.sections(records) for table in section.tables]
+    assert tables and all(len(row) == len(t.headings) for t in tables for row in t.rows)
+    assert any(table.rows for table in tables)
+
+
+def test_a_knob_is_priced_on_the_objects_that_both_settings_have(measured: dict[str, Any]) -> None:
+    """The second object is easier, and slower by a busier machine; a budget has cut off its knobs."""
+    records = []
+    for name, better, slowness in (("mug", 0.0, 1.0), ("boot", 10.0, 3.0)):
+        for knob, value, seconds, gain in (("usual", "", 10.0, 0.0), ("iterations", 100, 5.0, 1.5)):
+            if name == "boot" and knob != "usual":
+                continue
+            records.append(
+                measured
+                | {
+                    "labels": {"object": name, "knob": knob, "value": value, "seed": 0},
+                    "seconds": {"train": slowness * seconds, "compile kernels": 99.0},
+                    "recording_seconds": {},
+                    "yardstick": {"psnr_object_in_place": 20.0 + better + gain},
+                    "finishes": {},
+                }
+            )
+    sections = {section.title: section for section in find_study("tradeoff").sections(records)}
+    assert sections["Iterations"].tables[0].rows[0] == ["100", "10.0", "26.50", "-10.0", "+1.50"]
+    assert "Best: 100, +1.50 dB" in sections["Iterations"].text
+
+
+def test_meshes_of_ones_own_are_the_objects(tmp_path: Path) -> None:
+    mug = tmp_path / "mug.glb"
+    cases = find_study("robustness").cases(3, 1, 300, [mug])
+    assert {case.labels["object"] for case in cases} == {"mug"}
+    assert {case.recording["mesh"] for case in cases} == {mug}
+    with pytest.raises(DigsError, match="two files with the same name"):
+        find_study("robustness").cases(3, 1, 300, [mug, tmp_path / "other/mug.obj"])
 
 
 def test_all_studies_are_listed(capsys: pytest.CaptureFixture[str]) -> None:
@@ -74,7 +130,7 @@ def test_all_studies_are_listed(capsys: pytest.CaptureFixture[str]) -> None:
 
 def test_a_budget_leaves_out_cases(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Nothing fits into a tenth of a microsecond: the folder stays empty, and the report says so."""
-    arguments = ["study", "run", "segmentation", "--time-budget", "0.0000001s"]
+    arguments = ["study", "run", "tradeoff", "--time-budget", "0.0000001s"]
     assert main([*arguments, "--out", str(tmp_path / "out")]) == 1
     assert "no case ended well: there are none" in capsys.readouterr().err
 
@@ -86,7 +142,7 @@ def test_an_interrupted_study_says_how_to_go_on(
         raise KeyboardInterrupt
 
     monkeypatch.setattr("digs_warp.study.engine.runner.run_cases", interrupt)
-    arguments = ["study", "run", "segmentation", "--out", str(tmp_path)]
+    arguments = ["study", "run", "tradeoff", "--out", str(tmp_path)]
     assert main(arguments) == 130
     last_line = capsys.readouterr().err.splitlines()[-1]
     assert last_line.endswith(shlex.join(["digs-warp", *arguments]))

@@ -15,8 +15,8 @@ from digs_warp.sim.sensor.color.recorded import recorded_images
 from digs_warp.sim.sensor.effects import EFFECTS
 from digs_warp.sim.sensor.planner import override
 from digs_warp.sim.sensor.tiers import sense
-from digs_warp.study.realism_scenes import places
 from digs_warp.study.scenes import OBJECT_SIZE
+from studies.realism_scenes import places
 
 # Stated share of the pixels whose depth an effect on depth that is off would change.
 STATED = 0.002

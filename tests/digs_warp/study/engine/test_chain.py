@@ -12,8 +12,6 @@ import pytest
 from digs_warp.data.capture import Capture
 from digs_warp.data.posed_frames import PosedFrames
 from digs_warp.geometry.camera import Camera
-from digs_warp.init.config import InitConfig
-from digs_warp.init.recipes import initial_points
 from digs_warp.pipeline.reconstruct import ReconstructConfig
 from digs_warp.poses.from_images.config import SfmConfig
 from digs_warp.record.files import write_atomically
@@ -25,7 +23,6 @@ from digs_warp.study.engine.chain import (
     _matching_seconds,
     _scale_error,
     _workplace,
-    start_of_case,
 )
 from reference.ball_capture import ball_views, write_capture
 
@@ -102,14 +99,3 @@ def test_the_scale_error_of_estimated_poses_is_that_of_their_size(
     posed = PosedFrames(tuple(moved[1:]), (moved[0],))
     config = ReconstructConfig(sfm=SfmConfig(poses="sfm"))
     assert _scale_error(capture, config, posed) == pytest.approx(abs(factor - 1), abs=1e-9)
-
-
-def test_the_start_of_a_case_is_what_its_training_would_begin_with(tmp_path: Path) -> None:
-    small = {"frames": 5, "width": 96, "height": 54, "samples_per_pixel": 1, "tier": "law"}
-    case = Case({"object": "vase"}, small, {"init.voxel_size": 0.02})
-    capture, frames, points = start_of_case(case, tmp_path)
-    assert len(capture) == 5 and len(frames.held_out) == 1
-    expected = initial_points(frames.training, InitConfig(voxel_size=0.02))
-    np.testing.assert_array_equal(points.points_world, expected.points_world)
-    assert not list((tmp_path / "work").iterdir())
-    assert start_of_case(case, tmp_path)[0].folder == capture.folder

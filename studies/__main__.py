@@ -1,0 +1,99 @@
+"""Measure the project, and write what was found into its documentation.
+
+python -m studies NAME [--only CASE ...] [--json FILE]   run a benchmark, print its tables
+python -m studies run STUDY [--objects N] [...]          run one of the larger studies: components, few-views
+python -m studies page NAME [--results FILE ...]         write figures or pictures into the documentation
+python -m studies preference make|evaluate ...           ask people which reconstruction they prefer
+"""
+
+import argparse
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+from digs_warp.checks import DigsError
+from digs_warp.engines.config import EngineConfig
+from digs_warp.record.durations import seconds_of
+from digs_warp.record.progress import show_progress
+from digs_warp.study.catalogue import find_study
+from studies import pages
+from studies.benchmarks import BENCHMARKS, find_benchmark
+from studies.catalogue import MORE_STUDIES
+from studies.results import format_tables, read_json_lines, write_json_lines
+
+
+def main(words: Sequence[str]) -> None:
+    """Run one command."""
+    show_progress()
+    command, *rest = words or ("--help",)
+    if command == "run":
+        _run_study(rest)
+    elif command == "page":
+        _write_page(rest)
+    elif command == "preference":
+        from studies.preference.command import main as preference
+
+        preference(rest)
+    else:
+        _measure(words)
+
+
+def _measure(words: Sequence[str]) -> None:
+    parser = argparse.ArgumentParser(
+        prog="python -m studies",
+        description=__doc__,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument("name", choices=[benchmark.name for benchmark in BENCHMARKS])
+    parser.add_argument("--only", nargs="+", default=(), metavar="CASE")
+    parser.add_argument(
+        "--json", type=Path, metavar="FILE", help="one JSON object per case and line"
+    )
+    given = parser.parse_args(words)
+    results = find_benchmark(given.name).run(given.only)
+    if given.json:
+        write_json_lines(results, given.json)
+    sys.stdout.write(f"{format_tables(results)}\n")
+
+
+def _run_study(words: Sequence[str]) -> None:
+    parser = argparse.ArgumentParser(prog="python -m studies run")
+    parser.add_argument("name", choices=[study.name for study in MORE_STUDIES])
+    parser.add_argument("--objects", type=int, help="how many objects")
+    parser.add_argument("--iterations", type=int, help="training steps of each case")
+    parser.add_argument("--seeds", type=int, default=1, help="repetitions of each case")
+    parser.add_argument("--workers", type=int, default=1, help="cases at a time")
+    parser.add_argument("--time-budget", type=seconds_of, help="begin no case that would end later")
+    parser.add_argument("--out", type=Path, help="folder of results and report")
+    given = parser.parse_args(words)
+    study = find_study(given.name, MORE_STUDIES)
+    cases = study.cases(
+        given.objects or study.objects, given.seeds, given.iterations or study.iterations
+    )
+    engine = EngineConfig(workers=given.workers)
+    words_of_run = study.run(cases, given.out or study.folder, engine, given.time_budget)
+    sys.stdout.write(f"{words_of_run}\n")
+
+
+def _write_page(words: Sequence[str]) -> None:
+    parser = argparse.ArgumentParser(prog="python -m studies page")
+    names = [*(benchmark.name for benchmark in BENCHMARKS), *pages.PAGES]
+    parser.add_argument("names", nargs="+", choices=names, metavar="NAME", help=", ".join(names))
+    parser.add_argument(
+        "--results", nargs="+", type=Path, metavar="FILE", help="of one benchmark, measured before"
+    )
+    given = parser.parse_args(words)
+    for name in given.names:
+        if name in pages.PAGES:
+            pages.write(name)
+            continue
+        benchmark = find_benchmark(name)
+        parts = [each for path in given.results or () for each in read_json_lines(path)]
+        pages.publish(benchmark, benchmark.joined(parts) if parts else benchmark.run())
+
+
+if __name__ == "__main__":
+    try:
+        main(sys.argv[1:])
+    except DigsError as error:
+        sys.exit(f"studies: {error}")

@@ -1,0 +1,139 @@
+"""The benchmarks of ``python -m studies NAME``: what measures each, and the pages that show it."""
+
+import importlib
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+from digs_warp.checks import DigsError
+from digs_warp.words import did_you_mean
+
+if TYPE_CHECKING:
+    from digs_warp.study.charts import Chart
+    from studies.results import Result
+
+
+@dataclass(frozen=True)
+class Benchmark:
+    """A named measurement; functions are given as "module.function" below `studies`.
+
+    Attributes:
+        name: as the command takes it.
+        functions: each returns a list of `Result`; takes names out of ``cases`` where there are any.
+        pages: files in docs/ that show its tables.
+        chart_function: takes the results and returns charts; empty: there are none.
+        picture: of the charts, in docs/images.
+        cases: names of the cases, where one can measure some of them.
+        join_function: takes results that were measured in parts and returns those of all cases together;
+            empty: they stand one after the other.
+    """
+
+    name: str
+    functions: tuple[str, ...]
+    pages: tuple[str, ...]
+    chart_function: str = ""
+    picture: str = ""
+    cases: tuple[str, ...] = ()
+    join_function: str = ""
+
+    def run(self, only: Sequence[str] = ()) -> "list[Result]":
+        """Measure all cases, or ``only`` some of `cases`."""
+        if unknown := [name for name in only if name not in self.cases]:
+            raise DigsError(
+                f"{self.name}: no case '{unknown[0]}'; it has {', '.join(self.cases) or 'none'}"
+            )
+        arguments = [only] if only else []
+        return [result for name in self.functions for result in _load(name)(*arguments)]
+
+    def joined(self, results: "Sequence[Result]") -> "Sequence[Result]":
+        """Return the results of parts as if all cases had been measured at once."""
+        return _load(self.join_function)(results) if self.join_function else results
+
+    def charts(self, results: "Sequence[Result]") -> "Sequence[Chart]":
+        """Return what the results look like."""
+        return _load(self.chart_function)(results) if self.chart_function else []
+
+
+def _load(name: str) -> Any:
+    module, _, function = name.rpartition(".")
+    return getattr(importlib.import_module(f"studies.{module}"), function)
+
+
+def find_benchmark(name: str) -> Benchmark:
+    """Return the benchmark of that name.
+
+    Raises:
+        DigsError: there is none.
+    """
+    by_name = {benchmark.name: benchmark for benchmark in BENCHMARKS}
+    if name not in by_name:
+        raise DigsError(f"studies '{name}': no such benchmark{did_you_mean(name, by_name)}")
+    return by_name[name]
+
+
+BENCHMARKS = (
+    # The splat rasterizer: its stages by threads, their share of what a core can do, and laws of growth.
+    Benchmark(
+        "raster",
+        ("raster.bench_raster", "scaling.bench_scaling"),
+        ("performance.md",),
+        chart_function="scaling.scaling_charts",
+        picture="scaling.png",
+    ),
+    # A training step, stage by stage; quality over time against the settings of 3DGS.
+    Benchmark(
+        "training",
+        ("training_step.bench_train", "convergence.bench_convergence"),
+        ("training.md",),
+        chart_function="convergence.convergence_charts",
+        picture="convergence.png",
+    ),
+    # The trained surface against the true one, beside fused depth: two sensors.
+    Benchmark(
+        "surface",
+        ("surface.bench_surface",),
+        ("training.md",),
+        cases=(
+            *("ycb_mustard_bottle", "avocado", "spot"),
+            *("ycb_cracker_box", "armchair", "flight_helmet"),
+        ),
+        join_function="surface.with_medians",
+    ),
+    # Films at three sizes, meshes at four voxel sizes, files of every format.
+    Benchmark("trained", ("trained.bench_trained",), ("render.md", "mesh.md", "interchange.md")),
+    # Every initialization under rising sensor noise.
+    Benchmark("init-noise", ("init_noise.bench_init_noise",), ("initialization.md",)),
+    # What poses that nobody knows cost, found in each way.
+    Benchmark(
+        "poses",
+        ("found_poses.bench_found_poses",),
+        ("sfm.md",),
+        cases=("armchair", "ycb_mustard_bottle", "boot_plain", "sci_fi_case", "flight_helmet"),
+    ),
+    # Real recordings, poses as recorded and estimated: quality, depth error, what goes wrong.
+    Benchmark(
+        "recordings",
+        ("recordings.bench_recordings",),
+        ("real-recordings.md",),
+        cases=(
+            *("hololens_room_sequence", "tum_cabinet_orbit", "lund_door_photos"),
+            *("euroc_static_stereo", "zed2i_stereo_pair"),
+        ),
+    ),
+    # Object masks without a network, compared with the true ones.
+    Benchmark("masks", ("masks.bench_masks",), ("masks.md",)),
+    # USD scenes of a million splats: write, read, validate; what each precision saves and loses.
+    Benchmark("usd", ("usd_files.bench_usd",), ("usd.md",)),
+    # The simulated depth sensor: time and scores of every tier and effect; speed of recordings.
+    Benchmark(
+        "sim",
+        ("simulator.bench_sim",),
+        ("sensor-cost.md",),
+        chart_function="simulator.sim_charts",
+        picture="sim.png",
+    ),
+    # Where the simulated sensor errs, against real matching.
+    Benchmark("realism", ("realism.bench_realism",), ("sensor-cost.md",)),
+    # Known figures of a depth camera found again.
+    Benchmark("sensor-fit", ("sensor_fit.bench_sensor_fit",), ("sensor-fit.md",)),
+)

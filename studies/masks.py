@@ -1,0 +1,50 @@
+"""`python -m studies masks`: masks that need no network, compared with the true ones.
+
+The built-in object is recorded by the simulated camera with all its sensor errors.
+"""
+
+import tempfile
+from pathlib import Path
+
+import numpy as np
+
+from digs_warp.data.images import read_image
+from digs_warp.masks.config import SegmentConfig
+from digs_warp.masks.masks import segment
+from digs_warp.masks.score import intersection_over_union
+from digs_warp.study.timing import Stopwatch
+from studies.results import Result
+
+FRAMES, WIDTH = 9, 640
+
+CASES = (
+    ("depth", SegmentConfig(masks="depth")),
+    *(
+        (f"degraded, {error:g}", SegmentConfig(masks="degraded", mask_error=error))
+        for error in (0.5, 1.0, 2.0, 4.0)
+    ),
+)
+
+
+def bench_masks() -> list[Result]:
+    """Return the overlap with the true masks (intersection over union) and the time per mask."""
+    from digs_warp.sim.record.record import SimulateConfig, simulate
+
+    results = []
+    with tempfile.TemporaryDirectory() as folder:
+        config = SimulateConfig(frames=FRAMES, width=WIDTH, samples_per_pixel=2)
+        frames = simulate(config, Path(folder) / "capture").frames
+        for name, settings in CASES:
+            with Stopwatch() as watch:
+                paths = segment(frames, settings, Path(folder) / name)
+            overlaps = [
+                intersection_over_union(read_image(path)[..., 0], frame.load_mask())
+                for path, frame in zip(paths, frames, strict=True)
+            ]
+            values = {
+                "overlap mean": float(np.mean(overlaps)),
+                "overlap worst": min(overlaps),
+                "seconds per mask [s]": watch.seconds / len(frames),
+            }
+            results.append(Result({"masks": name, "frames": FRAMES, "width": WIDTH}, values))
+    return results

@@ -1,0 +1,55 @@
+"""What writes figures and pictures into the documentation, between the marks of its pages."""
+
+import importlib
+import platform
+from collections.abc import Sequence
+
+from digs_warp.record.files import write_atomically
+from digs_warp.record.run_log import versions
+from digs_warp.study.charts import side_by_side
+from digs_warp.study.timing import processor
+from scripts.page_marks import DOCS, fill, marks
+from studies.benchmarks import Benchmark
+from studies.results import Result, tables
+
+# What is no table of a benchmark: the name of a page, and the module here that writes it.
+PAGES = {
+    "demo": "demo",
+    "starts": "starts",
+    "gallery": "gallery",
+    "sensor": "sensor",
+    "scenes": "scenes",
+    "randomization": "randomization",
+    "real-recordings": "real_recordings",
+    "studies": "published",
+    "killed": "killed",
+}
+
+
+def write(name: str) -> None:
+    """Write one of `PAGES`."""
+    importlib.import_module(f"studies.pages.{PAGES[name]}").main()
+
+
+def publish(benchmark: Benchmark, results: Sequence[Result]) -> None:
+    """Write what a benchmark measured into its pages; a page shows the tables that it has marks for.
+
+    The mark of a table is the name of the benchmark, followed by that of the table where it has one.
+    """
+    if charts := benchmark.charts(results):
+        write_atomically(DOCS / "images" / benchmark.picture, side_by_side(charts))
+    texts = {f"{benchmark.name} {t.name}".strip(): t.markdown() for t in tables(results)}
+    texts["machine"] = measured_on()
+    for page in benchmark.pages:
+        for mark in marks(page):
+            if mark in texts:
+                fill(page, mark, texts[mark])
+
+
+def measured_on() -> str:
+    """Return what figures were measured on, as a sentence."""
+    found = versions()
+    return (
+        f"Measured on {processor()}, {platform.system()}, Python {found['python']}, "
+        f"Warp {found['warp-lang']}."
+    )

@@ -1,0 +1,124 @@
+"""The pictures of README and docs that show the run of `make demo`: its stages, its report, its view.
+
+Needs Chromium: apt-get install chromium.
+"""
+
+import tempfile
+import time
+from io import BytesIO
+from pathlib import Path
+
+import numpy as np
+from matplotlib import colormaps
+from matplotlib.figure import Figure
+
+from digs_warp.data.capture import Capture, read_capture
+from digs_warp.data.frame import Frame
+from digs_warp.data.images import encode_jpeg, read_image
+from digs_warp.data.point_cloud import PointCloud
+from digs_warp.record.files import write_atomically
+from digs_warp.record.layout import INITIAL_POINTS
+from digs_warp.show.view.contents import read_contents
+from digs_warp.show.view.server import started
+from scripts.headless_browser import Browser, browser
+from scripts.page_marks import DOCS
+from studies.pages.starts import points_picture
+
+IMAGES = DOCS / "images"
+
+FRAME, ROWS, COLUMNS = 32, slice(20, 350), slice(120, 520)
+
+# A browser without a graphics card takes this long at most for the first picture of a report, and to load
+# everything of a view [s].
+LONGEST, LOADING = 120, 40
+CLOSING = 3  # for a note to disappear [s]
+
+DESK, PHONE, VIEW = (1280, 1010), (390, 780), (1280, 720)
+CANVAS = "document.querySelector('#view3d canvas')"
+# Closes the note that the browser draws in software.
+CLOSE_NOTE = "document.querySelector('.mantine-Notification-closeButton')?.click()"
+
+
+def main(run: Path = Path("out/demo")) -> None:
+    """Draw demo.jpg, report.jpg, report-phone.jpg and view.jpg."""
+    draw_stages(run)
+    photograph_report(run)
+    photograph_view(run)
+
+
+def draw_stages(run: Path) -> None:
+    """Put four stages of one held-out view side by side."""
+    capture = read_capture(run / "capture")
+    frame = capture.frames[FRAME]
+    points = PointCloud.load(run / "reconstruction" / INITIAL_POINTS)
+    panels = {
+        "what the camera sees": frame.load_image(),
+        "what its depth sensor reports": depth_picture(capture, frame),
+        "points from the depth": points_picture(points, frame.camera, dot=0),
+        "Gaussians, a view held out": read_image(run / f"reconstruction/renders/{frame.name}.png"),
+    }
+    figure = Figure(figsize=(16, 3.75), dpi=110)
+    axes = figure.subplots(1, 4)
+    for axis, (title, picture) in zip(axes, panels.items(), strict=True):
+        axis.imshow(picture[ROWS, COLUMNS])
+        axis.set_title(title, fontsize=14)
+        axis.axis("off")
+    figure.subplots_adjust(0.004, 0.004, 0.996, 0.9, wspace=0.02)
+    save_jpeg(figure, IMAGES / "demo.jpg", 88)
+
+
+def save_jpeg(figure: Figure, path: Path, quality: int) -> None:
+    """Write a figure; the same pixels give the same bytes."""
+    data = BytesIO()
+    figure.savefig(data, format="jpeg", pil_kwargs={"quality": quality, "optimize": True})
+    write_atomically(path, data.getvalue())
+
+
+def depth_picture(capture: Capture, frame: Frame) -> np.ndarray:
+    """Color the depth of the object's surroundings; near is bright."""
+    distance = np.linalg.norm(frame.camera.center_world)
+    reach = capture.about.object_radius or 0.0
+    shade = (distance + reach - frame.load_depth()) / (2 * reach)
+    return colormaps["viridis"](np.clip(np.nan_to_num(shade), 0, 1))[..., :3]
+
+
+def photograph_report(run: Path) -> None:
+    """Open the report at both sizes, the second one with its cameras, and keep what the browser shows."""
+    with tempfile.TemporaryDirectory() as folder, browser(Path(folder), DESK) as tab:
+        tab.resize(*DESK)
+        tab.visit((run / "report.html").resolve().as_uri())
+        save(shown(tab), "report.jpg")
+        tab.resize(*PHONE)
+        tab.click("#view3d input")
+        save(shown(tab), "report-phone.jpg")
+
+
+def shown(tab: Browser) -> np.ndarray:
+    """Return the window with the top of the 3D section, once it is drawn in full detail."""
+    top = "document.querySelector('section:has(#view3d)').scrollIntoView({behavior: 'instant'})"
+    tab.run("document.fonts.ready.then(() => true)")
+    tab.run(top)
+    tab.run("new Promise((done) => setTimeout(done, 1000))")
+    tab.wait_for(f"{CANVAS}.dataset.detail === '1'", LONGEST)
+    return tab.screenshot()
+
+
+def photograph_view(run: Path) -> None:
+    """Open the page of `digs-warp view`, wait, and keep what the browser shows."""
+    with (
+        started([read_contents(run)], "127.0.0.1", 8080) as (page, address),
+        tempfile.TemporaryDirectory() as folder,
+        browser(Path(folder), DESK) as tab,
+    ):
+        page.controls.drawn.value = "color"
+        tab.resize(*VIEW)
+        tab.visit(address)
+        time.sleep(LOADING)
+        tab.run(CLOSE_NOTE)
+        time.sleep(CLOSING)
+        save(tab.screenshot(), "view.jpg")
+
+
+def save(picture: np.ndarray, name: str) -> None:
+    """Write a picture of the documentation."""
+    write_atomically(IMAGES / name, encode_jpeg(np.ascontiguousarray(picture), 85))

@@ -1,0 +1,101 @@
+"""Runs the examples of docs/gallery.md in out/gallery, and photographs their reports.
+
+Runs that are there are kept. Needs Chromium (apt-get install chromium), and the sample data for its meshes.
+"""
+
+import shlex
+import subprocess
+import sys
+import tempfile
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from digs_warp.data.images import encode_jpeg
+from digs_warp.pipeline.reconstruction import Reconstruction
+from digs_warp.record.files import write_atomically
+from digs_warp.study.scenes import sample_data
+from scripts.headless_browser import browser
+from scripts.page_marks import DOCS, fill
+from studies.pages.demo import shown
+
+PAGE, PICTURES = "gallery.md", "images/gallery"
+WINDOW = (1280, 690)  # [px] holds the 3D section and nothing below it
+
+
+@dataclass(frozen=True)
+class Example:
+    """A run of the gallery.
+
+    Attributes:
+        name: of its folder and its picture.
+        title: what is seen.
+        flags: of ``digs-warp run``; DATA stands for the folder of the sample data.
+        credit: of what others made; empty: nothing.
+    """
+
+    name: str
+    title: str
+    flags: str
+    credit: str = ""
+
+
+USUAL = "--width 320 --frames 16 --iterations 300"
+EXAMPLES = (
+    Example("builtin", "The built-in object in the built-in room", USUAL),
+    Example(
+        "mustard",
+        "A bottle of mustard, from a mesh",
+        f"--mesh DATA/meshes/ycb_mustard_bottle/ycb_mustard_bottle.glb {USUAL}",
+        "Mesh: YCB Object and Model Set (Calli, Singh, Walsman, Srinivasa, Abbeel, Dollar), "
+        "[CC BY 4.0](https://creativecommons.org/licenses/by/4.0/)",
+    ),
+    Example(
+        "tea-set",
+        "A tea set on a table, from a mesh",
+        f"--mesh DATA/meshes/tea_set/tea_set.glb {USUAL}",
+        'Mesh: "tea_set_01", Poly Haven, posed by Toyota Research Institute, '
+        "[CC0 1.0](https://creativecommons.org/publicdomain/zero/1.0/)",
+    ),
+    Example("room", "A room: everything in view, not only the object", f"--subject scene {USUAL}"),
+)
+
+
+def main(folder: Path = Path("out/gallery")) -> None:
+    """Make what is missing, and write the page."""
+    sections = [section(example, folder / example.name) for example in EXAMPLES]
+    fill(PAGE, "examples", "\n\n".join(sections))
+
+
+def section(example: Example, run: Path) -> str:
+    """Run an example if it is not there yet, photograph its report and return its text."""
+    report = run / "report.html"
+    if not report.exists():
+        flags = example.flags.replace("DATA", str(sample_data()))
+        command = [sys.executable, "-m", "digs_warp", "run", *shlex.split(flags)]
+        subprocess.run([*command, "--out", str(run), "--resume"], check=True)
+    picture = Path(PICTURES) / f"{example.name}.jpg"
+    write_atomically(DOCS / picture, encode_jpeg(photograph(report), 80))
+    lines = (
+        f"## {example.title}",
+        f"`digs-warp run {example.flags}`",
+        figures(run),
+        f"![The report of the run: {example.title.lower()}]({picture})",
+        f"*{example.credit}.*" if example.credit else "",
+    )
+    return "\n\n".join(line for line in lines if line)
+
+
+def photograph(report: Path) -> np.ndarray:
+    """Return the window of a browser with the 3D section of a report."""
+    with tempfile.TemporaryDirectory() as folder, browser(Path(folder), WINDOW) as tab:
+        tab.resize(*WINDOW)
+        tab.visit(report.resolve().as_uri())
+        return np.ascontiguousarray(shown(tab))
+
+
+def figures(run: Path) -> str:
+    """Return the result of a run in a sentence."""
+    result = Reconstruction.load(run)
+    return f"{len(result.gaussians):,} Gaussians, {result.quality}."

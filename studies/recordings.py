@@ -1,0 +1,265 @@
+"""`digs-warp bench recordings`: how well real recordings are reconstructed, and what goes wrong.
+
+With the poses as recorded and as estimated from the images, where a recording has both. A recording that
+cannot be reconstructed is a row without figures, and its error is among the findings.
+"""
+
+import tempfile
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+
+from digs_warp.check.check import check_capture
+from digs_warp.checks import DigsError
+from digs_warp.data.capture import Capture
+from digs_warp.data.evenly import evenly
+from digs_warp.data.layers import Layer
+from digs_warp.data.posed_frames import PosedFrames
+from digs_warp.init.config import InitConfig
+from digs_warp.init.strategies import STRATEGIES, chosen_strategy
+from digs_warp.pipeline.reconstruct import ReconstructConfig, reconstruct
+from digs_warp.pipeline.reconstruction import Reconstruction
+from digs_warp.poses.from_images.config import SfmConfig
+from digs_warp.poses.from_images.similarity import camera_errors
+from digs_warp.record.progress import progress
+from digs_warp.splat.device import DeviceGaussians
+from digs_warp.study.scenes import sample_data
+from digs_warp.study.timing import Stopwatch
+from digs_warp.train.adherence import adherence, load_measured_views
+from digs_warp.train.config import Density, Stop, TrainConfig
+from digs_warp.train.neighbor_exposure import psnr_by_neighbors
+from studies.real_recordings import RealRecording, convert, find_recordings
+from studies.results import Result
+
+ITERATIONS = 500
+
+# Held-out views of each recording that are shown beside their photographs.
+SHOWN = 2
+
+FIGURES, FINDINGS = "figures", "findings"
+
+Poses = Literal["capture", "sfm", "rgbd", "auto"]
+POSES: dict[Poses, str] = {
+    "capture": "recorded",
+    "sfm": "estimated",
+    "rgbd": "color and depth",
+    "auto": "auto",
+}
+
+
+@dataclass(frozen=True, eq=False)
+class Measured:
+    """What came of a recording.
+
+    Attributes:
+        recording: which one.
+        results: a row of `FIGURES` for each kind of poses, and rows of `FINDINGS`.
+        picture: held-out photographs, each with its rendered view to the right, sRGB uint8; None where
+            nothing was rendered.
+    """
+
+    recording: RealRecording
+    results: tuple[Result, ...]
+    picture: np.ndarray | None
+
+
+def bench_recordings(names: Sequence[str] = ()) -> list[Result]:
+    """Return the figures of real recordings, and what was found wrong with them.
+
+    Args:
+        names: of `RECORDINGS`; none: all that are there.
+
+    Raises:
+        DigsError: an unknown name, or no recordings.
+    """
+    data = sample_data()
+    return rows(measure_all(find_recordings(data, names), data))
+
+
+def rows(measured: Iterable[Measured]) -> list[Result]:
+    """Return the rows of all recordings, the figures first."""
+    results = [row for each in measured for row in each.results]
+    return sorted(results, key=lambda row: row.table != FIGURES)
+
+
+def measure_all(
+    recordings: Sequence[RealRecording], data: Path, iterations: int = ITERATIONS
+) -> Iterator[Measured]:
+    """Yield what comes of each recording below ``data``, as soon as it is known."""
+    with progress(len(recordings), "Measuring", "recording") as bar:
+        for recording in recordings:
+            yield measure(recording, data / "rgbd" / recording.name, iterations)
+            bar.update()
+
+
+def measure(recording: RealRecording, source: Path, iterations: int = ITERATIONS) -> Measured:
+    """Convert a recording, check it, and reconstruct it with each kind of poses.
+
+    Args:
+        recording: what it is.
+        source: its folder.
+        iterations: training steps.
+    """
+    with tempfile.TemporaryDirectory() as scratch:
+        folder = Path(scratch)
+        notes = Notes(recording.name, folder, iterations)
+        try:
+            capture = convert(recording, source, folder / "capture")
+            notes.check(capture)
+        except (
+            DigsError,
+            OSError,
+            ValueError,
+        ) as error:  # files may be missing, or not belong together
+            notes.failed("conversion", error)
+            return Measured(recording, tuple(notes.results), None)
+        picture = None
+        for result in reconstructions(capture, _ways(recording, capture), notes):
+            picture = _picture(result) if picture is None else picture
+        return Measured(recording, tuple(notes.results), picture)
+
+
+def reconstructions(
+    capture: Capture, ways: Sequence[Poses], notes: "Notes"
+) -> Iterator[Reconstruction]:
+    """Reconstruct a capture with each kind of poses, note the figures or the error, and yield what came out.
+
+    Args:
+        capture: the recording.
+        ways: kinds of poses.
+        notes: which recording, how many training steps, and where results go.
+    """
+    for poses in ways:
+        try:
+            result, values = reconstructed(capture, poses, notes.iterations, notes.folder)
+        except DigsError as error:
+            notes.figures(capture, poses, {})
+            notes.failed(f"{POSES[poses]} poses", error)
+            continue
+        notes.figures(capture, poses, values)
+        yield result
+
+
+def _ways(recording: RealRecording, capture: Capture) -> list[Poses]:
+    """Return the kinds of poses that a recording can have."""
+    ways: list[Poses] = ["capture"] if recording.has_poses else []
+    with_depth = all(frame.has(Layer.DEPTH) for frame in capture.frames)
+    return [*ways, "sfm", "rgbd"] if with_depth else [*ways, "sfm"]
+
+
+class Notes:
+    """The rows of one recording; paths of the temporary folder say nothing and are left out."""
+
+    def __init__(self, name: str, folder: Path, iterations: int) -> None:
+        self.results: list[Result] = []
+        self.folder, self.iterations, self._name = folder, iterations, name
+
+    def check(self, capture: Capture) -> None:
+        """Add what `digs-warp check` finds."""
+        findings = check_capture(capture).findings
+        for each in findings:
+            self._found("check", f"{each.kind}: {each.what}")
+        if not findings:
+            self._found("check", "nothing wrong was found")
+
+    def failed(self, stage: str, error: Exception) -> None:
+        """Add why a stage failed."""
+        self._found(stage, str(error).replace(f"{self.folder}/", ""))
+
+    def figures(self, capture: Capture, poses: Poses, values: dict[str, float]) -> None:
+        """Add what was measured; nothing for a reconstruction that failed."""
+        labels = {
+            "recording": self._name,
+            "poses": POSES[poses],
+            "iterations": self.iterations,
+        }
+        self.results.append(Result(labels, {"frames": len(capture)} | values, FIGURES))
+
+    def _found(self, stage: str, words: str) -> None:
+        labels = {"recording": self._name, "stage": stage, "what was found": words}
+        self.results.append(Result(labels, {}, FINDINGS))
+
+
+def reconstructed(
+    capture: Capture, poses: Poses, iterations: int, folder: Path
+) -> tuple[Reconstruction, dict[str, float]]:
+    """Return the result with the settings that `digs-warp reconstruct` has, and its figures.
+
+    Args:
+        capture: the recording.
+        poses: which kind.
+        iterations: training steps.
+        folder: the reconstruction is written to a folder in it, named after the kind of poses.
+
+    Raises:
+        DigsError: it fails.
+    """
+    has_masks = any(frame.has(Layer.MASK) for frame in capture.frames)
+    strategy = chosen_strategy("auto", capture.has_depth, has_masks)
+    config = ReconstructConfig(
+        sfm=SfmConfig(poses=poses),
+        init=InitConfig(strategy=strategy),
+        train=TrainConfig(
+            stop=Stop(iterations=iterations),
+            density=Density(strategy=STRATEGIES[strategy].density),
+        ),
+    )
+    watch = Stopwatch()
+    with watch:
+        result = reconstruct(capture, config, folder / f"{POSES[poses]} poses")
+    return result, _figures(result, capture, poses, watch)
+
+
+def _figures(
+    result: Reconstruction, capture: Capture, poses: Poses, watch: Stopwatch
+) -> dict[str, float]:
+    assert result.frames is not None
+    values: dict[str, float] = {
+        "held out": len(result.frames.held_out),
+        "PSNR [dB]": result.scores.mean.psnr_object,
+        "exposure fitted [dB]": result.scores.mean.psnr_object_aligned,
+    }
+    gaussians = DeviceGaussians.from_numpy(result.gaussians, "cpu")
+    values["exposure of neighbors [dB]"] = psnr_by_neighbors(
+        gaussians, result.frames.training, result.frames.held_out
+    )
+    depth_error = adherence(gaussians, load_measured_views(result.frames.held_out))
+    if depth_error is not None:
+        values["depth error [cm]"] = 1e2 * depth_error
+    if poses != "capture" and capture.knows_poses and capture.metric_scale.known:
+        values |= pose_error(result.frames, capture)
+    return values | {
+        "Gaussians": len(result.gaussians),
+        "seconds": watch.seconds,
+        "CPU [s]": watch.cpu_seconds,
+    }
+
+
+def pose_error(frames: PosedFrames, capture: Capture) -> dict[str, float]:
+    """Return how far estimated cameras are from the recorded ones, after the best alignment.
+
+    Args:
+        frames: with estimated cameras; those that were not placed are missing.
+        capture: with recorded poses, in metres.
+
+    Raises:
+        DigsError: fewer than three cameras, or cameras on one line.
+    """
+    cameras = {frame.name: frame.camera for frame, _ in frames.by_time}
+    errors = camera_errors(cameras, capture.frames)
+    return {
+        "pose error [cm]": 1e2 * float(np.median(errors.centers_m)),
+        "pose error [deg]": float(np.median(errors.rotations_deg)),
+    }
+
+
+def _picture(result: Reconstruction) -> np.ndarray:
+    assert result.frames is not None
+    rows = []
+    for frame in evenly(result.frames.held_out, SHOWN):
+        photograph = frame.load_image()
+        rows.append(np.hstack([photograph, result.load_render(frame.name, photograph.shape)]))
+    return np.vstack(rows)

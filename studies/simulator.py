@@ -1,0 +1,226 @@
+"""`python -m studies sim`: time and realism of each tier and effect of the simulated depth sensor.
+
+Every tier senses frames of sample meshes, or of the built-in object where there is no sample data, and a
+real pair with true disparity. The matcher is the yardstick: it searches the full range and is told
+nothing. The tables show, for each tier, time and errors; for each effect on matched depth, its time and what
+it changes; and how fast whole recordings are.
+"""
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+
+from digs_warp.record.progress import progress
+from digs_warp.sim.camera.shutter import Shutter
+from digs_warp.sim.config import SimulateConfig, Tier
+from digs_warp.sim.record.inputs import load_inputs
+from digs_warp.sim.record.record import frames_at_once
+from digs_warp.sim.record.sensor_plan import plan_for_facts
+from digs_warp.sim.record.session import prepare_session
+from digs_warp.sim.sensor.color.recorded import recorded_images
+from digs_warp.sim.sensor.effects import AFTER_MATCHING
+from digs_warp.sim.sensor.effects.protocol import Choice
+from digs_warp.sim.sensor.facts import measure_facts
+from digs_warp.sim.sensor.frame import FrameTruth, Sensed
+from digs_warp.sim.sensor.planner import plan
+from digs_warp.sim.sensor.scores import Scores, score
+from digs_warp.sim.sensor.tiers import apply_effects, sense
+from digs_warp.study.charts import Chart, Curve
+from digs_warp.study.scenes import OBJECT_SIZE, sample_data
+from studies.real_pair import load_motorcycle
+from studies.recording_speed import WIDTHS, bench_recording
+from studies.results import Result
+from studies.timing import ms_side_by_side
+
+MESHES = (
+    *("painted_stool", "flight_helmet", "wooden_bookshelf", "ycb_cracker_box"),
+    "water_bottle_clear",
+)
+ENVIRONMENT = "st_fagans_interior"
+REAL_PAIR = "rgbd/middlebury_motorcycle"
+
+WIDTH = 1280
+FRAMES = 7  # of the walk; the third one is taken: from half above
+
+ROUNDS = 5
+TIERS: tuple[Tier, ...] = ("truth", "law", "guided", "matcher")
+
+TIME, ALONE = "time [ms/MP]", "alone [ms/MP]"
+
+# Scores in the tables and their headings; SHARES are those that the charts show.
+COLUMNS = {
+    "fill": "fill",
+    "bad_1": "bad-1",
+    "rms": "rms [px]",
+    "edge_bad_1": "edge bad-1",
+    "occluded_holes": "occluded holes",
+}
+SHARES = ("fill", "bad-1", "edge bad-1", "occluded holes")
+
+# Scores that the table of effects shows the change of.
+CHANGED = ("fill", "bad-1", "rms [px]")
+
+
+@dataclass(frozen=True, eq=False)
+class Case:
+    """A frame to be sensed over and over.
+
+    Attributes:
+        name: of the scene.
+        fresh: returns the frame with nothing computed yet, so that every sensor pays for what it needs.
+        choices: the plan.
+        recorded: the two images with the noise of the camera; None: the images have their own.
+    """
+
+    name: str
+    fresh: Callable[[], FrameTruth]
+    choices: tuple[Choice, ...]
+    recorded: tuple[np.ndarray, np.ndarray] | None = None
+
+    @property
+    def effects(self) -> list[str]:
+        """Names of the effects that are on."""
+        return [choice.effect for choice in self.choices if choice.on]
+
+    def sense(self, tier: Tier) -> np.ndarray:
+        """Return the disparity that a tier reports."""
+        return sense(self.fresh(), tier, self.choices, recorded=self.recorded).disparity
+
+
+def bench_sim(
+    data: Path | None = None,
+    meshes: Sequence[str] = MESHES,
+    width: int = WIDTH,
+    recordings: Sequence[int] = WIDTHS,
+) -> list[Result]:
+    """Return times and scores of the tiers on every scene, and of effects in the mean.
+
+    Args:
+        data: folder of the sample data; None: DIGS_WARP_SAMPLE_DATA or ../shared/data.
+        meshes: names of sample meshes.
+        width: of the rendered images [px].
+        recordings: widths of the recordings that are timed [px].
+    """
+    data = data or sample_data()
+    results: list[Result] = []
+    scenes = [_rendered(data, mesh, width) for mesh in meshes if (data / "meshes" / mesh).is_dir()]
+    cases = scenes or [_rendered(data, None, width)]
+    with progress(len(cases), "Measuring", "scene") as bar:
+        for case in cases:
+            results += _tier_results(case)
+            bar.update()
+    if (data / REAL_PAIR).is_dir():
+        results += _tier_results(_real(data / REAL_PAIR))
+    results += _effect_results(cases)
+    return results + bench_recording(recordings)
+
+
+def _rendered(data: Path, mesh: str | None, width: int = WIDTH) -> Case:
+    """Return a rendered frame of a sample mesh; None: of the built-in object in its own room."""
+    config = SimulateConfig(
+        mesh=None if mesh is None else data / "meshes" / mesh / f"{mesh}.glb",
+        environment=None if mesh is None else data / "envs" / ENVIRONMENT / f"{ENVIRONMENT}_1k.hdr",
+        object_size=None if mesh is None else OBJECT_SIZE,
+        width=width,
+        frames=FRAMES,
+    )
+    session = prepare_session(config, load_inputs(config))
+    truth, _ = session.truth(FRAMES // 2, Shutter())
+
+    def fresh() -> FrameTruth:
+        rays = session.renderer.frame_rays(truth.camera, truth.rig.baseline)
+        return replace(truth, rays=rays)
+
+    facts = measure_facts([truth], truth.rig)
+    effects = plan_for_facts(facts, truth.rig, config).pixel_effects
+    recorded = recorded_images(truth, effects)
+    return Case(mesh or "built-in", fresh, plan(facts, truth.rig), recorded)
+
+
+def _real(folder: Path) -> Case:
+    """Return the real pair; what its right eye sees is known, not cast, and costs nothing."""
+    truth = load_motorcycle(folder)
+    truth.rays.right_visibility()
+    choices = plan(measure_facts([truth], truth.rig), truth.rig)
+    return Case("motorcycle (real)", lambda: replace(truth), choices)
+
+
+def _tier_results(case: Case) -> Iterator[Result]:
+    truth = case.fresh()
+    megapixels = truth.depth.size / 1e6
+    for tier in TIERS:
+        wall, cpu = _timed(lambda tier=tier: case.sense(tier))
+        values = {TIME: wall / megapixels, "CPU [ms/MP]": cpu / megapixels}
+        values |= _columns(score(case.sense(tier), truth))
+        yield Result({"scene": case.name, "sensor": tier}, values, "tiers")
+
+
+def _effect_results(cases: Sequence[Case]) -> list[Result]:
+    """Return time alone and change of each effect on matched depth that is on anywhere; means over scenes."""
+    measured: dict[str, list[dict[str, float]]] = {}
+    for case in cases:
+        truth = case.fresh()
+        matched = sense(truth, "guided", recorded=case.recorded)
+        usual = _columns(score(matched.disparity, truth))
+        for effect in AFTER_MATCHING:
+            if effect.name not in case.effects:
+                continue
+            apply = partial(_after, matched, truth, effect.name)
+            after = _columns(score(apply().disparity, truth))
+            row = {ALONE: _timed(apply)[0] / (truth.depth.size / 1e6)}
+            row |= {f"changes {name}": after[name] - usual[name] for name in CHANGED}
+            measured.setdefault(effect.name, []).append(row)
+    return [
+        Result(
+            {"effect": effect},
+            {name: _rounded([row[name] for row in rows]) for name in rows[0]},
+            "effects",
+        )
+        for effect, rows in measured.items()
+    ]
+
+
+def _after(matched: Sensed, truth: FrameTruth, effect: str) -> Sensed:
+    return apply_effects(matched.own(), truth.rig, [effect])
+
+
+def sim_charts(results: Sequence[Result]) -> list[Chart]:
+    """Return the tiers by time and distance to the matcher."""
+    return [_tier_chart(results)]
+
+
+def _tier_chart(results: Sequence[Result]) -> Chart:
+    tiers = [r for r in results if r.table == "tiers"]
+    yardstick = {r.labels["scene"]: r.values for r in tiers if r.labels["sensor"] == "matcher"}
+    curves = []
+    for tier in TIERS:
+        rows = [
+            (r.values, yardstick[r.labels["scene"]]) for r in tiers if r.labels["sensor"] == tier
+        ]
+        gaps = [float(np.mean([abs(a[n] - b[n]) for n in SHARES])) for a, b in rows]
+        curves.append(Curve(tier, [values[TIME] for values, _ in rows], gaps, line=False))
+    return Chart(
+        "sim_tiers",
+        "Tiers: one point per scene",
+        curves,
+        "time of the sensor [ms per megapixel]",
+        "mean gap to the matcher in fill, bad-1,\nbad-1 at edges, holes where hidden",
+        log_x=True,
+    )
+
+
+def _columns(scores: Scores) -> dict[str, float]:
+    return {label: getattr(scores, name) for name, label in COLUMNS.items()}
+
+
+def _rounded(values: Sequence[float]) -> float:
+    """Return the mean to four decimals: smaller shares are noise."""
+    return round(float(np.mean(values)), 4) + 0.0  # never -0.0
+
+
+def _timed(function: Callable[[], object]) -> tuple[float, float]:
+    """Return wall and CPU time per call of as many at once as a recording makes [ms]: users wait for that."""
+    return ms_side_by_side(function, frames_at_once(), ROUNDS)

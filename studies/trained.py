@@ -1,0 +1,192 @@
+"""`python -m studies trained`: what can be done with a trained object, and how well.
+
+The built-in object is recorded and trained for a short while (not timed). Then it is filmed on an orbit at
+several image sizes, turned into meshes at several voxel sizes, and written in every file format.
+"""
+
+import tempfile
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from digs_warp.data.gaussians import Gaussians
+from digs_warp.data.triangle_mesh import TriangleMesh
+from digs_warp.device.parallel import default_threads
+from digs_warp.geometry.camera import Camera, Intrinsics
+from digs_warp.init.config import InitConfig
+from digs_warp.init.recipes import initial_points
+from digs_warp.init.seed_gaussians import seed_gaussians
+from digs_warp.measure.metrics import psnr
+from digs_warp.measure.surface_metrics import surface_score
+from digs_warp.pipeline.reconstruction import Reconstruction
+from digs_warp.pipeline.scene_files import SpzVersion, read_scene, write_scene_file
+from digs_warp.record.progress import progress
+from digs_warp.show.film.camera_path import find_subject, orbit
+from digs_warp.show.film.video import Clock, shoot
+from digs_warp.splat.render import render
+from digs_warp.study.scenes import VOXEL
+from digs_warp.study.timing import Stopwatch
+from digs_warp.surface.extract import Scene, extract_surface
+from digs_warp.surface.true_surface import read_true_surface
+from digs_warp.train.config import Stop, TrainConfig
+from digs_warp.train.trainer import Trainer
+from digs_warp.train.view_store import open_views
+from studies.results import Result
+
+TRAINING_FRAMES, TRAINING_STEPS, SH_DEGREE = 48, 400, 3
+
+# Films: image sizes [px]; the first frame loads kernels and is not counted.
+FILM_SIZES = ((640, 360), (1280, 720), (1600, 900))
+FILM_FRAMES = 25
+FOV_DEG = 45.0
+
+# Meshes: voxel sizes [m] for an object half a metre high, and the distance [m] of the F-score.
+VOXELS = (0.008, 0.004, 0.003, 0.002)
+NEAR = 0.005
+
+# Files: name, suffix, version of SPZ; compared in views of this size [px], where alpha exceeds COVERED.
+FORMATS: tuple[tuple[str, str, SpzVersion], ...] = (
+    ("npz", ".npz", 3),
+    ("PLY", ".ply", 3),
+    (".splat", ".splat", 3),
+    ("SPZ 2", ".spz", 2),
+    ("SPZ 3", ".spz", 3),
+    ("SPZ 4", ".spz", 4),
+    ("USD", ".usdz", 3),
+)
+VIEWS = 4
+VIEW_SIZE = (960, 540)
+COVERED = 0.5
+
+
+@dataclass(frozen=True, eq=False)
+class TrainedObject:
+    """The Gaussians, the cameras that recorded them, and the true surface."""
+
+    gaussians: Gaussians
+    cameras: list[Camera]
+    surface: TriangleMesh
+
+
+def trained_object() -> TrainedObject:
+    """Record the built-in object, start from its depth and train; always the same."""
+    from digs_warp.sim.record.record import SimulateConfig, simulate
+
+    recording = SimulateConfig(
+        frames=TRAINING_FRAMES, width=640, height=360, samples_per_pixel=1, tier="law"
+    )
+    init = InitConfig(voxel_size=VOXEL)
+    train = TrainConfig(stop=Stop(iterations=TRAINING_STEPS), sh_degree=SH_DEGREE)
+    with tempfile.TemporaryDirectory() as folder:
+        capture = simulate(recording, Path(folder) / "capture")
+        surface = read_true_surface(capture.folder)
+        assert surface is not None  # it was simulated
+        points = initial_points(capture.frames, init)
+        seeds = seed_gaussians(points, train.usual_sh_degree, init.seed_opacity, init.seed_width)
+        trainer = Trainer(seeds, open_views(capture.frames, train), train)
+        with progress(TRAINING_STEPS, "Training", "step") as bar:
+            for _ in range(TRAINING_STEPS):
+                trainer.step()
+                bar.update()
+        cameras = [frame.camera for frame in capture.frames]
+        return TrainedObject(trainer.gaussians.to_numpy(), cameras, surface)
+
+
+def bench_trained() -> list[Result]:
+    """Measure films, meshes and files of the trained object."""
+    trained = trained_object()
+    films, files = measure_films(trained.gaussians), measure_formats(trained.gaussians)
+    return [*films, *measure_meshes(trained), *files]
+
+
+def measure_films(
+    gaussians: Gaussians, sizes: tuple[tuple[int, int], ...] = FILM_SIZES, frames: int = FILM_FRAMES
+) -> list[Result]:
+    """Return the frame rate and the mean time of a frame by image size [px] and threads."""
+    subject = find_subject(gaussians)
+    threads = sorted({1, default_threads()})
+    results = []
+    with progress(len(sizes) * len(threads), "Measuring", "film") as bar:
+        for width, height in sizes:
+            cameras = orbit(subject, Intrinsics.from_fov(width, height, FOV_DEG), frames)
+            for count in threads:
+                clock = Clock()
+                for _ in shoot(gaussians, cameras, threads=count, clock=clock):
+                    pass
+                labels = {
+                    "image": f"{width}x{height}",
+                    "splats": len(gaussians),
+                    "sh_degree": gaussians.sh_degree,
+                    "threads": count,
+                }
+                values = {"frame rate [1/s]": clock.frame_rate, "frame [ms]": clock.milliseconds}
+                results.append(Result(labels, values, "films"))
+                bar.update()
+    return results
+
+
+def measure_meshes(
+    trained: TrainedObject, voxels: tuple[float, ...] = VOXELS, near: float = NEAR
+) -> list[Result]:
+    """Return seconds, triangles and distances to the true surface by voxel size [m].
+
+    "truth to mesh" includes surface that no camera saw, such as the inside of the vase.
+    """
+    subject = find_subject(trained.gaussians)
+    scene = Scene(subject.center_world, subject.radius)
+    results = []
+    with progress(len(voxels), "Measuring", "mesh") as bar:
+        for voxel in voxels:
+            with Stopwatch() as watch:
+                mesh = extract_surface(trained.gaussians, trained.cameras, scene, voxel).mesh
+            score = surface_score(mesh.points_world, trained.surface, near)
+            labels = {
+                "voxel [mm]": round(1e3 * voxel, 3),
+                "views": len(trained.cameras),
+                "splats": len(trained.gaussians),
+            }
+            values = {
+                "time [s]": watch.seconds,
+                "triangles": len(mesh),
+                "mesh to truth [mm]": 1e3 * score.accuracy,
+                "truth to mesh [mm]": 1e3 * score.completeness,
+                "Chamfer [mm]": 1e3 * score.chamfer,
+                f"F-score at {1e3 * near:g} mm": score.f_score,
+            }
+            results.append(Result(labels, values, "meshes"))
+            bar.update()
+    return results
+
+
+def measure_formats(gaussians: Gaussians, view_size: tuple[int, int] = VIEW_SIZE) -> list[Result]:
+    """Return bytes per Gaussian, seconds per million to write and read, and PSNR by format.
+
+    PSNR compares renders before writing and after reading, over the pixels that the object covers. Above
+    40 dB the difference is hardly visible.
+    """
+    cameras = orbit(find_subject(gaussians), Intrinsics.from_fov(*view_size, FOV_DEG), VIEWS)
+    before = [render(gaussians, camera) for camera in cameras]
+    results = []
+    with tempfile.TemporaryDirectory() as folder, progress(len(FORMATS), "Measuring") as bar:
+        ours = Reconstruction(gaussians=gaussians)
+        for name, suffix, version in FORMATS:
+            path = Path(folder) / f"scene{suffix}"
+            with Stopwatch() as write:
+                write_scene_file(path, ours, Path("bench"), spz_version=version)
+            with Stopwatch() as read:
+                stored = read_scene(path).gaussians
+            scores = [
+                psnr(render(stored, camera).image, view.image, view.alpha > COVERED)
+                for camera, view in zip(cameras, before, strict=True)
+            ]
+            labels = {"format": name, "splats": len(gaussians), "degree": gaussians.sh_degree}
+            values = {
+                "size [B/splat]": path.stat().st_size / len(gaussians),
+                "write [s/million]": 1e6 * write.seconds / len(gaussians),
+                "read [s/million]": 1e6 * read.seconds / len(gaussians),
+                "PSNR [dB]": float(np.mean(scores)),
+            }
+            results.append(Result(labels, values, "files"))
+            bar.update()
+    return results

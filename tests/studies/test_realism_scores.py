@@ -1,0 +1,108 @@
+"""The scores of the realism benchmark on errors that are known."""
+
+import numpy as np
+import pytest
+
+from studies.realism_scores import (
+    agreement,
+    autocorrelation,
+    bad_share,
+    failure_runs,
+    median_where_most,
+    reliability,
+    repeated_bad,
+    small_error_rms,
+    small_hole_share,
+    temporal_share,
+)
+
+TRUE = np.full((160, 240), 20.0)
+
+
+def noisy(seed: int, sigma: np.ndarray | float = 0.2, correlation: int = 0) -> np.ndarray:
+    from scipy.ndimage import gaussian_filter
+
+    error = np.random.default_rng(seed).standard_normal(TRUE.shape)
+    if correlation:
+        error = gaussian_filter(error, correlation)
+        error /= error.std()
+    return TRUE + sigma * error
+
+
+def test_errors_in_the_same_places_agree_and_in_others_do_not() -> None:
+    rng = np.random.default_rng(0)
+    places = rng.uniform(0.05, 0.6, (8, 12)).repeat(20, 0).repeat(20, 1)
+    other_places = rng.permuted(places.ravel()).reshape(places.shape)
+    failures, rms = agreement(noisy(1, places), noisy(2, places), TRUE)
+    assert failures > 0.7 and rms > 0.9
+    failures, rms = agreement(noisy(1, places), noisy(2, other_places), TRUE)
+    assert abs(failures) < 0.4 and abs(rms) < 0.4
+
+
+def test_shares_of_bad_pixels_and_small_holes() -> None:
+    disparity = TRUE.copy()
+    disparity[:40] += 2  # a quarter is bad
+    assert bad_share(disparity, TRUE, np.ones(TRUE.shape, bool)) == pytest.approx(0.25)
+    assert np.isnan(bad_share(disparity, TRUE, np.zeros(TRUE.shape, bool)))
+    assert small_hole_share(disparity) == 0
+    disparity[100:110, 100:110] = np.nan
+    disparity[150, 10:110:10] = np.nan  # ten single pixels beside a hole of 100
+    assert small_hole_share(disparity) == pytest.approx(10 / 110)
+    assert small_hole_share(disparity, 99) == pytest.approx(10 / 110)
+    assert small_hole_share(disparity, 100) == 1
+
+
+def test_small_errors_and_their_autocorrelation() -> None:
+    disparity = noisy(0, 0.2)
+    disparity[::7] += 5  # wrong, and not among the small errors
+    assert small_error_rms(disparity, TRUE) == pytest.approx(0.2, rel=0.02)
+    assert np.isnan(small_error_rms(TRUE + 3, TRUE))
+    assert abs(autocorrelation(disparity, TRUE, 4, 1)) < 0.02
+    smooth = noisy(0, 0.2, correlation=3)
+    for lag in (2, 5):  # white noise after a Gaussian filter of sigma s: exp(-lag^2 / 4 s^2)
+        for axis in (0, 1):
+            expected = np.exp(-(lag**2) / 36)
+            assert autocorrelation(smooth, TRUE, lag, axis) == pytest.approx(expected, abs=0.06)
+    waves = TRUE + 0.3 * np.sin(np.arange(240) * np.pi / 8)  # a period of 16 px along the rows
+    assert autocorrelation(waves, TRUE, 8, 1) == pytest.approx(-1, abs=0.05)
+    assert autocorrelation(waves, TRUE, 8, 0) == pytest.approx(1)
+
+
+def test_runs_of_failures_are_measured_along_the_rows() -> None:
+    disparity = TRUE.copy()
+    disparity[3, 10:20] = np.nan
+    disparity[3, 20:25] += 4  # the same run
+    disparity[4, :2] = np.nan
+    disparity[5, 236:] += 2
+    assert sorted(failure_runs(disparity, TRUE)) == [2, 4, 15]
+    unknown = TRUE.copy()
+    unknown[3, 12] = np.nan
+    assert sorted(failure_runs(disparity, unknown)) == [2, 2, 4, 12]
+
+
+def test_reliability_counts_each_match_in_its_range() -> None:
+    confidence = np.array([0.1, 0.2, 0.5, 0.8, 1.0, 1.0])
+    right = np.array([False, True, True, True, True, False])
+    low, high = reliability(confidence, right, (0.0, 0.3, 0.4, 1.0))
+    assert (low.low, low.high, low.count) == (0.0, 0.3, 2)
+    assert low.confidence == pytest.approx(0.15) and low.right == 0.5
+    assert high.count == 4 and high.confidence == pytest.approx(0.825) and high.right == 0.75
+
+
+def test_what_stays_from_frame_to_frame_is_told_from_what_changes() -> None:
+    fixed = noisy(99, 0.6) - TRUE
+    still = np.stack([TRUE + fixed] * 8)
+    moving = np.stack([noisy(seed, 0.6) for seed in range(8)])
+    assert temporal_share(still, TRUE) == pytest.approx(0, abs=1e-9)
+    assert temporal_share(moving, TRUE) == pytest.approx(1, abs=0.02)
+    assert temporal_share(moving + fixed, TRUE) == pytest.approx(0.5, abs=0.02)
+    assert repeated_bad(still, TRUE) == 1
+    assert repeated_bad(moving, TRUE) == pytest.approx((np.abs(fixed) > 1).mean(), abs=0.01)
+
+
+def test_the_median_needs_more_than_half_of_the_frames() -> None:
+    stack = np.full((5, 1, 3), np.nan)
+    stack[:, 0, 0] = [3, 1, 2, 5, 4]
+    stack[:4, 0, 1] = [1, 2, 3, 10]
+    stack[:2, 0, 2] = 7
+    np.testing.assert_array_equal(median_where_most(stack), [[3, 2.5, np.nan]])
