@@ -206,7 +206,7 @@ def test_left_out_frames_are_named_where_the_others_keep_their_poses(
         return RelocatedFrames(poses, poses, lost=(2,))
 
     monkeypatch.setattr("digs_warp.poses.refine.refine.relocated", one_lost)
-    monkeypatch.setattr("digs_warp.poses.refine.refine.LARGEST_TURN", 0.0)
+    monkeypatch.setattr("digs_warp.poses.thresholds.MAX_REFINED_TURN_DEG", 0.0)
     frames = frames_at(perturbed())
     because = refine(frames, 0.0, needed=False)[1].because
     assert because.startswith("the frames do not hold together")
