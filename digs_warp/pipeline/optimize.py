@@ -19,8 +19,9 @@ from digs_warp.pipeline.records import Poses, stored
 from digs_warp.pipeline.refine_poses import with_trained_poses
 from digs_warp.poses.in_training import PoseTraining
 from digs_warp.poses.refine.outcome import PoseRefinement
-from digs_warp.record.layout import GAUSSIANS, TRAINING
+from digs_warp.record.layout import GAUSSIANS, RUN_RECORD, TRAINING
 from digs_warp.record.manifest import is_kept
+from digs_warp.record.results import to_json
 from digs_warp.record.run_log import RunLog, RunRecord
 from digs_warp.train.blur_plan import plan_blur
 from digs_warp.train.config import TrainConfig
@@ -32,9 +33,11 @@ from digs_warp.train.session import (
     Watch,
     load_trained_poses,
     open_data,
+    plan_training,
     train_gaussians,
 )
 from digs_warp.train.shutter import ShutterPlan, plan_shutter, with_motions
+from digs_warp.train.time_plan import TimePlan
 from digs_warp.train.training import Training
 
 
@@ -87,10 +90,18 @@ def optimize(
         )
     if trained is None:
         assert seeds is not None
+        plan = stored(Training, before, folder).plan
+        if config.train.stop.time_budget is not None and plan is None:
+            plan = _plan(seeds, views, config.train, log)
+            log.results["training"] = to_json(Training(plan=plan))
+            log.save(folder / RUN_RECORD)
+        if plan is not None:
+            config = replace(config, train=_as_planned(config.train, plan))
+            seeds = _seeds(poses, start, config)
         train = config.train
         if views.color is not None:
             train = replace(train, sh_degree=views.color.degree)
-        trained = _train(seeds, views, poses.refinement, train, folder, log, watch)
+        trained = _train(seeds, views, poses.refinement, train, folder, log, watch, plan)
     record = replace(
         trained.record,
         rolling_shutter=shutter,
@@ -180,6 +191,18 @@ def _load_views(
         return _LoadedViews(data, held_out, judging.result() if judging else None, points)
 
 
+def _plan(seeds: Gaussians, views: _LoadedViews, config: TrainConfig, log: RunLog) -> TimePlan:
+    assert views.data is not None
+    with log.stage("plan"):
+        colored = with_colors(seeds, views.points.colors, config.usual_sh_degree)
+        return plan_training(colored, views.data, config, views.points.hidden)
+
+
+def _as_planned(config: TrainConfig, plan: TimePlan) -> TrainConfig:
+    stop = replace(config.stop, iterations=plan.iterations)
+    return replace(config, stop=stop)
+
+
 def _train(
     seeds: Gaussians,
     views: _LoadedViews,
@@ -188,6 +211,7 @@ def _train(
     folder: Path,
     log: RunLog,
     watch: Watch | None,
+    plan: TimePlan | None,
 ) -> Trained:
     seeds = with_colors(seeds, views.points.colors, config.usual_sh_degree)
     assert views.data is not None
@@ -195,6 +219,7 @@ def _train(
         *(seeds, views.data, views.held_out, config, folder, log, watch),
         held=views.points.hidden,
         train_poses=pose_training(refinement, config),
+        plan=plan,
     )
 
 

@@ -69,7 +69,7 @@ def reconstruct(
     """
     check_machine(config)
     folder = Path(folder)
-    if not resume:  # else finished stages need nothing, and the others check
+    if not resume:  # an interrupted run was checked when it began, and finished stages need nothing
         check_front_end(capture, config)
     log = RunLog("reconstruct", config)
     with sole_writer(folder):

@@ -100,6 +100,8 @@ def _read(hint: Any, name: str, found: Fields) -> Any:
     """Return a value of the type that a field is annotated with."""
     kind, types = get_origin(hint), get_args(hint)
     if kind in (Union, UnionType):
+        if NoneType in types and name not in found:
+            return None
         hint = next(each for each in types if each is not NoneType)
         kind, types = get_origin(hint), get_args(hint)
     if is_dataclass(hint):

@@ -114,7 +114,8 @@ class Stop(Settings):
     """Training steps; each uses one view. Learning rates and schedules span all of them."""
 
     time_budget: Annotated[float | None, DURATION, SECONDS] = None
-    """Stop after this much training time, for example 60s, 20min or 2h. Default: no limit."""
+    """Plan the training for this much time, for example 60s, 20min or 2h: after a few steps it chooses how
+    many fit, at most --iterations, so that all schedules end with the time. Default: no limit."""
 
     target_psnr: Annotated[float | None, Range(1e-3, 100), NO_FLAG] = None
     """Stop as soon as the held-out views reach this PSNR on the object [dB], which is then measured every 100

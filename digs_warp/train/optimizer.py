@@ -12,6 +12,7 @@ from digs_warp.device.small_arrays import put
 from digs_warp.splat.device import DeviceGaussians
 from digs_warp.train.config import TrainConfig
 from digs_warp.train.finite import is_broken
+from digs_warp.train.time_plan import Progress
 
 wp.set_module_options({"enable_backward": False, "max_unroll": 1, "optimization_level": 3})
 
@@ -114,8 +115,10 @@ class Adam:
         config: TrainConfig,
         extent: float,
         threads: int = 0,
+        progress: Progress | None = None,
     ) -> None:
         self.config = config
+        self.progress = progress or Progress(config.stop.iterations)
         self.extent = extent
         self.step = 0
         # The flat views below hold addresses only: keep what they point to alive.
@@ -177,7 +180,7 @@ class Adam:
 
     @property
     def _progress(self) -> float:
-        return min(1.0, self.step / max(1, self.config.stop.iterations))
+        return self.progress.at(self.step)
 
     def update(self) -> None:
         """Take one step along the current gradients."""

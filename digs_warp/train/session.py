@@ -1,5 +1,6 @@
 """A training run in a folder: steps, course, checkpoints, and the Gaussians at the end."""
 
+import logging
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -26,15 +27,21 @@ from digs_warp.train.evaluate import MeasuredViews, TestView
 from digs_warp.train.moved_views import moved_views
 from digs_warp.train.recorder import LOG_EVERY, CourseRecorder
 from digs_warp.train.shutter import NO_SHUTTER, ShutterPlan
+from digs_warp.train.time_plan import MOST_DENSE_STEPS, Clock, TimePlan, plan_time
 from digs_warp.train.trainer import Trainer
 from digs_warp.train.training import Training
 from digs_warp.train.view_store import ViewStore, open_views
+
+logger = logging.getLogger(__name__)
 
 # A finished scene keeps Gaussians from this opacity on: a lower one changes a pixel by at most 3 of 255.
 MIN_OPACITY = 0.01
 
 # Seconds of training between two checkpoints: the most that an interruption can cost.
 CHECKPOINT_SECONDS = 30.0
+
+# To plan for a time budget, at least so many steps are taken, and this share of the budget.
+PLANNING_STEPS, PLANNING_SHARE = 3, 0.02
 
 # With a target quality, the held-out views are measured every this many iterations.
 TARGET_EVERY = 100
@@ -112,6 +119,7 @@ def train_gaussians(
     watch: Watch | None = None,
     held: np.ndarray | None = None,
     train_poses: PoseTraining = "held",
+    plan: TimePlan | None = None,
 ) -> Trained:
     """Train ``seeds`` on ``data``; also save the Gaussians and the training progress to ``folder``.
 
@@ -127,6 +135,7 @@ def train_gaussians(
         watch: looks on; None: nobody does.
         held: which seeds stay as they are, shape (n,), bool; None: none.
         train_poses: what the cameras do until their photographs fit, held-out ones at the end.
+        plan: for the time budget; ``config`` has its iterations.
 
     Raises:
         DigsError: a broken checkpoint, or a training that diverged.
@@ -140,6 +149,8 @@ def train_gaussians(
                 *(seeds, data.views, config, held, train_poses),
                 constant_exposure=data.constant_exposure,
             )
+        if plan is not None:
+            trainer.progress.most = plan.most
         if data.first_step:
             load_checkpoint(checkpoint, trainer)
         course = CourseRecorder(folder / TRAINING, trainer, test_views, data.measured)
@@ -163,11 +174,13 @@ def train_gaussians(
     # The last line measured all Gaussians, with the held-out cameras where they were.
     is_result = poses is None and len(gaussians) == len(trainer.gaussians)
     measured = course.measured if is_result else None
-    record = _record(trainer, course, len(gaussians), stopped)
+    record = _record(trainer, course, len(gaussians), stopped, plan)
     return Trained(gaussians, record, poses, measured)
 
 
-def _record(trainer: Trainer, course: CourseRecorder, gaussians: int, stopped: str) -> Training:
+def _record(
+    trainer: Trainer, course: CourseRecorder, gaussians: int, stopped: str, plan: TimePlan | None
+) -> Training:
     exposures, rows = trainer.exposures, tuple(course.rows)
     distances = [row.adherence for row in rows if row.adherence is not None]
     return Training(
@@ -178,6 +191,7 @@ def _record(trainer: Trainer, course: CourseRecorder, gaussians: int, stopped: s
         training_seconds=round(rows[-1].seconds, 3),
         exposure_stops=round(exposures.rms_stops, 4) if exposures is not None else None,
         adherence=distances[-1] if distances else None,
+        plan=plan,
     )
 
 
@@ -204,20 +218,29 @@ def _all_poses(
 
 
 def _run_steps(
-    trainer: Trainer, course: CourseRecorder, checkpoint: Path, watch: Watch | None
+    trainer: Trainer,
+    course: CourseRecorder,
+    checkpoint: Path,
+    watch: Watch | None,
 ) -> str:
     """Take the remaining steps; return what ended the run."""
+    budget = trainer.config.stop.time_budget
+    now = trainer.optimizer.step, trainer.seconds
+    clock = None if budget is None else Clock(budget, now)
     saved = time.monotonic()
     with (
         deferred_interrupt() as interruption,
-        progress(trainer.config.stop.iterations, "Training", initial=trainer.optimizer.step) as bar,
+        progress(trainer.progress.steps, "Training", initial=trainer.optimizer.step) as bar,
     ):
         if trainer.optimizer.step == 0:
             bar.set_postfix_str(course.record(measure=True), refresh=False)
-        while not (stop := _reason_to_stop(trainer, course)):
+        while not (stop := _reason_to_stop(trainer, course, clock)):
             trainer.step()
             step = trainer.optimizer.step
-            measure = _measures(trainer)
+            if clock is not None:
+                clock.after_step(trainer.progress, step, trainer.seconds)
+                bar.total = trainer.progress.steps
+            measure = _measures(trainer, clock)
             if measure or step % LOG_EVERY == 0:
                 bar.set_postfix_str(course.record(measure), refresh=False)
                 if watch is not None:
@@ -232,27 +255,51 @@ def _run_steps(
     return stop
 
 
-def _measures(trainer: Trainer) -> bool:
+def _measures(trainer: Trainer, clock: Clock | None) -> bool:
     """Whether held-out views are measured after the step just taken."""
     stop, step = trainer.config.stop, trainer.optimizer.step
-    last = step == stop.iterations or _is_out_of_time(trainer)
+    last = step >= trainer.progress.steps or (
+        clock is not None and clock.is_over(step, trainer.seconds)
+    )
     for_target = stop.target_psnr is not None and step % TARGET_EVERY == 0
     return last or for_target or step in trainer.config.evaluate_at
 
 
-def _reason_to_stop(trainer: Trainer, course: CourseRecorder) -> str:
+def _reason_to_stop(trainer: Trainer, course: CourseRecorder, clock: Clock | None) -> str:
     """Return why the run is over; empty while it still goes on."""
-    stop = trainer.config.stop
-    if trainer.optimizer.step >= stop.iterations:
-        return "iterations"
+    stop, progress, step = trainer.config.stop, trainer.progress, trainer.optimizer.step
+    if step >= progress.steps:
+        return "time budget" if clock and progress.steps < progress.most else "iterations"
     if stop.target_psnr is not None and course.psnr >= stop.target_psnr:
         return "target psnr"
-    return "time budget" if _is_out_of_time(trainer) else ""
+    return "time budget" if clock and clock.is_over(step, trainer.seconds) else ""
 
 
-def _is_out_of_time(trainer: Trainer) -> bool:
-    budget = trainer.config.stop.time_budget
-    return budget is not None and trainer.seconds >= budget
+def plan_training(
+    seeds: Gaussians, data: TrainingData, config: TrainConfig, held: np.ndarray | None = None
+) -> TimePlan:
+    """Choose the steps that fit into the time budget by how long a few steps of a copy take.
+
+    Args:
+        seeds: the Gaussians to start from.
+        data: of the frames to train on.
+        config: settings with a time budget; not more than its iterations are planned.
+        held: as of `train_gaussians`.
+    """
+    budget = config.stop.time_budget
+    assert budget is not None
+    copy = Trainer(seeds, data.views, config, held, constant_exposure=data.constant_exposure)
+    copy.step()  # may compile kernels
+    copy.seconds, steps = 0.0, 0
+    while steps < PLANNING_STEPS or copy.seconds < PLANNING_SHARE * budget:
+        copy.step()
+        steps += 1
+    most = config.stop.iterations
+    if config.density.strategy == "fixed":
+        most = min(most, MOST_DENSE_STEPS)
+    plan = plan_time(budget, most, copy.seconds / steps)
+    logger.info("time budget of %g s: %s", budget, plan)
+    return plan
 
 
 def _without_transparent(gaussians: Gaussians) -> Gaussians:

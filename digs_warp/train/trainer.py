@@ -31,6 +31,7 @@ from digs_warp.train.exposure import Exposures, rendered_samples
 from digs_warp.train.finite import FiniteCheck, non_finite_rows
 from digs_warp.train.objective import Objective
 from digs_warp.train.optimizer import Adam
+from digs_warp.train.time_plan import Progress
 from digs_warp.train.view_store import ViewStore
 from digs_warp.train.views import View, scene_extent
 from digs_warp.words import counted
@@ -58,6 +59,7 @@ class Trainer:
         exposures: the gains of the photographs; None where they are not fitted.
         depth_judge: knows the errors of the measured depth; None where that does not count.
         poses: of the views; None where they are not trained.
+        progress: along which the rates fall.
         seconds: time spent in `step` so far.
     """
 
@@ -88,6 +90,7 @@ class Trainer:
             options=RasterOptions(outputs="mean depth" if with_depth else "color", depth_of=place),
             moments=views.moments,
         )
+        self.progress = Progress(config.stop.iterations)
         self._extent = scene_extent(views.cameras)
         self.objective = Objective(self.renderer, config, self._extent)
         self._center = gaussians.means.mean(axis=0)
@@ -177,7 +180,9 @@ class Trainer:
         """Create everything bound to the arrays of the current population, with zero moments."""
         self.renderer.statistics = self.control.statistics
         gradients = self.renderer.gradients
-        self.optimizer = Adam(self.gaussians, gradients, self.config, self._extent)
+        self.optimizer = Adam(
+            self.gaussians, gradients, self.config, self._extent, progress=self.progress
+        )
         self.optimizer.step = step
         self._finite = FiniteCheck(self.objective.sums)
 

