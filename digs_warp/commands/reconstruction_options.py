@@ -14,7 +14,7 @@ from digs_warp.init.strategies import STRATEGIES, StrategyChoice, StrategyName, 
 from digs_warp.masks.config import SegmentConfig
 from digs_warp.poses.from_images.config import SfmConfig
 from digs_warp.settings import TEST_EVERY, Settings
-from digs_warp.train.config import Density, DensityStrategy, TrainConfig
+from digs_warp.train.config import Density, DensityStrategy, Stop, TrainConfig
 from digs_warp.words import counted
 
 if TYPE_CHECKING:
@@ -65,7 +65,11 @@ class _DensityOptions(Density):
 class _TrainOptions(TrainConfig):
     """How the Gaussians are optimized."""
 
-    density: _DensityOptions = field(default_factory=_DensityOptions)
+    # Without names of their own, the help shows them as one group.
+    stop: Annotated[Stop, tyro.conf.arg(name="")] = field(default_factory=Stop)
+    density: Annotated[_DensityOptions, tyro.conf.arg(name="")] = field(
+        default_factory=_DensityOptions
+    )
 
 
 @dataclass(frozen=True, kw_only=True)
