@@ -1,4 +1,4 @@
-"""`digs-warp view` as a process: it says where it is, and ends in order."""
+"""`digs-warp view` as a process, and `--view`, which shows a training without changing its result."""
 
 import signal
 import subprocess
@@ -6,8 +6,11 @@ import sys
 import urllib.request
 from pathlib import Path
 
-from digs_warp.cli import EXIT_BAD_INPUT, EXIT_WRONG_USAGE, main
-from reference.tiny_capture import ball
+import numpy as np
+
+from digs_warp.cli import EXIT_BAD_INPUT, EXIT_OK, EXIT_WRONG_USAGE, main
+from digs_warp.data.gaussians import Gaussians
+from reference.tiny_capture import ball, write_tiny_capture
 
 
 def test_it_serves_its_page_until_it_is_interrupted(tmp_path: Path) -> None:
@@ -37,3 +40,17 @@ def test_what_cannot_be_shown_is_told(tmp_path: Path, capsys) -> None:
     ball().save(tmp_path / "ball.npz")
     assert main(["view", str(tmp_path / "ball.npz"), "--host", "192.0.2.1"]) == EXIT_BAD_INPUT
     assert "an address of this machine" in capsys.readouterr().err
+
+
+def test_a_watched_training_ends_with_the_same_bits(tmp_path: Path, capsys) -> None:
+    write_tiny_capture(tmp_path / "capture")
+    words = ["reconstruct", str(tmp_path / "capture"), "--iterations", "20", "--quiet"]
+    assert main([*words, "--out", str(tmp_path / "plain")]) == EXIT_OK
+    assert "http://" not in capsys.readouterr().err
+    assert main([*words, "--out", str(tmp_path / "watched"), "--view"]) == EXIT_OK
+    assert "http://127.0.0.1:" in capsys.readouterr().err
+    plain, watched = (
+        Gaussians.load(tmp_path / name / "gaussians.npz") for name in ("plain", "watched")
+    )
+    for name, values in vars(plain).items():
+        np.testing.assert_array_equal(values, getattr(watched, name))
