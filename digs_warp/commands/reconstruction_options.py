@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeVar
 
 import tyro
 
-from digs_warp.init.config import InitConfig
+from digs_warp.init.config import InitConfig, Shape
 from digs_warp.init.mono_config import MonoDepthConfig
 from digs_warp.init.strategies import STRATEGIES, StrategyChoice, StrategyName, chosen_strategy
 from digs_warp.masks.config import SegmentConfig
 from digs_warp.poses.from_images.config import SfmConfig
-from digs_warp.settings import TEST_EVERY, Settings
+from digs_warp.settings import NO_FLAG, TEST_EVERY, Settings
 from digs_warp.train.config import Density, DensityStrategy, Stop, TrainConfig
 from digs_warp.words import counted
 
@@ -48,6 +48,8 @@ class _InitOptions(InitConfig):
     depth maps in fine voxels; depth: in coarse voxels; hull: where all masks agree, without depth; default:
     the paper's name for sparse points, background included, of the recording or matched in its images;
     fusion: depth and sparse points, for fine texture; random: random points, for comparison."""
+
+    shape: Annotated[Shape, NO_FLAG] = "round"
 
 
 @dataclass(frozen=True, kw_only=True)
