@@ -12,7 +12,7 @@ from digs_warp.checks import DigsError
 from digs_warp.data.capture import Capture
 from digs_warp.data.images import write_image
 from digs_warp.data.layers import Layer
-from digs_warp.pipeline.config import FrontEndConfig
+from digs_warp.pipeline.config import FrontEndConfig, check_front_end
 from digs_warp.pipeline.front_end import front_end
 from digs_warp.pipeline.records import Poses, stored
 from digs_warp.poses.from_images.config import SfmConfig
@@ -81,7 +81,7 @@ def test_without_depth_in_all_frames_nothing_starts(capture: Capture, tmp_path: 
     with pytest.raises(DigsError, match="18 of 18 frames have no depth"):
         front_end(blind, CONFIG, tmp_path, RunLog("test", {}))
     with pytest.raises(DigsError, match="or with --poses rgbd from color and depth"):
-        front_end(unknown(capture), FrontEndConfig(), tmp_path, RunLog("test", {}))
+        check_front_end(unknown(capture), FrontEndConfig())
 
 
 def test_a_failed_match_of_images_names_the_other_way(

@@ -4,6 +4,7 @@ import time
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -41,7 +42,7 @@ def matched(monkeypatch: pytest.MonkeyPatch) -> list[Path]:
     return places
 
 
-CAPTURE: Any = None  # what is matched does not matter here
+CAPTURE: Any = SimpleNamespace(readout_time=0.0)  # what is matched does not matter here
 
 
 def case_of(**settings: Any) -> tuple[Case, ReconstructConfig]:
