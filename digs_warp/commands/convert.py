@@ -150,7 +150,7 @@ class Convert(Command):
 def export_capture_folder(source: Path, form: CaptureFormat, out: Path, overwrite: bool) -> str:
     """Export a capture, or that of a reconstruction as used; the folder is complete or not there."""
     from digs_warp.formats.captures.formats import export_capture
-    from digs_warp.pipeline.posed_capture import posed_capture
+    from digs_warp.pipeline.scene_files import posed_capture
 
     capture = posed_capture(source)
     log = RunLog("convert", {"capture": source, "to": form}, results={"frames": len(capture)})
