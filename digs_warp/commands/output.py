@@ -34,7 +34,7 @@ def reconstruction_files() -> list[str]:
     """Return what `reconstruct` writes."""
     from digs_warp.data.posed_frames import CAMERAS
     from digs_warp.masks.masks import SETTINGS
-    from digs_warp.pipeline.front_end import HELD_OUT, MASKS, MENDED, SFM
+    from digs_warp.pipeline.front_end import HELD_OUT, MENDED, SFM
     from digs_warp.pipeline.stored_views import RENDERS
     from digs_warp.poses.from_images.workspace import DATABASE, IMAGES, MODEL, STAGES
 
@@ -45,7 +45,7 @@ def reconstruction_files() -> list[str]:
         *(layout.INITIAL_POINTS, layout.CHECKPOINT, layout.TRAINING, layout.GAUSSIANS),
         *(layout.EVALUATION, CAMERAS, f"{layout.COURSE}/*.npz", f"{RENDERS}/*.png"),
         *(f"{SFM}/{name}" for name in in_sfm),
-        *(f"{MASKS}/{name}" for name in in_masks),
+        *(f"{layout.MASKS}/{name}" for name in in_masks),
     ]
 
 

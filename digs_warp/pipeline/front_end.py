@@ -37,48 +37,18 @@ from digs_warp.pipeline.records import Poses, store, stored
 from digs_warp.pipeline.refine_poses import only_registered, refined, with_held_out
 from digs_warp.poses.from_depth.quality import Tracking
 from digs_warp.poses.from_images.config import SfmConfig
-from digs_warp.record.layout import INITIAL_POINTS, RUN_RECORD
+from digs_warp.record.layout import INITIAL_POINTS, MASKS, RUN_RECORD
 from digs_warp.record.manifest import is_kept
 from digs_warp.record.run_log import RunLog, RunRecord
 
 if TYPE_CHECKING:
     from digs_warp.poses.from_images.estimate import SfmResult
 
-
-MASKS = "masks"
-HELD_OUT = "held_out"
-MENDED = "mended"
-
-
-def masked(frames: PosedFrames, config: SegmentConfig, folder: Path) -> PosedFrames:
-    """Make masks for the frames. Held-out frames keep theirs: the evaluation must not use our own masks.
-
-    The masks of one of several objects are those of the recording; the frames know that others may hide it.
-    """
-    training = with_masks(frames.training, segment(frames.training, config, folder))
-    held_out = list(frames.held_out)
-    if config.source == "instance" or any(not frame.has(Layer.MASK) for frame in held_out):
-        held_out = with_masks(held_out, segment(held_out, config, folder / HELD_OUT))
-    if config.instance is not None:
-        training, held_out = (
-            [replace(frame, instance=config.instance) for frame in group]
-            for group in (training, held_out)
-        )
-    return replace(frames, training=tuple(training), held_out=tuple(held_out))
-
-
-def without_masks(frames: PosedFrames) -> PosedFrames:
-    """Return the frames for a whole scene, which uses no masks."""
-    training, held_out = (
-        tuple(frame.without_layer(Layer.MASK) for frame in group)
-        for group in (frames.training, frames.held_out)
-    )
-    return replace(frames, training=training, held_out=held_out)
-
-
 logger = logging.getLogger(__name__)
 
 SFM = "sfm"
+# Inside the folder of masks: those made for held-out frames, and those that other views contradicted.
+HELD_OUT, MENDED = "held_out", "mended"
 
 # Recordings of at most this many frames are looked at frame by frame, which takes a second.
 SHORT = 60
@@ -286,3 +256,29 @@ def quick_check(capture: Capture, config: FrontEndConfig) -> CheckResult:
     uses_poses, uses_masks = config.sfm.poses != "sfm", config.segment.source == "capture"
     asker = "run" if uses_poses and len(capture) <= SHORT else "info"
     return check_capture(capture, asker, poses=uses_poses, masks=uses_masks)
+
+
+def masked(frames: PosedFrames, config: SegmentConfig, folder: Path) -> PosedFrames:
+    """Make masks for the frames. Held-out frames keep theirs: the evaluation must not use our own masks.
+
+    The masks of one of several objects are those of the recording; the frames know that others may hide it.
+    """
+    training = with_masks(frames.training, segment(frames.training, config, folder))
+    held_out = list(frames.held_out)
+    if config.source == "instance" or any(not frame.has(Layer.MASK) for frame in held_out):
+        held_out = with_masks(held_out, segment(held_out, config, folder / HELD_OUT))
+    if config.instance is not None:
+        training, held_out = (
+            [replace(frame, instance=config.instance) for frame in group]
+            for group in (training, held_out)
+        )
+    return replace(frames, training=tuple(training), held_out=tuple(held_out))
+
+
+def without_masks(frames: PosedFrames) -> PosedFrames:
+    """Return the frames for a whole scene, which uses no masks."""
+    training, held_out = (
+        tuple(frame.without_layer(Layer.MASK) for frame in group)
+        for group in (frames.training, frames.held_out)
+    )
+    return replace(frames, training=training, held_out=held_out)

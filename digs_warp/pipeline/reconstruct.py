@@ -19,7 +19,7 @@ from digs_warp.device.threads import default_threads
 from digs_warp.device.warp_start import require_device
 from digs_warp.measure.scores import Scores, SurfaceError
 from digs_warp.pipeline.config import ReconstructConfig, check_front_end
-from digs_warp.pipeline.front_end import MASKS, SFM, front_end
+from digs_warp.pipeline.front_end import SFM, front_end
 from digs_warp.pipeline.optimize import Optimized, optimize
 from digs_warp.pipeline.reconstruction import Reconstruction
 from digs_warp.pipeline.stored_views import write_render, write_scores
@@ -29,6 +29,7 @@ from digs_warp.record.layout import (
     COURSE,
     GAUSSIANS,
     INITIAL_POINTS,
+    MASKS,
     RUN_RECORD,
     TRAINED_POSES,
     TRAINING,

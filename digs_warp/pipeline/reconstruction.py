@@ -32,6 +32,7 @@ from digs_warp.record.layout import (
     EVALUATION,
     GAUSSIANS,
     INITIAL_POINTS,
+    MASKS,
     RUN_RECORD,
     TRAINING,
     find_gaussians,
@@ -45,8 +46,6 @@ from digs_warp.train.training import Training
 if TYPE_CHECKING:
     from digs_warp.pipeline.usd_scene import SceneResult
     from digs_warp.splat.render import RenderOutput
-
-MASKS = "masks"
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

@@ -1,4 +1,4 @@
-"""Reads Gaussians, or the recording as a reconstruction used it, and writes Gaussians to any supported file."""
+"""Reads Gaussians or a posed recording from a file or folder; writes Gaussians to any supported file."""
 
 from dataclasses import replace
 from pathlib import Path

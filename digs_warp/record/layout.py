@@ -23,6 +23,7 @@ SENSOR_PLAN = "sensor_plan.json"
 # In the folder of `digs-warp simulate` with many scenes:
 DATA_SET = "summary.json"
 # In the folder of `digs-warp reconstruct`:
+MASKS = "masks"
 INITIAL_POINTS = "initial_points.npz"
 CHECKPOINT = "checkpoint.npz"
 TRAINING = "training.jsonl"

@@ -12,8 +12,9 @@ from math import inf
 # (docs/study/tradeoff/report.md, "Iterations"). A longer budget is not used up.
 MOST_DENSE_STEPS = 500
 
-# The rest is spread again whenever this share of the budget has passed.
-REPLAN_SHARE = 0.05
+# The rest is spread again whenever this share of the time that was left has passed: the more often, the nearer
+# the end is.
+RESPREAD_SHARE = 0.1
 
 
 @dataclass(frozen=True)
@@ -112,7 +113,7 @@ class Clock:
             seconds: of training so far.
         """
         first, since = self.last
-        if seconds - since < REPLAN_SHARE * self.budget:
+        if seconds - since < RESPREAD_SHARE * (self.budget - since):
             return
         rate = (seconds - since) / (step - first)
         progress.respread(step, (self.budget - seconds) / rate)

@@ -9,8 +9,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from digs_warp.masks.masks import SETTINGS
-from digs_warp.pipeline.front_end import MASKS
-from digs_warp.record.layout import MANIFEST, RUN_RECORD
+from digs_warp.record.layout import MANIFEST, MASKS, RUN_RECORD
 from digs_warp.record.manifest import Manifest
 from full_disks.cases import Case, run_command
 from full_disks.disk import PAGE, largest_file, resize, small_disk
