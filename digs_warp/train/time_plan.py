@@ -12,8 +12,8 @@ from math import inf
 # (docs/study/tradeoff/report.md, "Iterations"). A longer budget is not used up.
 MOST_DENSE_STEPS = 500
 
-# The rest is spread again whenever this share of the time that was left has passed: the more often, the nearer
-# the end is.
+# The rest is spread again whenever this share of the time that was left has passed: the more often, the
+# nearer the end is.
 RESPREAD_SHARE = 0.1
 
 
