@@ -74,9 +74,8 @@ class Worker:
 
     def _renderer(self, outputs: str, absolute: bool, camera_gradient: bool, **more: Any) -> Any:
         from digs_warp.splat.config import RasterOptions
-        from digs_warp.splat.device import DeviceGaussians, Gaussians
+        from digs_warp.splat.device import DeviceGaussians, Gaussians, SplatStatistics
         from digs_warp.splat.renderer import SplatRenderer
-        from digs_warp.splat.statistics import SplatStatistics
 
         splats = DeviceGaussians.from_numpy(Gaussians(**random_splats(SPLATS, degree=2)))
         renderer = SplatRenderer(

@@ -30,7 +30,7 @@ from digs_warp.study.scenes import sample_data
 from digs_warp.study.timing import Stopwatch
 from digs_warp.train.adherence import adherence, load_measured_views
 from digs_warp.train.config import Density, Stop, TrainConfig
-from digs_warp.train.neighbor_exposure import psnr_by_neighbors
+from digs_warp.train.evaluate import psnr_by_neighbors
 from studies.real_recordings import RealRecording, convert, find_recordings
 from studies.results import Result
 

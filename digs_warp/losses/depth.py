@@ -20,8 +20,7 @@ import warp as wp
 from digs_warp.device.contiguous import bytes_from, fill, floats_from
 from digs_warp.device.elementary import larger, log_of
 from digs_warp.device.image_planes import ImagePlanes
-from digs_warp.device.parallel import ParallelLaunch
-from digs_warp.device.small_arrays import put
+from digs_warp.device.parallel import ParallelLaunch, put
 from digs_warp.geometry.rigid import PixelBox, mask_box
 
 wp.set_module_options({"enable_backward": False, "max_unroll": 1, "optimization_level": 3})

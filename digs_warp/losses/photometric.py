@@ -10,8 +10,7 @@ import numpy as np
 import warp as wp
 
 from digs_warp.device.image_planes import ImagePlanes
-from digs_warp.device.parallel import ParallelLaunch
-from digs_warp.device.small_arrays import put
+from digs_warp.device.parallel import ParallelLaunch, put
 from digs_warp.measure.ssim import BLOCK_COLUMNS, BLOCK_ROWS, SEGMENT_ROWS, similarity_kernel
 
 # lambda of the 3DGS reference.

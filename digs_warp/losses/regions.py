@@ -4,8 +4,7 @@ import numpy as np
 
 from digs_warp.device.image_planes import ALIGNMENT
 from digs_warp.geometry.rigid import PixelBox, mask_box
-from digs_warp.measure.ssim import BLOCK_COLUMNS, BLOCK_ROWS
-from digs_warp.measure.ssim_window import REACH
+from digs_warp.measure.ssim import BLOCK_COLUMNS, BLOCK_ROWS, REACH
 
 # Tiles are those of the rasterizer.
 TILE_SIZE = ALIGNMENT

@@ -11,8 +11,7 @@ import warp as wp
 from digs_warp.checks import check_shape
 from digs_warp.device.contiguous import bytes_from, fill, floats_from
 from digs_warp.device.image_planes import ImagePlanes
-from digs_warp.device.parallel import ParallelLaunch
-from digs_warp.device.small_arrays import put
+from digs_warp.device.parallel import ParallelLaunch, put
 from digs_warp.geometry.rigid import PixelBox
 from digs_warp.measure.color_gain import SATURATED, ColorGain
 

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from digs_warp.checks import check_shape
-from digs_warp.measure.ssim_window import C1, C2, REACH, window_weights
+from digs_warp.measure.ssim import C1, C2, REACH, window_weights
 
 _Part = tuple[slice, slice]
 

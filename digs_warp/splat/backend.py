@@ -10,18 +10,20 @@ from typing import Any, Protocol
 import warp as wp
 
 from digs_warp.device.parallel import ParallelLaunch, default_threads
-from digs_warp.splat.alpha_cut import STEP_CUT, AlphaCut
 from digs_warp.splat.config import RasterOptions
-from digs_warp.splat.cooperative import backward_cooperative_kernel, forward_cooperative_kernel
-from digs_warp.splat.cooperative_launch import CooperativeLaunch
-from digs_warp.splat.group import GROUP_SIZE
+from digs_warp.splat.cooperative import (
+    CooperativeLaunch,
+    backward_cooperative_kernel,
+    forward_cooperative_kernel,
+)
 from digs_warp.splat.project import project_kernel
 from digs_warp.splat.project_adjoint import project_backward_kernel
 from digs_warp.splat.project_adjoint_group import project_backward_group_kernel
 from digs_warp.splat.project_group import project_group_kernel
 from digs_warp.splat.rasterize import forward_kernel
 from digs_warp.splat.rasterize_adjoint import backward_kernel
-from digs_warp.splat.records import GradientLayout
+from digs_warp.splat.records import GROUP_SIZE, GradientLayout
+from digs_warp.splat.tile import STEP_CUT, AlphaCut
 
 
 @dataclass(frozen=True, eq=False)

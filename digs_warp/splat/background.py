@@ -13,8 +13,7 @@ from digs_warp.device.parallel import launch_parallel
 from digs_warp.geometry.rigid import PixelBox
 from digs_warp.splat.config import TILE_SIZE
 from digs_warp.splat.footprint import ViewParams
-from digs_warp.splat.records import Planes
-from digs_warp.splat.view_planes import ViewPlanes
+from digs_warp.splat.records import Planes, ViewPlanes
 
 wp.set_module_options({"enable_backward": False})
 

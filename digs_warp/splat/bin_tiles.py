@@ -31,8 +31,7 @@ from digs_warp.splat.bin_kernels import (
 )
 from digs_warp.splat.config import EXTENT_SLACK, TILE_SIZE
 from digs_warp.splat.depth_sort import HISTOGRAM, depth_sort_kernel
-from digs_warp.splat.group import GROUP_SIZE
-from digs_warp.splat.records import COLOR_FIELDS, SPLAT_FIELDS
+from digs_warp.splat.records import COLOR_FIELDS, GROUP_SIZE, SPLAT_FIELDS
 from digs_warp.splat.span_group import span_group_kernel
 from digs_warp.splat.spans import MAX_TILE_COLUMNS
 

@@ -5,7 +5,7 @@ splats into shared memory together (3DGS), so that each record is read from glob
 rather than once per pixel, and the block leaves when all of its pixels are saturated.
 
 Every thread has to reach every tile function: a pixel that is outside of the image or saturated goes on
-without work. The kernels are run by `digs_warp.splat.cooperative_launch`.
+without work. The kernels are run by `digs_warp.splat.cooperative`.
 """
 
 from functools import cache
@@ -13,8 +13,7 @@ from typing import Any
 
 import warp as wp
 
-from digs_warp.splat.alpha_cut import STEP_CUT, AlphaCut
-from digs_warp.splat.cooperative_launch import BLOCK_THREADS, cooperative_module_options
+from digs_warp.splat.config import TILE_PIXELS
 from digs_warp.splat.records import (
     COLOR_FIELDS,
     SPLAT_A,
@@ -31,7 +30,42 @@ from digs_warp.splat.records import (
     Splats,
     TilePairs,
 )
-from digs_warp.splat.tile import TILE
+from digs_warp.splat.tile import STEP_CUT, TILE, AlphaCut
+
+BLOCK_THREADS = TILE_PIXELS
+
+
+def cooperative_module_options() -> dict[str, Any]:
+    """Return the Warp module options of kernels that run in blocks of `BLOCK_THREADS` threads."""
+    return {"enable_backward": False, "block_dim": BLOCK_THREADS}
+
+
+class CooperativeLaunch:
+    """A recorded launch of a kernel of this kind over ``tiles`` tiles.
+
+    Raises:
+        ValueError: the device is a CPU, and Warp is not told to run blocks of threads there.
+    """
+
+    def __init__(self, kernel: wp.Kernel, tiles: int, inputs: list[Any], device: str) -> None:
+        if device == "cpu" and not wp.config.enable_cpu_blocks:
+            raise ValueError("cooperative kernels need wp.config.enable_cpu_blocks = True on a CPU")
+        self._inputs = inputs  # keeps the arrays alive: a recorded launch holds raw addresses
+        launch = wp.launch_tiled(
+            kernel,
+            dim=[tiles],
+            inputs=inputs,
+            block_dim=BLOCK_THREADS,
+            device=device,
+            record_cmd=True,
+        )
+        assert launch is not None  # because of record_cmd
+        self._launch = launch
+
+    def run(self) -> None:
+        """Execute."""
+        self._launch.launch()
+
 
 wp.set_module_options({"enable_backward": False})
 

@@ -1,4 +1,4 @@
-"""Gaussians as Warp arrays: what the kernels read and write."""
+"""Gaussians, and what density control sums of them, as Warp arrays: what the kernels read and write."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -11,7 +11,51 @@ from digs_warp.data.gaussians import FIELDS, Gaussians
 from digs_warp.device.parallel import packed
 from digs_warp.device.warp_start import require_device
 from digs_warp.geometry.rigid import quat_multiply, quat_xyzw_from_matrix, transform_points
-from digs_warp.splat.records import GaussianArrays
+from digs_warp.splat.records import GaussianArrays, StatisticsArrays
+
+
+@dataclass(frozen=True, eq=False)
+class SplatStatistics:
+    """Sums over the backward passes of a renderer whose ``statistics`` this is.
+
+    Attributes:
+        gradient_sums: norm of dL/d(center on the image), in units of half the image size (normalized device
+            coordinates, as 3DGS sums it), shape (n,).
+        absolute_sums: the same of the sums over pixels of the absolute values (AbsGS), shape (n,); empty
+            when not wanted.
+        counts: in how many views the Gaussian was drawn, shape (n,).
+        max_radii: largest radius on the image [px], three standard deviations of the longer axis, (n,).
+    """
+
+    gradient_sums: wp.array
+    absolute_sums: wp.array
+    counts: wp.array
+    max_radii: wp.array
+
+    @staticmethod
+    def zeros(count: int, device: str = "cpu", *, absolute: bool = False) -> "SplatStatistics":
+        """Return statistics of no view for ``count`` Gaussians."""
+
+        def empty(length: int) -> wp.array:
+            return wp.zeros(length, dtype=float, device=device)
+
+        return SplatStatistics(
+            empty(count), empty(count if absolute else 0), empty(count), empty(count)
+        )
+
+    @property
+    def has_absolute(self) -> bool:
+        """Whether absolute gradients are summed, too: the backward pass then takes longer."""
+        return self.absolute_sums.shape[0] > 0
+
+    def for_kernels(self) -> Any:
+        """Return the arrays as kernels take them, `StatisticsArrays`."""
+        return packed(StatisticsArrays, **vars(self))
+
+    def reset(self) -> None:
+        """Forget all views."""
+        for array in vars(self).values():
+            array.zero_()
 
 
 @dataclass

@@ -7,16 +7,19 @@ the color go splat by splat: their loops have other lengths.
 import warp as wp
 
 from digs_warp.splat.footprint import footprint_of
-from digs_warp.splat.group import (
+from digs_warp.splat.records import (
     GROUP_OPTIONS,
     GROUP_PARAMETERS,
     GROUP_SIZE,
+    GaussianArrays,
+    PairGradients,
+    Splats,
+    StatisticsArrays,
     parameters_at,
     put_parameters,
     put_vec3,
     vec3_at,
 )
-from digs_warp.splat.records import GaussianArrays, PairGradients, Splats, StatisticsArrays
 from digs_warp.splat.shape_gradient import (
     SplatGradient,
     add_statistics,

@@ -7,16 +7,18 @@ by splat.
 import warp as wp
 
 from digs_warp.splat.footprint import facing_normal, footprint_of
-from digs_warp.splat.group import (
+from digs_warp.splat.project import color_is_finite, projection_of, put_color, put_record
+from digs_warp.splat.records import (
     GROUP_FLAGS,
     GROUP_OPTIONS,
     GROUP_PARAMETERS,
     GROUP_SIZE,
+    SPLAT_FIELDS,
+    GaussianArrays,
+    Splats,
     parameters_at,
     put_parameters,
 )
-from digs_warp.splat.project import color_is_finite, projection_of, put_color, put_record
-from digs_warp.splat.records import SPLAT_FIELDS, GaussianArrays, Splats
 
 # Neither fused nor reordered: the determinant of a needle is a small difference of large products.
 wp.set_module_options({**GROUP_OPTIONS, "cpu_compiler_flags": f"{GROUP_FLAGS} -ffp-contract=off"})

@@ -25,7 +25,7 @@ loops, and all pixel state of a tile, copies of its gradient planes included, in
 knows (a read from a Warp array, whose stride is known only at run time, becomes a gather).
 `digs_warp.splat.tile` says how that state lies in memory, and why.
 Splats are drawn in groups: which blocks of the tile each one touches is found for the group at once
-(`digs_warp.splat.tile_blocks`), and kept for the backward pass.
+(`digs_warp.splat.tile`), and kept for the backward pass.
 The options are constants of the kernel, and what a view does not ask for is not in it: there is one kernel
 per set of options.
 A test compiles both passes with LLVM's vectorization remarks on and fails when a loop falls out.
@@ -37,7 +37,6 @@ import warp as wp
 
 from digs_warp.device.contiguous import cache_line_at
 from digs_warp.device.kernel_options import vector_module_options
-from digs_warp.splat.alpha_cut import STEP_CUT, AlphaCut
 from digs_warp.splat.config import RasterOptions
 from digs_warp.splat.records import (
     SPLAT_CHORD,
@@ -62,16 +61,22 @@ from digs_warp.splat.tile import (
     HALF_PIXELS,
     PIXELS,
     PLANE_FLOATS,
+    STEP_CUT,
     TILE,
+    AlphaCut,
+    Ellipse,
     block_left,
     block_top,
     exp_in_range,
+    fill_tile,
+    live_blocks,
+    lowest_bit,
     planes_memory,
     power_at,
     tile_splat,
+    touched_blocks,
+    write_row,
 )
-from digs_warp.splat.tile_blocks import Ellipse, live_blocks, lowest_bit, touched_blocks
-from digs_warp.splat.tile_output import fill_tile, write_row
 
 wp.set_module_options({"enable_backward": False})
 

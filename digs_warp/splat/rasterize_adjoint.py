@@ -6,7 +6,6 @@ import warp as wp
 
 from digs_warp.device.contiguous import cache_line_at
 from digs_warp.device.kernel_options import vector_module_options
-from digs_warp.splat.alpha_cut import STEP_CUT, AlphaCut
 from digs_warp.splat.config import RasterOptions
 from digs_warp.splat.records import (
     SPLAT_U,
@@ -24,15 +23,17 @@ from digs_warp.splat.tile import (
     COLUMN_MASK,
     HALF_PIXELS,
     PLANE_FLOATS,
+    STEP_CUT,
     TILE,
+    AlphaCut,
     block_left,
     block_top,
     exp_in_range,
+    lowest_bit,
     planes_memory,
     power_at,
     tile_splat,
 )
-from digs_warp.splat.tile_blocks import lowest_bit
 
 wp.set_module_options({"enable_backward": False})
 

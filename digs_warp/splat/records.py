@@ -1,9 +1,16 @@
-"""What the raster kernels read and write: the layout of records in memory, and structs of arrays."""
+"""What the raster kernels read and write: structs of arrays, and the layout of records and groups.
+
+A group of Gaussians lies in local memory field by field: LLVM works on all of a group at once. Component c of
+a field lies c groups after the first one, one member after the other.
+"""
 
 from dataclasses import dataclass
+from typing import Any
 
 import warp as wp
 
+from digs_warp.device.image_planes import ImagePlanes
+from digs_warp.device.parallel import packed
 from digs_warp.splat.footprint import ViewParams
 
 # Columns of a splat's record: what a tile reads of a splat lies together.
@@ -110,7 +117,7 @@ class PairGradients:
 
 @wp.struct
 class StatisticsArrays:
-    """`digs_warp.splat.statistics.SplatStatistics` for kernels; empty arrays: not wanted."""
+    """`digs_warp.splat.device.SplatStatistics` for kernels; empty arrays: not wanted."""
 
     gradient_sums: wp.array[float]  # [n]
     absolute_sums: wp.array[float]  # [n]
@@ -127,3 +134,105 @@ class GaussianArrays:
     quats: wp.array[wp.vec4]  # [n] xyzw, raw
     opacity_logits: wp.array[float]  # [n]
     sh: wp.array2d[wp.vec3]  # [n, K]
+
+
+@dataclass(frozen=True, eq=False)
+class ViewPlanes:
+    """The planes of a view, or of a gradient in it; those that are not wanted have no channels."""
+
+    image: ImagePlanes
+    transmittance: ImagePlanes
+    depth: ImagePlanes
+    normals: ImagePlanes
+
+    def resize(self, width: int, height: int) -> None:
+        """Hold a view of another size."""
+        for planes in vars(self).values():
+            planes.resize(width, height)
+
+    def for_kernels(self) -> Any:
+        """Return the planes as kernels take them, `Planes`."""
+        layout = {name: getattr(self.image, name) for name in ("pitch", "plane", "origin")}
+        return packed(Planes, **layout, **{name: p.data for name, p in vars(self).items()})
+
+
+wp.set_module_options({"enable_backward": False})
+
+GROUP_FLAGS = "-march=native -mllvm=-inline-threshold=9000"
+# Of modules with a loop over a group: one with calls is not vectorized, and its body is longer than what LLVM
+# inlines by itself.
+GROUP_OPTIONS = {
+    "enable_backward": False,
+    "max_unroll": 1,
+    "optimization_level": 3,
+    "cpu_compiler_flags": GROUP_FLAGS,
+}
+
+# Gaussians in a group.
+GROUP_SIZE = 16
+
+_GROUP = wp.constant(GROUP_SIZE)
+# Where the parameters lie, after the place at which they begin; and how many fields they are.
+_LOG_SCALE = wp.constant(3 * GROUP_SIZE)
+_QUAT = wp.constant(6 * GROUP_SIZE)
+_LOGIT = wp.constant(10 * GROUP_SIZE)
+GROUP_PARAMETERS = 11
+
+
+@wp.func
+def vec3_at(state: wp.array[float], first: int) -> wp.vec3:
+    """Vector whose components lie a group apart."""
+    return wp.vec3(state[first], state[first + _GROUP], state[first + 2 * _GROUP])
+
+
+@wp.func
+def put_vec3(value: wp.vec3, state: wp.array[float], first: int):
+    """Write what `vec3_at` reads."""
+    state[first] = value[0]
+    state[first + _GROUP] = value[1]
+    state[first + 2 * _GROUP] = value[2]
+
+
+@wp.func
+def vec4_at(state: wp.array[float], first: int) -> wp.vec4:
+    """Vector whose components lie a group apart."""
+    return wp.vec4(
+        state[first],
+        state[first + _GROUP],
+        state[first + 2 * _GROUP],
+        state[first + 3 * _GROUP],
+    )
+
+
+@wp.func
+def put_vec4(value: wp.vec4, state: wp.array[float], first: int):
+    """Write what `vec4_at` reads."""
+    state[first] = value[0]
+    state[first + _GROUP] = value[1]
+    state[first + 2 * _GROUP] = value[2]
+    state[first + 3 * _GROUP] = value[3]
+
+
+@wp.func
+def put_parameters(
+    mean: wp.vec3,
+    log_scale: wp.vec3,
+    quat: wp.vec4,
+    opacity_logit: float,
+    state: wp.array[float],
+    first: int,
+):
+    """Write what shapes a Gaussian; ``first`` is where its group's parameters begin, and its place in it."""
+    put_vec3(mean, state, first)
+    put_vec3(log_scale, state, first + _LOG_SCALE)
+    put_vec4(quat, state, first + _QUAT)
+    state[first + _LOGIT] = opacity_logit
+
+
+@wp.func
+def parameters_at(state: wp.array[float], first: int):
+    """Return what `put_parameters` wrote, in its order."""
+    mean = vec3_at(state, first)
+    log_scale = vec3_at(state, first + _LOG_SCALE)
+    quat = vec4_at(state, first + _QUAT)
+    return mean, log_scale, quat, state[first + _LOGIT]

@@ -10,8 +10,7 @@ import warp as wp
 
 from digs_warp.checks import check_finite, check_positive, check_shape
 from digs_warp.device.image_planes import ImagePlanes
-from digs_warp.device.parallel import packed
-from digs_warp.device.small_arrays import put
+from digs_warp.device.parallel import packed, put
 from digs_warp.geometry.camera import Camera
 from digs_warp.geometry.rigid import PixelBox
 from digs_warp.splat.backend import RasterBackend, RasterJob, backend_for
@@ -19,13 +18,11 @@ from digs_warp.splat.background import add_background, tiles_with_background
 from digs_warp.splat.bin_tiles import TileBinner
 from digs_warp.splat.camera_gradient import CameraGradient, CameraShares
 from digs_warp.splat.config import DEFAULT_OPTIONS, RasterOptions
-from digs_warp.splat.device import DeviceGaussians
+from digs_warp.splat.device import DeviceGaussians, SplatStatistics
 from digs_warp.splat.footprint import ViewParams, view_params
-from digs_warp.splat.records import GradientLayout, PairGradients, Splats, TilePairs
+from digs_warp.splat.records import GradientLayout, PairGradients, Splats, TilePairs, ViewPlanes
 from digs_warp.splat.row_motion import RowMotion
 from digs_warp.splat.skin import skin_launch
-from digs_warp.splat.statistics import SplatStatistics
-from digs_warp.splat.view_planes import ViewPlanes
 
 WHITE = (1.0, 1.0, 1.0)
 

@@ -20,8 +20,15 @@ from digs_warp.device.elementary import exp_of, larger
 from digs_warp.device.parallel import ParallelLaunch
 from digs_warp.splat.device import DeviceGaussians
 from digs_warp.splat.footprint import ViewParams, rotation_of
-from digs_warp.splat.group import GROUP_OPTIONS, GROUP_SIZE, put_vec3, put_vec4, vec3_at, vec4_at
-from digs_warp.splat.records import GaussianArrays
+from digs_warp.splat.records import (
+    GROUP_OPTIONS,
+    GROUP_SIZE,
+    GaussianArrays,
+    put_vec3,
+    put_vec4,
+    vec3_at,
+    vec4_at,
+)
 
 wp.set_module_options(GROUP_OPTIONS)
 

@@ -4,15 +4,10 @@ import warp as wp
 
 from digs_warp.splat.bin_kernels import columns_in_row, drawn_columns, outline_of
 from digs_warp.splat.footprint import ViewParams
-from digs_warp.splat.group import (
+from digs_warp.splat.records import (
     GROUP_FLAGS,
     GROUP_OPTIONS,
     GROUP_SIZE,
-    put_vec4,
-    vec3_at,
-    vec4_at,
-)
-from digs_warp.splat.records import (
     SPLAT_A,
     SPLAT_B,
     SPLAT_C,
@@ -21,6 +16,9 @@ from digs_warp.splat.records import (
     SPLAT_TAU,
     SPLAT_U,
     SPLAT_V,
+    put_vec4,
+    vec3_at,
+    vec4_at,
 )
 from digs_warp.splat.spans import span_of
 

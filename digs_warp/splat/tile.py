@@ -1,4 +1,4 @@
-"""What both passes over a tile share: its shape in memory, a splat counted from it, and the exponential.
+"""What both passes over a tile share: memory, alpha, the blocks that a splat touches, and output.
 
 The pixels of a tile lie in blocks of 2 rows by 8 columns, first those of the left half from top to bottom,
 then those of the right half. A splat is evaluated block by block: 16 values are one vector of AVX-512, or two
@@ -7,13 +7,26 @@ of AVX2 that hide each other's latency, and a small splat touches few blocks.
 A plane holds one value of every pixel. The planes of a tile lie one after the other in memory of the thread,
 on a boundary of 64 bytes: vectors across two cache lines would be slow to read back. They are a cache line
 longer than the tile, because reads 4096 bytes behind a fresh store have to wait for it.
+
+A block is passed over where the ellipse {alpha >= min_alpha} of the splat touches none of its pixels, or
+where all of them are saturated: bits of an integer say so, block b is bit b. What would be drawn there is
+exactly nothing: the image does not change.
+
+Alpha is o exp(-q / 2), capped at max_alpha and not drawn below min_alpha. The cut is a step, at which an
+image has no derivative: the raster kernels take it as two functions (`AlphaCut`), and a test gives them a
+smooth one.
 """
+
+from dataclasses import dataclass
 
 import warp as wp
 
+from digs_warp.device.contiguous import floats_from
+from digs_warp.device.elementary import larger, smaller
 from digs_warp.splat.config import (
     BLOCK_HEIGHT,
     BLOCK_WIDTH,
+    EXTENT_SLACK,
     TILE_PIXELS,
     TILE_SIZE,
 )
@@ -27,6 +40,39 @@ from digs_warp.splat.records import (
     SPLAT_RED,
     SPLAT_V,
 )
+
+wp.set_module_options({"enable_backward": False})
+
+
+@wp.func
+def capped_and_cut(raw: float, min_alpha: float, max_alpha: float) -> float:
+    """Alpha for raw = o exp(-q / 2): at most max_alpha, 0 below min_alpha."""
+    alpha = wp.min(raw, max_alpha)
+    return wp.where(alpha >= min_alpha, alpha, 0.0)
+
+
+@wp.func
+def slope_in_power(raw: float, alpha: float, min_alpha: float, max_alpha: float) -> float:
+    """Derivative of alpha in -q / 2: alpha itself, and zero where it is capped or cut."""
+    return wp.where(raw <= max_alpha, alpha, 0.0)
+
+
+@dataclass(frozen=True)
+class AlphaCut:
+    """Device functions: alpha, and its derivative in the exponent -q / 2.
+
+    Attributes:
+        alpha: (raw, min_alpha, max_alpha) -> alpha. It has to be 0 where raw < min_alpha: there a splat may
+            have been passed over.
+        slope: (raw, alpha, min_alpha, max_alpha) -> d alpha / d(-q / 2).
+    """
+
+    alpha: wp.Function
+    slope: wp.Function
+
+
+STEP_CUT = AlphaCut(capped_and_cut, slope_in_power)
+
 
 wp.set_module_options({"enable_backward": False})
 
@@ -136,3 +182,112 @@ def block_top(block: int, splat: TileSplat) -> float:
 def power_at(splat: TileSplat, dx: float, dy: float) -> float:
     """-q / 2 at an offset [px] from the center."""
     return wp.min(dx * (splat.a_half * dx) + dy * (splat.c_half * dy - splat.b * dx), 0.0)
+
+
+wp.set_module_options({"enable_backward": False})
+
+_SLACK = wp.constant(EXTENT_SLACK)
+
+
+@wp.func
+def live_blocks(transmittances: wp.array[float]) -> int:
+    """One bit for each block of a tile in which a pixel is not saturated, its transmittance not 0."""
+    live = int(0)
+    for block in range(BLOCKS):
+        pixels = floats_from(transmittances, block * BLOCK, BLOCK)
+        total = float(0.0)
+        for lane in range(BLOCK):
+            total += pixels[lane]
+        live |= wp.where(total > 0.0, 1 << block, 0)
+    return live
+
+
+@wp.func
+def rows_between(first: float, last: float) -> int:
+    """One bit for each row of blocks that the pixel rows first <= y <= last of a tile touch."""
+    # Clamped as floats: a huge splat would overflow an integer.
+    begin = int(smaller(larger(wp.ceil(first), 0.0), float(TILE))) >> LINE_SHIFT
+    end = (int(smaller(larger(wp.floor(last), -1.0), float(TILE - 1))) + BLOCK_LINES) >> LINE_SHIFT
+    return ((1 << end) - 1) & ~((1 << begin) - 1)
+
+
+@wp.struct
+class Ellipse:
+    """The area {alpha >= min_alpha} of a splat: its center, and fields of its record.
+
+    The center [px] is counted from that of the first pixel of a tile.
+    """
+
+    mean_x: float
+    mean_y: float
+    half_width: float
+    slope: float
+    chord: float
+    taper: float
+    peak: float
+
+
+@wp.func
+def half_chord(ellipse: Ellipse, dx: float) -> float:
+    """Half the height of an ellipse in the column dx off its center."""
+    return wp.sqrt(larger(ellipse.chord - ellipse.taper * dx * dx, 0.0))
+
+
+@wp.func
+def touched_rows(ellipse: Ellipse, left: float) -> int:
+    """One bit for each block that an ellipse touches in a half of a tile.
+
+    ``left`` is the first column of the half, counted from the center of the ellipse.
+    """
+    first = larger(left, -ellipse.half_width)
+    last = smaller(left + float(BLOCK_COLUMNS - 1), ellipse.half_width)
+    upper_dx = smaller(larger(-ellipse.peak, first), last)
+    lower_dx = smaller(larger(ellipse.peak, first), last)
+    upper = ellipse.mean_y + ellipse.slope * upper_dx - half_chord(ellipse, upper_dx) - _SLACK
+    lower = ellipse.mean_y + ellipse.slope * lower_dx + half_chord(ellipse, lower_dx) + _SLACK
+    return wp.where(wp.ceil(first - left) <= last - left, rows_between(upper, lower), 0)
+
+
+@wp.func
+def touched_blocks(ellipse: Ellipse) -> int:
+    """One bit for each block of a tile in which a splat may be drawn."""
+    right = float(BLOCK_COLUMNS) - ellipse.mean_x
+    left_rows = touched_rows(ellipse, -ellipse.mean_x)
+    return left_rows | (touched_rows(ellipse, right) << BLOCK_ROWS)
+
+
+@wp.func
+def lowest_bit(bits: int) -> int:
+    """Index of the lowest of up to 24 bits, at least one: the exponent of its value as a float."""
+    return (wp.cast(float(bits & -bits), wp.int32) >> 23) - 127
+
+
+wp.set_module_options({"enable_backward": False})
+
+
+@wp.func
+def fill_tile(
+    start: int, width: int, height: int, pitch: int, value: float, plane: wp.array[float]
+):
+    """Set the pixels of a tile, of which ``width`` x ``height`` lie inside the image."""
+    for y in range(height):
+        row = floats_from(plane, start + y * pitch, width)
+        if width == TILE:
+            for x in range(TILE):
+                row[x] = value
+        else:
+            for t in range(width):
+                row[t] = value
+
+
+@wp.func
+def write_row(count: int, source: wp.array[float], first: int, start: int, plane: wp.array[float]):
+    """Write ``count`` pixels of one row of a block."""
+    taken = floats_from(source, first, count)
+    row = floats_from(plane, start, count)
+    if count == BLOCK_COLUMNS:
+        for x in range(BLOCK_COLUMNS):
+            row[x] = taken[x]
+    else:
+        for t in range(count):
+            row[t] = taken[t]

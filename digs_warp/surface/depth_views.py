@@ -1,4 +1,4 @@
-"""Depth of the surface that the Gaussians show, and its color, as seen from each camera."""
+"""Depth and color of the surface that the Gaussians show, from each camera; drawn toward measured depth."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -11,7 +11,7 @@ from digs_warp.splat.config import RasterOptions
 from digs_warp.splat.device import DeviceGaussians
 from digs_warp.splat.footprint import near_plane
 from digs_warp.splat.renderer import SplatRenderer
-from digs_warp.splat.surface_depth import surface_depth, surface_place
+from digs_warp.splat.surface_depth import SAME_SURFACE, surface_depth, surface_place
 
 # Below this coverage, the color of a pixel is meaningless.
 LEAST_ALPHA = 1e-3
@@ -91,3 +91,23 @@ def _drawn(
         near = near_plane(camera, center_world)
         renderer.forward(camera, near=near, background=(0.0, 0.0, 0.0))
         yield renderer
+
+
+# How far, where the measured depth is trusted entirely: more than half, because the noise of its pixels
+# averages out over the views and the errors of Gaussians do not; not all, because these are smooth.
+MOST_SHARE = 0.7
+
+
+def toward_measured(view: DepthView, measured: np.ndarray, trust: float) -> DepthView:
+    """Return a view whose depth lies between the rendered and the measured one.
+
+    Args:
+        view: of the Gaussians.
+        measured: depth of the same pixels [m], NaN where unknown, (height, width).
+        trust: in the measured depth, 0 to 1.
+    """
+    apart = measured - view.depth
+    with np.errstate(invalid="ignore"):
+        is_same = np.abs(apart) <= SAME_SURFACE * view.depth
+    depth = np.where(is_same, view.depth + trust * MOST_SHARE * apart, view.depth)
+    return DepthView(view.camera, view.color, depth.astype(np.float32))

@@ -10,9 +10,8 @@ from digs_warp.data.gaussians import Gaussians
 from digs_warp.data.triangle_mesh import TriangleMesh
 from digs_warp.geometry.camera import Camera
 from digs_warp.record.progress import progress
-from digs_warp.surface.depth_views import DepthView, depth_views
+from digs_warp.surface.depth_views import DepthView, depth_views, toward_measured
 from digs_warp.surface.fuse import fuse_views
-from digs_warp.surface.measured import toward_measured
 
 # Voxels along the diameter of the ball around the scene, if the user gives no size.
 VOXELS_ACROSS = 160

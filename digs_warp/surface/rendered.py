@@ -15,8 +15,8 @@ from digs_warp.measure.surface_metrics import (
     DEFAULT_SAMPLES,
     distances_to_surface,
     sample_with_normals,
+    visible_places,
 )
-from digs_warp.measure.visible_places import visible_places
 from digs_warp.surface.depth_views import surface_depths
 from digs_warp.surface.extract import depth_within
 

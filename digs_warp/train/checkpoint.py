@@ -16,7 +16,7 @@ from digs_warp.record.arrays import UNREADABLE, check_archive, write_arrays
 from digs_warp.record.fields import Fields, parse_json
 from digs_warp.train.depth_errors import DepthJudge
 from digs_warp.train.exposure import Exposures
-from digs_warp.train.finite import non_finite_rows
+from digs_warp.train.optimizer import non_finite_rows
 from digs_warp.train.trainer import Trainer
 
 _CONTROL = "control_"

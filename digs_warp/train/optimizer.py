@@ -1,18 +1,105 @@
 """Adam (Kingma and Ba 2015) for all parameters of the Gaussians, with one rate per group.
 
 Parameters that are no longer finite are noticed when they are written: to read all again would take longer.
+
+`FiniteCheck` looks at all arrays of a loss.
 """
+
+from collections.abc import Sequence
 
 import numpy as np
 import warp as wp
 
 from digs_warp.device.contiguous import flat, floats_from
-from digs_warp.device.parallel import ParallelLaunch, run_together
-from digs_warp.device.small_arrays import put
+from digs_warp.device.parallel import ParallelLaunch, put, run_together
 from digs_warp.splat.device import DeviceGaussians
 from digs_warp.train.config import TrainConfig
-from digs_warp.train.finite import is_broken
 from digs_warp.train.time_plan import Progress
+
+wp.set_module_options({"enable_backward": False, "max_unroll": 1, "optimization_level": 3})
+
+# Values that one kernel thread checks.
+CHECKED_BLOCK = 4096
+
+_CHECKED_BLOCK = wp.constant(CHECKED_BLOCK)
+# Only NaN and infinity have all bits of the exponent set.
+_EXPONENT = wp.constant(0x7F800000)
+
+
+@wp.func
+def is_broken(bits: int) -> int:
+    """Return 1 for the bits of NaN or infinity, else 0."""
+    return wp.where((bits & _EXPONENT) == _EXPONENT, 1, 0)
+
+
+@wp.kernel
+def finite_kernel(
+    first: int,
+    blocks: wp.array[int],  # [k + 1] first block of each array, and the number of blocks
+    addresses: wp.array[wp.uint64],  # [k] where each array begins
+    counts: wp.array[int],  # [k] its number of values
+    # outputs
+    flag: wp.array[int],  # [1] set to 1 where a value is not finite; all threads write the same
+):
+    """Check one block of one array."""
+    block = first + wp.tid()
+    which = int(0)
+    while block >= blocks[which + 1]:
+        which += 1
+    begin = (block - blocks[which]) * _CHECKED_BLOCK
+    size = wp.min(_CHECKED_BLOCK, counts[which] - begin)
+    address = addresses[which] + wp.uint64(4) * wp.uint64(begin)
+    bits = wp.array(ptr=address, shape=(size,), dtype=int)
+    broken = int(0)
+    # Only a loop of fixed length becomes vector code.
+    if size == _CHECKED_BLOCK:
+        for i in range(_CHECKED_BLOCK):
+            broken = broken | is_broken(bits[i])
+    else:
+        for j in range(size):
+            broken = broken | is_broken(bits[j])
+    if broken != 0:
+        flag[0] = 1
+
+
+class FiniteCheck:
+    """Checks whether any value in a set of arrays is NaN or infinite.
+
+    Args:
+        arrays: contiguous floats, or vectors of floats, on one device; their contents may change.
+    """
+
+    def __init__(self, arrays: Sequence[wp.array]) -> None:
+        device = str(arrays[0].device)
+        self._kept_alive = arrays  # the kernel only holds addresses
+        counts = [flat(array).shape[0] for array in arrays]
+        blocks = np.cumsum([0, *(-(-count // CHECKED_BLOCK) for count in counts)])
+        addresses = np.array([array.ptr for array in arrays], dtype=np.uint64)
+        self._flag = wp.zeros(1, dtype=int, device=device)
+        self._launch = ParallelLaunch(
+            finite_kernel,
+            int(blocks[-1]),
+            [
+                wp.array(blocks, dtype=int, device=device),
+                wp.array(addresses, dtype=wp.uint64, device=device),
+                wp.array(counts, dtype=int, device=device),
+                self._flag,
+            ],
+            device,
+            threads=1,  # the sums of a loss are few: waking up others takes longer
+        )
+
+    def passes(self) -> bool:
+        """Check all arrays; once False, it stays False. Waits for the device and copies four bytes."""
+        self._launch.run()
+        return int(self._flag.numpy()[0]) == 0
+
+
+def non_finite_rows(values: np.ndarray) -> np.ndarray:
+    """Return the rows of ``values`` (n, ...) that hold NaN or infinity."""
+    finite = np.isfinite(values).reshape(len(values), -1).all(axis=1)
+    return np.flatnonzero(~finite)
+
 
 wp.set_module_options({"enable_backward": False, "max_unroll": 1, "optimization_level": 3})
 

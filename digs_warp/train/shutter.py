@@ -1,11 +1,11 @@
-"""How the cameras of a recording moved while their rows were read, and whether the training draws that.
+"""How cameras moved while rows were read and shutters open, and whether the training draws that.
 
 The motion of a frame is what the recording tells (a gyroscope, a simulation), else what the poses just before
 and after it say; those are of use only in a video, for a hand shakes several times a second.
 """
 
 import logging
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Annotated, Literal
 
@@ -14,13 +14,155 @@ import numpy as np
 from digs_warp.checks import DigsError
 from digs_warp.data.camera_motion import CameraMotion
 from digs_warp.data.frame import Frame
+from digs_warp.geometry.rigid import transform_points
 from digs_warp.record.results import ELSEWHERE
+from digs_warp.splat.blur import Blur
 from digs_warp.splat.row_motion import RowMotion
-from digs_warp.train.blur_plan import NO_BLUR, BlurPlan
-from digs_warp.train.image_motion import image_speed, some_of
 from digs_warp.words import counted
 
+# Points of the object that tell how far its image moves.
+POINTS = 200
+
+
+def some_of(points: np.ndarray) -> np.ndarray:
+    """Return at most about `POINTS` of the points, shape (n, 3), evenly spread over their order."""
+    return points[:: max(1, len(points) // POINTS)]
+
+
+def image_speed(frame: Frame, points: np.ndarray) -> np.ndarray:
+    """Return how fast points before the camera move on the image [px/s], shape (m,); none without a motion.
+
+    Args:
+        frame: its camera, and the motion of that.
+        points: in the world, shape (n, 3).
+    """
+    motion = frame.exposure.motion
+    if motion is None:
+        return np.zeros(0)
+    seen = transform_points(frame.camera.cam_from_world, points.astype(np.float64))
+    x, y, z = seen[seen[:, 2] > 0].T
+    moving = (
+        -np.array(motion.velocity)[:, None]
+        - np.cross(np.array(motion.angular_velocity), np.stack([x, y, z], axis=1)).T
+    )
+    k = frame.camera.intrinsics
+    u = k.fx * (moving[0] - x / z * moving[2]) / z
+    v = k.fy * (moving[1] - y / z * moving[2]) / z
+    return np.hypot(u, v)
+
+
 logger = logging.getLogger(__name__)
+
+MotionBlur = Literal["auto", "on", "off"]
+
+# Recordings with less blur [px, median over their frames] gain three times as much from twice the steps; of
+# three objects with 2 px and more, two gained more from drawing it (table in docs/training.md).
+WORTH_DRAWING = 2.0
+
+
+@dataclass(frozen=True)
+class BlurPlan:
+    """From how many poses the training draws each photograph, and why.
+
+    Attributes:
+        because: the reason, in words.
+        blur_px: how far the object's image moves while the shutter is open [px], median over the frames whose
+            motion is known; None: unknown.
+        frames: how many are drawn from several poses.
+        moments: the most poses of a frame; 1: motion blur is not drawn.
+        blurs: of the frames that are drawn from several poses, by name.
+    """
+
+    because: str
+    blur_px: float | None = None
+    frames: int = 0
+    moments: int = 1
+    blurs: Annotated[Mapping[str, Blur], ELSEWHERE] = field(
+        default_factory=dict, repr=False, compare=False
+    )
+
+    def __str__(self) -> str:
+        return f"{'drawn' if self.drawn else 'not drawn'}: {self.because}"
+
+    @property
+    def drawn(self) -> bool:
+        """Whether any photograph is drawn from several poses."""
+        return self.moments > 1
+
+    def of(self, frame: Frame) -> Blur | None:
+        """Return how the camera of a frame moves while its shutter is open; None: it is drawn sharp."""
+        return self.blurs.get(frame.name)
+
+
+NO_BLUR = BlurPlan("the shutter is open for an instant")
+
+
+def plan_blur(
+    frames: Sequence[Frame], points: np.ndarray, exposure_time: float | None, setting: MotionBlur
+) -> BlurPlan:
+    """Decide by how far the image of the points moves while the shutter is open.
+
+    Args:
+        frames: of the recording, with their motions.
+        points: on the object, in the world, shape (n, 3).
+        exposure_time: of every row [s]; None: those that the frames tell.
+        setting: auto draws it where that pays; on wherever it shows, and is an error where it cannot; off
+            does not.
+
+    Raises:
+        DigsError: "on", and the recording does not tell what it takes, or contradicts itself.
+    """
+    if setting == "off":
+        return BlurPlan("--motion-blur off")
+    times = [f.exposure.exposure_time if exposure_time is None else exposure_time for f in frames]
+    obstacle = _blur_obstacle(frames, times)
+    if obstacle is not None:
+        if setting == "on":
+            raise DigsError(f"--motion-blur on: {obstacle}")
+        if any(times):
+            logger.warning("motion blur is not drawn: %s", obstacle)
+        return BlurPlan(obstacle)
+    some = some_of(points)
+    found = {}
+    for frame, time in zip(frames, times, strict=True):
+        speeds = image_speed(frame, some)
+        if len(speeds) and time is not None:
+            found[frame.name] = _blur_of(frame, time, float(np.median(speeds)))
+    typical = float(np.median([blur.pixels for blur in found.values()] or [0.0]))
+    said = f"the image moves {typical:.2f} px while the shutter is open (median)"
+    if setting == "auto" and typical < WORTH_DRAWING:
+        return BlurPlan(f"{said}; less than {WORTH_DRAWING:g} px are not worth drawing", typical)
+    several = {name: blur for name, blur in found.items() if blur.moments > 1}
+    most = max((blur.moments for blur in several.values()), default=1)
+    if several:
+        said += f"; {counted(len(several), 'frame')} drawn from up to {most} poses"
+    return BlurPlan(said, typical, len(several), most, several)
+
+
+def _blur_of(frame: Frame, time: float, speed: float) -> Blur:
+    motion = frame.exposure.motion
+    assert motion is not None  # it has a speed
+    turn, shift = np.array(motion.angular_velocity), np.array(motion.velocity)
+    return Blur(RowMotion(time * turn, time * shift), time * speed)
+
+
+def _blur_obstacle(frames: Sequence[Frame], times: Sequence[float | None]) -> str | None:
+    """Return why motion blur cannot be drawn; None: it can."""
+    known = [time for time in times if time is not None]
+    if not any(known):
+        if known:
+            return "the recording tells an exposure of 0 s, in which nothing blurs"
+        return "the recording tells no exposure time; the setting exposure_time gives it"
+    if all(frame.exposure.motion is None for frame in frames):
+        return f"nothing tells how the cameras of {counted(len(frames), 'frame')} moved"
+    gaps = np.diff(sorted(frame.time for frame in frames))
+    if len(gaps) and 0 < gaps.min() < max(known):
+        return (
+            f"an exposure of {max(known):g} s is longer than the {gaps.min():g} s between two frames; "
+            "correct the times of the recording or the setting exposure_time"
+        )
+    return None
+
 
 RollingShutter = Literal["auto", "on", "off"]
 
@@ -82,7 +224,7 @@ def plan_shutter(
     """
     if setting == "off":
         return ShutterPlan(False, "--rolling-shutter off", readout_time)
-    obstacle = _obstacle(frames, readout_time)
+    obstacle = _rolling_obstacle(frames, readout_time)
     if obstacle is not None:
         if setting == "on":
             raise DigsError(f"--rolling-shutter on: {obstacle}")
@@ -122,7 +264,7 @@ def _motion_between(before: Frame, frame: Frame, after: Frame) -> CameraMotion |
     return CameraMotion.of(shift / span, turn / span)
 
 
-def _obstacle(frames: Sequence[Frame], readout_time: float) -> str | None:
+def _rolling_obstacle(frames: Sequence[Frame], readout_time: float) -> str | None:
     """Return why a rolling shutter cannot be drawn; None: it can."""
     if readout_time == 0:
         return "the recording tells no read-out time, or 0; --readout-time gives it"

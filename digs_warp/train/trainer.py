@@ -28,9 +28,8 @@ from digs_warp.train.depth_errors import (
 )
 from digs_warp.train.draws import BACKGROUND
 from digs_warp.train.exposure import Exposures, rendered_samples
-from digs_warp.train.finite import FiniteCheck, non_finite_rows
 from digs_warp.train.objective import Objective
-from digs_warp.train.optimizer import Adam
+from digs_warp.train.optimizer import Adam, FiniteCheck, non_finite_rows
 from digs_warp.train.time_plan import Progress
 from digs_warp.train.view_store import ViewStore
 from digs_warp.train.views import View, scene_extent

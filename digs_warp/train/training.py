@@ -5,9 +5,8 @@ from typing import Annotated
 
 from digs_warp.init.view_dependence import ViewDependence
 from digs_warp.record.results import ELSEWHERE, Figure
-from digs_warp.train.blur_plan import BlurPlan
 from digs_warp.train.course import CourseRow
-from digs_warp.train.shutter import ShutterPlan
+from digs_warp.train.shutter import BlurPlan, ShutterPlan
 from digs_warp.train.time_plan import TimePlan
 
 

@@ -2,7 +2,7 @@
 
 import warp as wp
 
-from digs_warp.splat.alpha_cut import AlphaCut
+from digs_warp.splat.tile import AlphaCut
 
 # From min_alpha on: below it the kernels may pass over a splat.
 CUT_WIDTH = 1.0 / 255.0

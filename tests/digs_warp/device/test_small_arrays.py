@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import warp as wp
 
-from digs_warp.device.small_arrays import put
+from digs_warp.device.parallel import put
 
 
 @wp.struct

@@ -7,7 +7,7 @@ from digs_warp.device.image_planes import ImagePlanes
 from digs_warp.losses.photometric import PhotometricLoss
 from digs_warp.losses.regions import blocks_of, loss_blocks, tiles_of
 from digs_warp.measure.metrics import MAX_PSNR, psnr, ssim_map
-from digs_warp.measure.ssim_window import window_weights
+from digs_warp.measure.ssim import window_weights
 
 # Sizes below, at and across the kernel's blocks of 64 x 16.
 SIZES = [(1, 1), (5, 3), (64, 16), (65, 17), (150, 70)]

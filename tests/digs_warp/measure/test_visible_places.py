@@ -5,7 +5,7 @@ import trimesh
 
 from digs_warp.data.triangle_mesh import TriangleMesh
 from digs_warp.geometry.camera import Camera, Intrinsics
-from digs_warp.measure.visible_places import EDGE_ON, visible_places
+from digs_warp.measure.surface_metrics import EDGE_ON, visible_places
 
 
 def mesh_of(found: trimesh.Trimesh) -> TriangleMesh:

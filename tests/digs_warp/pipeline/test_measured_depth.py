@@ -13,8 +13,7 @@ from digs_warp.geometry.camera import Camera, Intrinsics
 from digs_warp.pipeline.measured_depth import MeasuredDepth, measured_depth
 from digs_warp.pipeline.mesh import extract_mesh
 from digs_warp.pipeline.reconstruction import Reconstruction
-from digs_warp.surface.depth_views import DepthView
-from digs_warp.surface.measured import MOST_SHARE, toward_measured
+from digs_warp.surface.depth_views import MOST_SHARE, DepthView, toward_measured
 from reference.optional import open3d_or_skip
 from reference.tiny_capture import ball, drawn_depth, write_tiny_capture
 

@@ -11,12 +11,12 @@ import numpy as np
 import pytest
 
 from digs_warp.geometry.rigid import matrix_from_quat_xyzw
-from digs_warp.splat.alpha_cut import STEP_CUT
 from digs_warp.splat.backend import VectorizedBackend
 from digs_warp.splat.config import RasterOptions
 from digs_warp.splat.device import DeviceGaussians
 from digs_warp.splat.render import SplatRenderer
 from digs_warp.splat.row_motion import STILL, RowMotion
+from digs_warp.splat.tile import STEP_CUT
 from reference.smooth_cut import CUT_WIDTH, SMOOTH_CUT
 from reference.splat_scenes import BACKGROUND, NEAR, camera, random_gaussians
 from reference.splat_twin import Adjoints, Parameters, render_twin, twin_gradients

@@ -7,9 +7,8 @@ from digs_warp.checks import DigsError
 from digs_warp.data.gaussians import FIELDS, Gaussians
 from digs_warp.geometry.camera import Intrinsics
 from digs_warp.splat.config import RasterOptions
-from digs_warp.splat.device import DeviceGaussians
+from digs_warp.splat.device import DeviceGaussians, SplatStatistics
 from digs_warp.splat.render import SplatRenderer, render
-from digs_warp.splat.statistics import SplatStatistics
 from reference.splat_scenes import BACKGROUND, NEAR, camera, random_gaussians
 
 MANY = random_gaussians(600, seed=1)

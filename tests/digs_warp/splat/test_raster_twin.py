@@ -9,9 +9,8 @@ import pytest
 from digs_warp.geometry.camera import Camera
 from digs_warp.splat.backend import RasterBackend
 from digs_warp.splat.config import RasterOptions
-from digs_warp.splat.device import DeviceGaussians
+from digs_warp.splat.device import DeviceGaussians, SplatStatistics
 from digs_warp.splat.render import SplatRenderer
-from digs_warp.splat.statistics import SplatStatistics
 from reference.plain_raster import ALL_BACKENDS, backend_name
 from reference.splat_scenes import BACKGROUND, SplatScene, hard_cases, random_scene, rolling_scene
 from reference.splat_twin import (

@@ -10,7 +10,7 @@ from digs_warp.data.camera_motion import CameraMotion, Exposure
 from digs_warp.data.frame import Frame
 from digs_warp.geometry.camera import Camera, Intrinsics
 from digs_warp.geometry.rigid import look_at, matrix_from_rotation_vector, rigid
-from digs_warp.train.blur_plan import WORTH_DRAWING, BlurPlan, plan_blur
+from digs_warp.train.shutter import WORTH_DRAWING, BlurPlan, plan_blur
 
 K = Intrinsics(64, 48, 60.0, 60.0, 32.0, 24.0)
 POINTS = np.random.default_rng(0).normal(size=(50, 3)) * 0.1

@@ -19,12 +19,13 @@ from digs_warp.train.config import Rates, Stop, TrainConfig
 from digs_warp.train.evaluate import (
     Rendering,
     color_aligned,
+    interpolated,
     load_test_views,
+    psnr_by_neighbors,
     render_views,
     score_views,
 )
 from digs_warp.train.exposure import ColorSamples, Exposures
-from digs_warp.train.neighbor_exposure import interpolated, psnr_by_neighbors
 from digs_warp.train.trainer import Trainer
 from digs_warp.train.view_store import open_views
 from reference.tiny_capture import ball, write_tiny_capture

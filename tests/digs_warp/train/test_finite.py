@@ -4,13 +4,13 @@ import numpy as np
 import pytest
 import warp as wp
 
-from digs_warp.train.finite import BLOCK, FiniteCheck
+from digs_warp.train.optimizer import CHECKED_BLOCK, FiniteCheck
 
 EXTREME = np.array([0.0, -0.0, 1e-45, -3.4e38, 3.4e38], np.float32)
 
 
 @pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf])
-@pytest.mark.parametrize("count", [1, BLOCK - 1, BLOCK, 2 * BLOCK + 5])
+@pytest.mark.parametrize("count", [1, CHECKED_BLOCK - 1, CHECKED_BLOCK, 2 * CHECKED_BLOCK + 5])
 def test_a_broken_value_is_found_wherever_it_lies(count: int, value: float) -> None:
     values = np.resize(EXTREME, count)
     array = wp.array(values, dtype=float, device="cpu")

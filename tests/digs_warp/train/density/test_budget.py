@@ -11,7 +11,7 @@ from digs_warp.data.frame import Frame
 from digs_warp.geometry.camera import Camera, Intrinsics
 from digs_warp.geometry.rigid import look_at
 from digs_warp.train.config import TrainConfig
-from digs_warp.train.density.budget import bytes_per_splat, check_start, splat_cap
+from digs_warp.train.density.control import bytes_per_splat, check_start, splat_cap
 from digs_warp.train.trainer import Trainer
 from digs_warp.train.view_store import ViewStore
 from digs_warp.train.views import packed_view

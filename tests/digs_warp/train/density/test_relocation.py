@@ -9,7 +9,7 @@ from digs_warp.data.gaussians import FIELDS, Gaussians
 from digs_warp.splat.device import DeviceGaussians
 from digs_warp.train.config import Density, TrainConfig
 from digs_warp.train.density.control import MonteCarlo
-from digs_warp.train.density.relocation import (
+from digs_warp.train.density.mcmc import (
     DEAD_OPACITY,
     MAX_COPIES,
     relocate,
