@@ -1,9 +1,8 @@
 """The settings of a recording: what to record, with which camera, and how."""
 
-from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 from tyro.conf import arg
 
@@ -184,14 +183,6 @@ class SimulateConfig(Settings):
     def frame_count(self) -> int:
         """Number of frames of the recording."""
         return kept_count(self.beats, self.walk)
-
-    @staticmethod
-    def of_today(settings: Mapping[str, Any]) -> dict[str, Any]:
-        """Return recorded settings with ``normals``, a switch of earlier versions, as ``labels``."""
-        settings = dict(settings)
-        if settings.pop("normals", False):
-            settings.setdefault("labels", "normals")
-        return settings
 
     @property
     def chosen_ground(self) -> Ground:

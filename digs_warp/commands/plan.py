@@ -10,7 +10,7 @@ import tyro
 from digs_warp.commands.command import SettingsCommand
 from digs_warp.commands.output import check_output_file
 from digs_warp.record.files import to_json, write_atomically
-from digs_warp.record.settings import settings_from_json
+from digs_warp.record.typed import from_json
 from digs_warp.sim.config import SimulateConfig
 from digs_warp.words import counted
 
@@ -46,7 +46,7 @@ class Plan(SettingsCommand):
     @classmethod
     def from_settings(cls, settings: Mapping[str, Any]) -> Self:
         """Return the command with the settings of a capture's run.json."""
-        return cls(recording=settings_from_json(_PlanOptions, settings))
+        return cls(recording=from_json(_PlanOptions, settings, "settings", strict=True))
 
     def execute(self) -> str:
         """Measure, choose, and return the choices as tables."""

@@ -21,7 +21,7 @@ from digs_warp.device.libraries import loading
 from digs_warp.engines.config import EngineConfig
 from digs_warp.record import layout
 from digs_warp.record.run_log import RunLog
-from digs_warp.record.settings import settings_from_json
+from digs_warp.record.typed import from_json
 from digs_warp.settings import SEED
 from digs_warp.words import counted, format_facts
 
@@ -79,7 +79,7 @@ class Reconstruct(ReconstructionOptions, _Output):
     @classmethod
     def from_settings(cls, settings: Mapping[str, Any]) -> Self:
         """Return the command with the settings of a run.json; required flags are `tyro.MISSING`."""
-        options = settings_from_json(ReconstructionOptions, settings)
+        options = from_json(ReconstructionOptions, settings, "settings", strict=True)
         return cls(
             captures=tyro.MISSING, output=ANY_FOLDER, seed=options.train.seed, **vars(options)
         )

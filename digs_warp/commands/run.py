@@ -17,7 +17,7 @@ from digs_warp.commands.reconstruction_options import (
 from digs_warp.commands.simulate import RECORDING_FLAGS
 from digs_warp.record import layout
 from digs_warp.record.run_log import RunLog
-from digs_warp.record.settings import settings_from_json
+from digs_warp.record.typed import from_json
 from digs_warp.sim.config import SimulateConfig
 from digs_warp.usd.convert import WriteOptions
 from digs_warp.words import format_facts
@@ -66,7 +66,7 @@ class Run(ReconstructionOptions, _Recording):
     @classmethod
     def from_settings(cls, settings: Mapping[str, Any]) -> Self:
         """Return the command with the settings of a run.json; required flags are `tyro.MISSING`."""
-        record = settings_from_json(cls.recorded, settings)
+        record = from_json(cls.recorded, settings, "settings", strict=True)
         return cls(output=ANY_FOLDER, recording=record.recording, **vars(record.reconstruction))
 
     def execute(self) -> str:

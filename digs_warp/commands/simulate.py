@@ -15,7 +15,7 @@ from digs_warp.commands.output import ANY_FOLDER, OUTPUT_FLAGS, OutputFolder, ca
 from digs_warp.engines.config import EngineConfig
 from digs_warp.record.layout import DATA_SET, MANIFEST, RUN_RECORD
 from digs_warp.record.run_log import RunLog
-from digs_warp.record.settings import settings_from_json
+from digs_warp.record.typed import from_json
 from digs_warp.settings import Range, Settings
 from digs_warp.sim.config import SimulateConfig
 from digs_warp.words import counted, format_facts
@@ -135,7 +135,9 @@ class Simulate(SettingsCommand):
     def from_settings(cls, settings: Mapping[str, Any]) -> Self:
         """Return the command with the settings of a run.json; required flags are `tyro.MISSING`."""
         is_of_many = "recording" in settings  # else the record of one capture
-        record = settings_from_json(_Settings, settings if is_of_many else {"recording": settings})
+        record = from_json(
+            _Settings, settings if is_of_many else {"recording": settings}, "settings", strict=True
+        )
         return cls(output=ANY_FOLDER, recording=record.recording, many=record.scenes)
 
     def execute(self) -> str:

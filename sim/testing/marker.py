@@ -82,13 +82,15 @@ def _effects(effects: Any, effect: str | None) -> str:
 
 def _walk(settings: dict[str, Any]) -> "SimulatedWalk":
     from digs_warp.record.digest import plain
-    from digs_warp.record.settings import settings_from_json
+    from digs_warp.record.typed import from_json
     from digs_warp.sim.config import SimulateConfig
     from digs_warp.sim.record.inputs import rig_of
     from digs_warp.sim.record.sensor_plan import check_effects
     from digs_warp.sim.testing.sources import SimulatedWalk
 
-    config = settings_from_json(SimulateConfig, plain({**DEFAULT_SETTINGS, **settings}))
+    config = from_json(
+        SimulateConfig, plain({**DEFAULT_SETTINGS, **settings}), "settings", strict=True
+    )
     check_effects(config)
     rig_of(config)  # refuses a wrong profile
     for path in config.input_files:
@@ -101,9 +103,9 @@ def _walk(settings: dict[str, Any]) -> "SimulatedWalk":
 
 def _recording(settings: dict[str, Any]) -> "WorseRecording":
     from digs_warp.record.digest import plain
-    from digs_warp.record.settings import settings_from_json
+    from digs_warp.record.typed import from_json
     from digs_warp.sim.testing.recording import OwnRecording, RecordingConfig
     from digs_warp.sim.testing.sources import WorseRecording
 
-    config = settings_from_json(RecordingConfig, plain(settings))
+    config = from_json(RecordingConfig, plain(settings), "settings", strict=True)
     return WorseRecording(OwnRecording.of(config))

@@ -5,7 +5,7 @@ import pytest
 
 from digs_warp.checks import DigsError
 from digs_warp.record.files import to_json
-from digs_warp.record.settings import settings_from_json
+from digs_warp.record.typed import from_json
 from digs_warp.sim.config import SimulateConfig
 
 
@@ -16,5 +16,5 @@ def test_json_with_a_number_that_is_not_finite_is_a_clear_error(value: float | n
 
 
 def test_a_setting_of_four_hundred_digits_is_a_clear_error() -> None:
-    with pytest.raises(DigsError, match=r"settings.strength: .*expected float"):
-        settings_from_json(SimulateConfig, {"strength": 10**400}, "settings")
+    with pytest.raises(DigsError, match=r"settings: strength is .*expected a finite number"):
+        from_json(SimulateConfig, {"strength": 10**400}, "settings", strict=True)

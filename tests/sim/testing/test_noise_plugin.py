@@ -105,8 +105,8 @@ def test_the_marker_is_described(tmp_path: Path) -> None:
         ("frames=0", "--frames: 0, expected 1 to 100,000"),
         ("strengths=(2, 1)", "expected rising numbers"),
         ("strengths='auto'", "expected finite numbers"),
-        ("width='wide'", "settings.width: 'wide', expected int"),
-        ("tier='perfect'", "settings.tier: 'perfect', expected truth, law"),
+        ("width='wide'", "settings: width is 'wide', expected a whole number"),
+        ("tier='perfect'", "settings: tier is 'perfect', expected one of truth, law"),
         ("profile='d434'", "profile 'd434': not known; did you mean 'd435'?"),
         (
             "mesh='nowhere.glb'",

@@ -9,7 +9,7 @@ import pytest
 from digs_warp.checks import DigsError
 from digs_warp.record.fields import parse_json
 from digs_warp.record.files import to_json
-from digs_warp.record.settings import settings_from_json
+from digs_warp.record.typed import from_json
 from digs_warp.sim.config import SimulateConfig
 from digs_warp.sim.record.randomize.distributions import Fixed, LogUniform, Uniform, UniformWhole
 from digs_warp.sim.record.randomize.draws import DrawnScene, draw_scenes, share_of
@@ -95,7 +95,7 @@ def test_meshes_and_environments_are_chosen_among_those_given(tmp_path: Path) ->
 def test_settings_in_the_record_are_the_whole_scene() -> None:
     for scene in draw_scenes(load_randomization("wild"), CONFIG, 3):
         record = parse_json(to_json(scene.config))
-        assert settings_from_json(SimulateConfig, record) == scene.config
+        assert from_json(SimulateConfig, record, "settings", strict=True) == scene.config
         assert scene.config.seed == scene.drawn["seed"]
         assert scene.config.frames == 4
 
