@@ -146,10 +146,10 @@ class Worker:
         renderer = self._renderer("depth", absolute=False, camera_gradient=False)
         depth = renderer.depth.to_numpy()[..., 0]
         image = (255 * renderer.image.to_numpy().clip(0, 1)).astype(np.uint8)
-        weights = (depth > 0).astype(np.float32)
+        keep = depth > 0
 
         def project() -> Any:
-            return back_project(self.camera, image, depth, weights, 0.005, image)
+            return back_project(self.camera, image, depth, keep, 0.005, image)
 
         self.hashes |= {f"voxels: {k}": hash_of(v) for k, v in vars(project()).items()}
         self.hashes["edges"] = hash_of(edge_magnitude(depth)[0])

@@ -17,13 +17,7 @@ from studies.results import Result
 
 FRAMES, WIDTH = 9, 640
 
-CASES = (
-    ("depth", SegmentConfig(masks="depth")),
-    *(
-        (f"degraded, {error:g}", SegmentConfig(masks="degraded", mask_error=error))
-        for error in (0.5, 1.0, 2.0, 4.0)
-    ),
-)
+CASES = (("depth", SegmentConfig(masks="depth")),)
 
 
 def bench_masks() -> list[Result]:

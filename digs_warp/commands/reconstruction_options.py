@@ -3,7 +3,7 @@
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, field, fields
 from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeVar
 
 import tyro
@@ -133,7 +133,7 @@ class ReconstructionOptions(Settings):
         density = _plain(self.train.density, Density, strategy=strategy)
         return ReconstructConfig(
             sfm=_plain(self.sfm, SfmConfig, sfm_seed=seed),
-            segment=replace(self.segment, mask_seed=seed),
+            segment=self.segment,
             init=_plain(self.init, InitConfig, strategy=start),
             train=_plain(self.train, TrainConfig, seed=seed, density=density),
             mono=self.mono,

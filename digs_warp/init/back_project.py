@@ -31,17 +31,17 @@ def back_project(
     camera: Camera,
     image: np.ndarray,
     depth: np.ndarray,
-    weights: np.ndarray,
+    keep: np.ndarray,
     voxel_size: float,
     extra: np.ndarray | None = None,
 ) -> VoxelSums:
-    """Back-project the pixels with nonzero weight and sum them per voxel of the world's grid.
+    """Back-project the kept pixels and sum them per voxel of the world's grid.
 
     Args:
         camera: the camera of the view, of the same size as the arrays.
         image: sRGB, shape (height, width, 3), uint8.
-        depth: planar depth [m], shape (height, width); finite wherever there is a weight.
-        weights: of each pixel, shape (height, width), float32, finite; 0 excludes the pixel.
+        depth: planar depth [m], shape (height, width); finite in the kept pixels.
+        keep: which pixels, shape (height, width), bool.
         voxel_size: edge length [m].
         extra: further values per pixel to sum, shape (height, width, k).
 
@@ -57,7 +57,7 @@ def back_project(
         width=depth.shape[1],
         depth=_flat(depth, np.float32),
         image=_flat(image, np.uint8),
-        weights=_flat(weights, np.float32),
+        keep=_flat(keep, np.bool_),
         extra=on_device(np.ascontiguousarray(flat_extra, dtype=np.float32)),
     )
     inputs = [pixels, _pixel_rays(camera), 1.0 / voxel_size]
@@ -68,7 +68,7 @@ def back_project(
         output = packed(VoxelTable, slot_bits=slot_bits, **arrays)
         launch_here(accumulate_kernel, 1, [*inputs, output])
         if table["report"][STATUS] == TOO_FAR:
-            raise _too_far(camera, depth, weights, voxel_size)
+            raise _too_far(camera, depth, keep, voxel_size)
         if table["report"][STATUS] == DONE:
             return _sums_of(table)
         slot_bits += 1
@@ -93,7 +93,6 @@ def _empty_table(slot_bits: int, channels: int) -> dict[str, np.ndarray]:
     return {
         "slots": np.zeros(1 << slot_bits, np.int32),
         "keys": np.zeros(capacity, np.int64),
-        "counts": np.zeros(capacity, np.int64),
         "sums": np.zeros((capacity, 1 + EXTRA + channels)),
         "report": np.zeros(2, np.int32),
     }
@@ -106,17 +105,15 @@ def _sums_of(table: dict[str, np.ndarray]) -> VoxelSums:
     order = np.argsort(keys)
     sums = table["sums"][:found][order]
     sums[:, 1 + COLOR : 1 + EXTRA] /= 255.0
-    return VoxelSums(keys[order], table["counts"][:found][order], sums)
+    return VoxelSums(keys[order], sums)
 
 
 def _flat(array: np.ndarray, dtype: type) -> wp.array:
     return on_device(np.ascontiguousarray(array, dtype=dtype).reshape(-1))
 
 
-def _too_far(
-    camera: Camera, depth: np.ndarray, weights: np.ndarray, voxel_size: float
-) -> DigsError:
-    away, deepest = float(np.abs(camera.center_world).max()), float(depth[weights > 0].max())
+def _too_far(camera: Camera, depth: np.ndarray, keep: np.ndarray, voxel_size: float) -> DigsError:
+    away, deepest = float(np.abs(camera.center_world).max()), float(depth[keep].max())
     extent = away + deepest
     found = (
         f"voxel size {voxel_size:g} m: too small for points up to {extent:g} m from the origin, expected at "

@@ -7,7 +7,7 @@ from digs_warp.checks import DigsError
 from digs_warp.init.strategies import STRATEGIES, StrategyName, VoxelUnit
 from digs_warp.settings import MANY, NO_FLAG, SPLATS, VOXEL, Range, Settings
 
-Shape = Literal["round", "flat", "ray"]
+Shape = Literal["round", "flat"]
 ScaleStatistic = Literal["mode", "mean"]
 
 
@@ -59,16 +59,6 @@ class InitConfig(Settings):
     """A pixel is background if its depth is this many times closer to the background's mean than to the
     foreground's (paper section 4.1)."""
 
-    min_support: Annotated[float, Range(0, 1)] = 0.15
-    """Drop voxels with fewer measurements than this fraction of the median voxel: a point measured only once
-    or twice is an outlier. 0 keeps all."""
-
-    weight_by_uncertainty: bool = False
-    """Weight measurements by the precision of stereo, 1 / depth^4: near views count more."""
-
-    weight_by_confidence: bool = False
-    """Weight measurements by the confidence that the sensor reports."""
-
     visibility_check: Annotated[bool, NO_FLAG] = True
     """Drop points that more views see through than confirm: floaters around the object."""
 
@@ -78,10 +68,7 @@ class InitConfig(Settings):
 
     shape: Shape = "round"
     """Shape of the Gaussians at the start. round; flat: along the surface, from the normals of the depth
-    maps; ray: stretched along the viewing ray by the uncertainty of the depth."""
-
-    disparity_noise: Annotated[float, Range(1e-6, 1000)] = 0.15
-    """Standard deviation of the sensor's disparity [px]: sets the length of shape ray."""
+    maps."""
 
     opacity: Annotated[float | None, Range(1e-6, 1 - 1e-6), NO_FLAG] = None
     """Opacity of every Gaussian at the start, above 0 and below 1; where views disagree about depth, it is

@@ -15,12 +15,12 @@ from digs_warp.data.point_cloud import PointCloud
 from digs_warp.init.config import InitConfig
 from digs_warp.init.dropped import what_was_dropped
 from digs_warp.init.in_order import in_order
-from digs_warp.init.point_shapes import shaped_points
+from digs_warp.init.normals import flat_points
 from digs_warp.init.start import DepthReport
 from digs_warp.init.strays import in_company
 from digs_warp.init.view_points import FILTERS, ViewPoints, view_points
 from digs_warp.init.visibility import DepthViews, agreement_of_views, not_seen_through
-from digs_warp.init.voxel import GrowingGrid
+from digs_warp.init.voxel import GrowingGrid, VoxelSums
 from digs_warp.init.voxel_size import final_voxel_size, first_voxel_size
 from digs_warp.record.run_log import timed
 from digs_warp.words import counted
@@ -45,7 +45,6 @@ def depth_points(
     frames: Sequence[Frame],
     config: InitConfig,
     sfm_per_metre: float | None = None,
-    baseline: float | None = None,
 ) -> tuple[PointCloud, DepthReport]:
     """Return the points of all views, one per voxel (eq. 10), ordered by voxel, and the counts.
 
@@ -57,20 +56,17 @@ def depth_points(
         frames: with image, depth, mask and a metric camera.
         config: the settings.
         sfm_per_metre: for a voxel size in units of structure from motion.
-        baseline: of the stereo rig [m], for shape 'ray'.
 
     Raises:
         DigsError: no frames, or a frame without depth or mask.
         NoPointsError: not a single point in any view.
     """
-    require_layers(frames, config, (Layer.DEPTH, Layer.MASK))
+    require_layers(frames, (Layer.DEPTH, Layer.MASK))
     report = DepthReport(pixels=dict.fromkeys(FILTERS, 0))
     size = first_voxel_size(frames, config, sfm_per_metre)
     grid = GrowingGrid()
     seen = []
-    for view in in_order(
-        frames, partial(view_points, config=config, voxel_size=size, baseline=baseline)
-    ):
+    for view in in_order(frames, partial(view_points, config=config, voxel_size=size)):
         _warn_of_odd_masks(view, config)
         with timed(report.seconds, "merge", time.thread_time):
             grid.add(view.voxels)
@@ -85,8 +81,6 @@ def depth_points(
     if report.voxel_size > size:
         voxels = voxels.coarser(report.voxel_size)
     report.voxels["occupied"] = len(voxels)
-    voxels = voxels.well_supported(config.min_support)
-    report.voxels["well supported"] = len(voxels)
     if report.voxel_size == size and len(voxels) < (config.target_points or 0):
         logger.warning(
             "--target-points: %d wanted, %d found; %s",
@@ -104,12 +98,19 @@ def depth_points(
     if config.max_points is not None and len(voxels) > config.max_points:
         voxels = voxels.select(drawn(len(voxels), config.max_points))
         report.voxels["drawn"] = len(voxels)
-    points = shaped_points(voxels, config, report.voxel_size)
+    points = points_of(voxels, config, report.voxel_size)
     if config.visibility_check:
         with timed(report.seconds, "visibility", time.process_time):
             agreement = agreement_of_views(voxels.points_world, views, report.voxel_size)
         points = replace(points, agreement=agreement)
     return points, report
+
+
+def points_of(voxels: VoxelSums, config: InitConfig, voxel_size: float) -> PointCloud:
+    """Return one point per voxel, with an axis unless the Gaussians are round."""
+    if config.shape == "flat":
+        return flat_points(voxels, voxel_size)
+    return PointCloud(voxels.points_world, voxels.colors)
 
 
 def drawn(count: int, wanted: int) -> np.ndarray:
@@ -133,17 +134,15 @@ def _warn_of_odd_masks(view: ViewPoints, config: InitConfig) -> None:
         )
 
 
-def require_layers(frames: Sequence[Frame], config: InitConfig, layers: Sequence[Layer]) -> None:
-    """Raise a `DigsError` unless there are frames, all with ``layers`` and what the weights need."""
+def require_layers(frames: Sequence[Frame], layers: Sequence[Layer]) -> None:
+    """Raise a `DigsError` unless there are frames, all with ``layers``."""
     if not frames:
         raise DigsError("initialization: no frames; the capture needs at least one training frame")
     advice = {
         Layer.DEPTH: "depth maps (float EXR in metres or 16-bit PNG in millimetres)",
         Layer.MASK: "object masks (8-bit PNG; --masks makes some, --subject scene needs none)",
-        Layer.CONFIDENCE: "confidence maps (8-bit PNG)",
     }
-    wanted = (*layers, Layer.CONFIDENCE) if config.weight_by_confidence else layers
-    for layer in wanted:
+    for layer in layers:
         lacking = [frame.name for frame in frames if not frame.has(layer)]
         if lacking:
             raise DigsError(

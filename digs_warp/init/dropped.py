@@ -7,17 +7,15 @@ from digs_warp.init.start import DepthReport
 
 # What drops pixels between one of `digs_warp.init.view_points.FILTERS` and the next.
 STAGES = ("missing depth", "the edge filter", "the foreground filter")
-SUPPORT = "--min-support"
 
 
 def what_was_dropped(report: DepthReport) -> str:
     """Return the counts after each stage, and the stage that dropped the largest share."""
     share, stage = max(_shares(report))
     pixels = ", ".join(f"{count:,} {name}" for name, count in report.pixels.items())
-    occupied, supported = report.voxels["occupied"], report.voxels["well supported"]
     return (
         f"pixels: {pixels}; voxels of {1e3 * report.voxel_size:.2g} mm, the resolution of the depth maps: "
-        f"{occupied:,} occupied, {supported:,} well supported; {stage} dropped most, {share:.0%}"
+        f"{report.voxels['occupied']:,} occupied; {stage} dropped most, {share:.0%}"
     )
 
 
@@ -25,4 +23,3 @@ def _shares(report: DepthReport) -> Iterator[tuple[float, str]]:
     """Yield the share that each stage dropped of what the one before it left."""
     for (before, after), stage in zip(pairwise(report.pixels.values()), STAGES, strict=True):
         yield 1 - after / max(before, 1), stage
-    yield 1 - report.voxels["well supported"] / max(report.voxels["occupied"], 1), SUPPORT

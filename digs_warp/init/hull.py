@@ -130,7 +130,7 @@ def visual_hull(frames: Sequence[Frame], config: InitConfig, edge: float | None 
     Raises:
         DigsError: as of `hull_points`.
     """
-    require_layers(frames, config, (Layer.MASK,))
+    require_layers(frames, (Layer.MASK,))
     views = _load(frames)
     center, half = cube_looked_at([frame.camera for frame in frames])
     coarse = 2 * AROUND * half / COARSE

@@ -60,10 +60,6 @@ class Grid:
         """Return the sums on a grid whose edges are ``factor`` >= 1 times as long."""
         return Grid(factor * self.edge, self.voxels.coarser(factor * self.edge))
 
-    def well_supported(self, fraction: float) -> "Grid":
-        """Return the voxels with at least ``fraction`` of the median number of measurements."""
-        return Grid(self.edge, self.voxels.well_supported(fraction))
-
     def select(self, keep: np.ndarray) -> "Grid":
         """Return the voxels at ``keep``, a bool mask."""
         return Grid(self.edge, self.voxels.select(keep))

@@ -1,11 +1,13 @@
-"""Surface normals from a depth map: an extension of the paper, for Gaussians that start flat."""
+"""Gaussians that start flat, along the surface normals of the depth maps: an extension of the paper."""
 
 import numpy as np
 import warp as wp
 
+from digs_warp.data.point_cloud import PointCloud
 from digs_warp.device.parallel import launch_here
 from digs_warp.geometry.camera import Camera
 from digs_warp.init.edges import on_device
+from digs_warp.init.voxel import VoxelSums
 
 wp.set_module_options({"enable_backward": False})
 
@@ -13,6 +15,9 @@ wp.set_module_options({"enable_backward": False})
 REACH = 3
 
 _REACH = wp.constant(REACH)
+
+# A flat Gaussian's standard deviation along the normal, as a share of the voxel size.
+FLATNESS = 0.2
 
 
 @wp.func
@@ -82,3 +87,16 @@ def normals_from_depth(camera: Camera, depth: np.ndarray, wanted: np.ndarray) ->
     ]
     launch_here(normal_kernel, depth.shape[0], inputs)
     return normals
+
+
+def flat_points(voxels: VoxelSums, voxel_size: float) -> PointCloud:
+    """Return one point per voxel, with the mean of the normals in it as its axis.
+
+    Where no pixel had a normal, the point stays as wide as its voxel in all directions.
+    """
+    axes = voxels.extra
+    lengths = np.linalg.norm(axes, axis=1)
+    known = lengths > 1e-6
+    units = np.where(known[:, None], axes / np.where(known, lengths, 1.0)[:, None], [0.0, 0.0, 1.0])
+    deviations = np.where(known, FLATNESS * voxel_size, voxel_size)
+    return PointCloud(voxels.points_world, voxels.colors, units, deviations)

@@ -42,7 +42,6 @@ def initialize(
     config: InitConfig,
     sfm: SfmModel | None = None,
     sfm_per_metre: float | None = None,
-    baseline: float | None = None,
     subject: Subject = "object",
     recorded: PointCloud | None = None,
 ) -> Start:
@@ -53,7 +52,6 @@ def initialize(
         config: strategy and settings.
         sfm: structure from motion in metres (`SfmModel.in_metres`); None: the poses are the capture's.
         sfm_per_metre: the scale that it had; for voxel sizes in its unit.
-        baseline: of the stereo rig [m]; for shape 'ray'.
         subject: what the points from depth cover; a scene needs no masks, and gets a far shell.
         recorded: the recording's own sparse points, which spare 'default' and 'random' those of ``sfm``.
 
@@ -64,7 +62,7 @@ def initialize(
         start = _without_depth(frames, config, sfm, recorded, subject)
     else:
         measured = _with_depth(frames)
-        start = _from_depth(measured, config, sfm, sfm_per_metre, baseline, subject)
+        start = _from_depth(measured, config, sfm, sfm_per_metre, subject)
     has_depth = any(frame.has(Layer.DEPTH) for frame in frames)
     start = replace(start, because=start_reason(config.strategy, start.sources, has_depth))
     if subject == "object":
@@ -127,13 +125,12 @@ def _from_depth(
     config: InitConfig,
     sfm: SfmModel | None,
     sfm_per_metre: float | None,
-    baseline: float | None,
     subject: Subject,
 ) -> Start:
     if subject == "scene":
-        from_depth, report = scene_points(frames, config, baseline)
+        from_depth, report = scene_points(frames, config)
     else:
-        from_depth, report = depth_points(frames, config, sfm_per_metre, baseline)
+        from_depth, report = depth_points(frames, config, sfm_per_metre)
     points, sources = from_depth, {"depth": len(from_depth)}
     if config.strategy == "fusion":  # P_fusion = P_BB united with P*
         from_sfm = _unmasked_points_in_box(

@@ -20,10 +20,9 @@ from digs_warp.data.frame import Frame
 from digs_warp.data.layers import Layer
 from digs_warp.data.point_cloud import PointCloud
 from digs_warp.init.config import InitConfig
-from digs_warp.init.depth_points import CHECK_DEPTH, NoPointsError, drawn, require_layers
+from digs_warp.init.depth_points import CHECK_DEPTH, NoPointsError, drawn, points_of, require_layers
 from digs_warp.init.in_order import in_order
 from digs_warp.init.levels import Grid, Levels, count, finest_of
-from digs_warp.init.point_shapes import shaped_points
 from digs_warp.init.scene_view import SCENE_FILTERS, LevelSums, scene_view
 from digs_warp.init.start import DepthReport
 from digs_warp.init.strays import in_company
@@ -44,27 +43,22 @@ LOOKED_AT, STRIDE = 16, 4
 CLOSE, MOST_STEPS = 0.95, 4
 
 
-def scene_points(
-    frames: Sequence[Frame], config: InitConfig, baseline: float | None = None
-) -> tuple[PointCloud, DepthReport]:
+def scene_points(frames: Sequence[Frame], config: InitConfig) -> tuple[PointCloud, DepthReport]:
     """Return the points of all views, one per voxel, from the finest grid to the coarsest, and the counts.
 
     Args:
         frames: with image, depth and a metric camera; masks are not used.
         config: the settings; those of masks and foreground are not used.
-        baseline: of the stereo rig [m]; for shape 'ray'.
 
     Raises:
         DigsError: no frames, a frame without depth, or a voxel size as a fraction of an object.
         NoPointsError: not a single point in any view.
     """
-    require_layers(frames, config, (Layer.DEPTH,))
+    require_layers(frames, (Layer.DEPTH,))
     levels = _levels(frames, config)
     report = DepthReport(pixels=dict.fromkeys(SCENE_FILTERS, 0))
     measured, guessed, seen = LevelSums(), LevelSums(), []
-    for view in in_order(
-        frames, partial(scene_view, config=config, levels=levels, baseline=baseline)
-    ):
+    for view in in_order(frames, partial(scene_view, config=config, levels=levels)):
         measured.add(view.measured)
         guessed.add(view.guessed)
         report.add(view)
@@ -75,12 +69,14 @@ def scene_points(
         surfaces = measured.merged(levels)
         report.voxels["occupied"] = count(surfaces)
         factor, surfaces = _within_budget(surfaces, config)
-        report.voxels["well supported"] = count(surfaces)
-        guesses = [
-            grid.coarser(factor).uncovered_by([s for s in surfaces if s.edge <= factor * grid.edge])
-            for grid in guessed.merged(levels)
-        ]
-        guesses = [grid.well_supported(config.min_support) for grid in finest_of(guesses)]
+        guesses = finest_of(
+            [
+                grid.coarser(factor).uncovered_by(
+                    [s for s in surfaces if s.edge <= factor * grid.edge]
+                )
+                for grid in guessed.merged(levels)
+            ]
+        )
     if config.visibility_check:
         with timed(report.seconds, "visibility"):
             views = DepthViews.of(seen)
@@ -91,7 +87,7 @@ def scene_points(
     report.voxels["not alone"] = count(surfaces)
     report.voxels["guessed"] = count(guesses)
     report.voxel_size = factor * levels.finest
-    made = [[shaped_points(g.voxels, config, g.edge) for g in some] for some in (surfaces, guesses)]
+    made = [[points_of(g.voxels, config, g.edge) for g in some] for some in (surfaces, guesses)]
     guessed = [replace(cloud, guessed=np.ones(len(cloud), dtype=bool)) for cloud in made[1]]
     if config.visibility_check:
         with timed(report.seconds, "visibility"):
@@ -129,7 +125,7 @@ def _within_budget(grids: Sequence[Grid], config: InitConfig) -> tuple[float, li
 
     def kept(factor: float) -> list[Grid]:
         some = [grid.coarser(factor) for grid in grids] if factor > 1 else grids
-        return finest_of([grid.well_supported(config.min_support) for grid in some])
+        return finest_of(some)
 
     factor, found = 1.0, kept(1.0)
     steps = 0

@@ -12,8 +12,7 @@ from digs_warp.init.back_project import back_project
 from digs_warp.init.config import InitConfig
 from digs_warp.init.edges import smooth_depth
 from digs_warp.init.levels import Grid, Levels
-from digs_warp.init.point_shapes import shape_values
-from digs_warp.init.uncertainty import stereo_weights
+from digs_warp.init.normals import normals_from_depth
 from digs_warp.init.view_points import thinned
 from digs_warp.init.voxel import GrowingGrid, VoxelSums
 
@@ -45,9 +44,7 @@ class SceneView:
     seconds: dict[str, float]
 
 
-def scene_view(
-    frame: Frame, config: InitConfig, levels: Levels, baseline: float | None = None
-) -> SceneView:
+def scene_view(frame: Frame, config: InitConfig, levels: Levels) -> SceneView:
     """Back-project all pixels of one view and sum them per voxel.
 
     The edge filter (eq. 9) looks at inverse depth: on a floor that recedes, depth curves, inverse depth does
@@ -55,24 +52,18 @@ def scene_view(
 
     Args:
         frame: with image and depth.
-        config: which filters and weights.
+        config: which filters, and the shape of the Gaussians.
         levels: which grid for which distance.
-        baseline: of the stereo rig [m]; for shape 'ray'.
     """
     start = time.thread_time()
     image, depth = frame.load_image(), frame.load_depth()
     known = ~np.isnan(depth)
     keep = known & smooth_depth(1.0 / depth) if config.edge_filter else known
-    weights = keep.astype(np.float32)
-    if config.weight_by_uncertainty:
-        weights *= stereo_weights(depth)
-    if config.weight_by_confidence:
-        weights *= frame.load_confidence()
-    extra = shape_values(frame.camera, depth, keep, config, baseline)
-    measured = _on_levels(frame.camera, image, depth, weights, levels, 0, extra)
-    guess, missing = nearest_known(depth), (~known).astype(np.float32)
-    blank = None if extra is None else np.zeros_like(extra)
-    guessed = _on_levels(frame.camera, image, guess, missing, levels, GUESS_COARSER, blank)
+    normals = normals_from_depth(frame.camera, depth, keep) if config.shape == "flat" else None
+    measured = _on_levels(frame.camera, image, depth, keep, levels, 0, normals)
+    blank = None if normals is None else np.zeros_like(normals)
+    guess = nearest_known(depth)
+    guessed = _on_levels(frame.camera, image, guess, ~known, levels, GUESS_COARSER, blank)
     counts = (depth.size, int(np.count_nonzero(known)), int(np.count_nonzero(keep)))
     pixels: dict[str, int] = dict(zip(SCENE_FILTERS, counts, strict=True))
     seconds = {"views": time.thread_time() - start}
@@ -114,17 +105,17 @@ def _on_levels(
     camera: Camera,
     image: np.ndarray,
     depth: np.ndarray,
-    weights: np.ndarray,
+    keep: np.ndarray,
     levels: Levels,
     coarser: int,
-    extra: np.ndarray | None,
+    normals: np.ndarray | None,
 ) -> dict[int, VoxelSums]:
-    weights = np.where(np.isnan(depth), np.float32(0), weights)
+    keep = keep & ~np.isnan(depth)
     level = levels.of_depth(depth, camera.intrinsics.fx) + coarser
-    found = np.flatnonzero(np.bincount(level[weights > 0]))
+    found = np.flatnonzero(np.bincount(level[keep]))
     return {
         int(n): back_project(
-            camera, image, depth, np.where(level == n, weights, 0), levels.edge(int(n)), extra
+            camera, image, depth, keep & (level == n), levels.edge(int(n)), normals
         )
         for n in found
     }

@@ -12,9 +12,7 @@ from digs_warp.init.back_project import back_project
 from digs_warp.init.config import InitConfig
 from digs_warp.init.edges import Box, smooth_depth
 from digs_warp.init.foreground import foreground_range
-from digs_warp.init.normals import REACH
-from digs_warp.init.point_shapes import shape_values
-from digs_warp.init.uncertainty import stereo_weights
+from digs_warp.init.normals import REACH, normals_from_depth
 from digs_warp.init.voxel import VoxelSums
 
 # The visibility check uses every n-th row and column, so that a map has about this many pixels.
@@ -66,21 +64,17 @@ class _Laps:
         self._last = now
 
 
-def view_points(
-    frame: Frame, config: InitConfig, voxel_size: float, baseline: float | None = None
-) -> ViewPoints:
+def view_points(frame: Frame, config: InitConfig, voxel_size: float) -> ViewPoints:
     """Apply the conditions of eq. 9 to one view, back-project the remaining pixels and sum them per voxel.
 
     Args:
         frame: a frame with image, depth and mask.
-        config: which conditions and weights.
+        config: which conditions, and the shape of the Gaussians.
         voxel_size: edge length of the grid [m].
-        baseline: of the stereo rig [m]; needed for shape 'ray'.
     """
     laps = _Laps()
     depth, image = frame.load_depth(), frame.load_image()
     mask, unknown = frame.load_mask(), frame.load_unknown()
-    confidence = frame.load_confidence() if config.weight_by_confidence else None
     laps.lap("read")
     in_mask = mask > config.mask_level
     rows, columns = box = box_of(in_mask)
@@ -97,14 +91,9 @@ def view_points(
         keep &= foreground_range(votes, in_mask, config.background_weight).contains(near)
     pixels[FILTERS[3]] = int(np.count_nonzero(keep))
     laps.lap("foreground")
-    weights = keep.astype(np.float32)
-    if config.weight_by_uncertainty:
-        weights *= stereo_weights(near)
-    if confidence is not None:
-        weights *= confidence[box]
-    extra = shape_values(camera, near, keep, config, baseline)
-    laps.lap("weights")
-    voxels = back_project(camera, image[box], near, weights, voxel_size, extra)
+    normals = normals_from_depth(camera, near, keep) if config.shape == "flat" else None
+    laps.lap("normals")
+    voxels = back_project(camera, image[box], near, keep, voxel_size, normals)
     laps.lap("back-project")
     kept = thinned_object_depth(depth, in_mask, unknown) if config.visibility_check else None
     return ViewPoints(frame.name, frame.camera, voxels, pixels, kept, laps.seconds)

@@ -23,13 +23,11 @@ class VoxelSums:
 
     Attributes:
         keys: packed voxel indices, ascending, shape (n,), int64.
-        counts: measurements in the voxel, shape (n,), int64.
-        sums: summed weights, weighted positions [m], weighted colors in 0..1, and k further weighted
+        sums: number of measurements, summed positions [m], summed colors in 0..1, and k further summed
             values, shape (n, 1 + 6 + k), float64.
     """
 
     keys: np.ndarray
-    counts: np.ndarray
     sums: np.ndarray
 
     def __len__(self) -> int:
@@ -37,33 +35,27 @@ class VoxelSums:
 
     @property
     def means(self) -> np.ndarray:
-        """Weighted means of position, color and the further values, shape (n, 6 + k)."""
+        """Means of position, color and the further values, shape (n, 6 + k)."""
         return self.sums[:, 1:] / self.sums[:, :1]
 
     @property
     def points_world(self) -> np.ndarray:
-        """Weighted mean positions [m], shape (n, 3), in the order of the keys."""
+        """Mean positions [m], shape (n, 3), in the order of the keys."""
         return self.means[:, POSITION:COLOR]
 
     @property
     def colors(self) -> np.ndarray:
-        """Weighted mean colors, shape (n, 3)."""
+        """Mean colors, shape (n, 3)."""
         return self.means[:, COLOR:EXTRA]
 
     @property
     def extra(self) -> np.ndarray:
-        """Weighted means of the further values, shape (n, k)."""
+        """Means of the further values, shape (n, k)."""
         return self.means[:, EXTRA:]
 
     def select(self, keep: np.ndarray) -> "VoxelSums":
         """Return the voxels at ``keep``, a bool mask."""
-        return VoxelSums(self.keys[keep], self.counts[keep], self.sums[keep])
-
-    def well_supported(self, fraction: float) -> "VoxelSums":
-        """Return the voxels with at least ``fraction`` of the median number of measurements."""
-        if len(self) == 0:
-            return self
-        return self.select(self.counts >= fraction * np.median(self.counts))
+        return VoxelSums(self.keys[keep], self.sums[keep])
 
     def coarser(self, voxel_size: float) -> "VoxelSums":
         """Return the sums on a coarser grid [m]; a voxel's mean position decides where it goes.
@@ -71,7 +63,7 @@ class VoxelSums:
         Raises:
             DigsError: the voxel size is not positive, or so small that voxel indices overflow.
         """
-        return _sum_by_key(voxel_keys(self.points_world, voxel_size), self.counts, self.sums)
+        return _sum_by_key(voxel_keys(self.points_world, voxel_size), self.sums)
 
 
 class GrowingGrid:
@@ -99,7 +91,6 @@ def merge_voxel_sums(batches: Sequence[VoxelSums]) -> VoxelSums:
     """Return the sums of several batches (at least one) on the same grid."""
     return _sum_by_key(
         np.concatenate([batch.keys for batch in batches]),
-        np.concatenate([batch.counts for batch in batches]),
         np.concatenate([batch.sums for batch in batches]),
     )
 
@@ -126,9 +117,9 @@ def voxel_keys(points_world: np.ndarray, voxel_size: float) -> np.ndarray:
     return keys
 
 
-def _sum_by_key(keys: np.ndarray, counts: np.ndarray, rows: np.ndarray) -> VoxelSums:
+def _sum_by_key(keys: np.ndarray, rows: np.ndarray) -> VoxelSums:
     order = np.argsort(keys, kind="stable")
     keys = keys[order]
     first = np.flatnonzero(np.diff(keys, prepend=keys[:1] - 1))
     sums = np.add.reduceat(rows[order], first, axis=0)
-    return VoxelSums(keys[first], np.add.reduceat(counts[order], first), sums)
+    return VoxelSums(keys[first], sums)

@@ -47,7 +47,7 @@ class PixelValues:
     width: int
     depth: wp.array[float]  # [height * width]
     image: wp.array[wp.uint8]  # [height * width * 3] sRGB
-    weights: wp.array[float]  # [height * width] 0: leave the pixel out
+    keep: wp.array[wp.bool]  # [height * width]
     extra: wp.array2d[float]  # [height * width, k] further values to sum
 
 
@@ -68,24 +68,20 @@ class VoxelTable:
     slot_bits: int  # the table has 2^slot_bits slots
     slots: wp.array[int]  # [2^slot_bits] index of a voxel + 1; 0: free
     keys: wp.array[wp.int64]  # [capacity]
-    counts: wp.array[wp.int64]  # [capacity]
-    sums: wp.array2d[wp.float64]  # [capacity, 1 + 6 + k] weight, weighted position, color, extra
+    sums: wp.array2d[wp.float64]  # [capacity, 1 + 6 + k] number of pixels, position, color, extra
     report: wp.array[int]  # [2]
 
 
 @wp.func
 def add_to(
-    counts: wp.array[wp.int64],
     sums: wp.array2d[wp.float64],
     voxel: int,
-    count: wp.int64,
-    weight: wp.float64,
+    count: wp.float64,
     point: wp.vec3d,
     color: wp.vec3d,
 ):
-    """Add a pixel to the sums of a voxel."""
-    counts[voxel] = counts[voxel] + count
-    sums[voxel, 0] = sums[voxel, 0] + weight
+    """Add pixels to the sums of a voxel."""
+    sums[voxel, 0] = sums[voxel, 0] + count
     for axis in range(3):
         sums[voxel, 1 + axis] = sums[voxel, 1 + axis] + point[axis]
         sums[voxel, 4 + axis] = sums[voxel, 4 + axis] + color[axis]
@@ -99,15 +95,14 @@ def accumulate_kernel(
     # outputs
     table: VoxelTable,
 ):
-    """Sum all pixels with a nonzero weight, per voxel. One thread."""
+    """Sum all kept pixels, per voxel. One thread."""
     # Copied to local names: through the structs, each access would look up the address (5 % of the time).
     depth = pixels.depth
     image = pixels.image
-    weights = pixels.weights
+    keep = pixels.keep
     extra = pixels.extra
     slots = table.slots
     keys = table.keys
-    counts = table.counts
     sums = table.sums
     report = table.report
     center = rays.center
@@ -121,16 +116,14 @@ def accumulate_kernel(
     voxel = int(-1)
     last_key = wp.int64(-1)
     # The sums of the current voxel since it was entered.
-    count = wp.int64(0)
-    weight_sum = wp.float64(0.0)
+    count = wp.float64(0.0)
     point_sum = wp.vec3d()
     color_sum = wp.vec3d()
     for row in range(pixels.height):
         row_ray = corner_ray + down_ray * (wp.float64(row) + wp.float64(0.5))
         for column in range(width):
             pixel = row * width + column
-            weight = weights[pixel]
-            if weight > 0.0:
+            if keep[pixel]:
                 ray = row_ray + right_ray * (wp.float64(column) + wp.float64(0.5))
                 point = center + ray * wp.float64(depth[pixel])
                 cell = point * voxels_per_metre
@@ -145,9 +138,8 @@ def accumulate_kernel(
                 key = (key << _BITS) | (wp.int64(k) + wp.int64(_OFFSET))
                 if key != last_key:
                     if voxel >= 0:
-                        add_to(counts, sums, voxel, count, weight_sum, point_sum, color_sum)
-                    count = wp.int64(0)
-                    weight_sum = wp.float64(0.0)
+                        add_to(sums, voxel, count, point_sum, color_sum)
+                    count = wp.float64(0.0)
                     point_sum = wp.vec3d()
                     color_sum = wp.vec3d()
                     last_key = key
@@ -164,19 +156,17 @@ def accumulate_kernel(
                         found += 1
                         slots[slot] = found
                         keys[voxel] = key
-                w = wp.float64(weight)
                 color = wp.vec3d(
                     wp.float64(image[3 * pixel]),
                     wp.float64(image[3 * pixel + 1]),
                     wp.float64(image[3 * pixel + 2]),
                 )
-                count += wp.int64(1)
-                weight_sum += w
-                point_sum += point * w
-                color_sum += color * w
+                count += wp.float64(1.0)
+                point_sum += point
+                color_sum += color
                 for channel in range(extra.shape[1]):
-                    value = w * wp.float64(extra[pixel, channel])
+                    value = wp.float64(extra[pixel, channel])
                     sums[voxel, 7 + channel] = sums[voxel, 7 + channel] + value
     if voxel >= 0:
-        add_to(counts, sums, voxel, count, weight_sum, point_sum, color_sum)
+        add_to(sums, voxel, count, point_sum, color_sum)
     report[1] = found

@@ -61,12 +61,12 @@ def final_voxel_size(voxels: VoxelSums, size: float, config: InitConfig) -> floa
     For more ``target_points`` than there are voxels it is ``size``; the caller says what became of them.
     """
     if config.target_points is not None:
-        return _size_for_count(voxels, size, config.target_points, config.min_support)
+        return _size_for_count(voxels, size, config.target_points)
     if config.voxel_edge is None and config.max_points is None:
-        return _size_for_most(voxels, size, config.min_support)
+        return _size_for_most(voxels, size)
     if config.voxel_unit != "object" or config.voxel_edge is None:
         return size
-    wanted = config.voxel_edge * object_size(voxels.well_supported(config.min_support))
+    wanted = config.voxel_edge * object_size(voxels)
     if wanted < size:
         logger.warning(
             "--voxel-size: %g of the object is finer than its depth maps resolve; using %.2g m",
@@ -95,23 +95,22 @@ def pixel_size(frames: Sequence[Frame], mask_level: int) -> float:
     return float(np.median(sizes)) if sizes else 1.0
 
 
-def _size_for_most(voxels: VoxelSums, size: float, min_support: float) -> float:
+def _size_for_most(voxels: VoxelSums, size: float) -> float:
     """Return ``size``, or the size that keeps the points below `MOST_POINTS`."""
-    count = len(voxels.well_supported(min_support))
-    if count <= MOST_POINTS:
+    if len(voxels) <= MOST_POINTS:
         return size
-    coarser = _size_for_count(voxels, size, MOST_POINTS, min_support)
+    coarser = _size_for_count(voxels, size, MOST_POINTS)
     logger.info(
         "the depth maps resolve %s points; voxels of %.2g mm instead of %.2g mm keep %s. --voxel-size "
         "chooses other ones",
-        *(f"{count:,}", 1e3 * coarser, 1e3 * size, f"{MOST_POINTS:,}"),
+        *(f"{len(voxels):,}", 1e3 * coarser, 1e3 * size, f"{MOST_POINTS:,}"),
     )
     return coarser
 
 
-def _size_for_count(voxels: VoxelSums, size: float, wanted: int, min_support: float) -> float:
+def _size_for_count(voxels: VoxelSums, size: float, wanted: int) -> float:
     def count(edge: float) -> int:
-        return len(voxels.coarser(edge).well_supported(min_support))
+        return len(voxels.coarser(edge))
 
     if count(size) <= wanted:
         return size

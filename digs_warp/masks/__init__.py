@@ -1,1 +1,1 @@
-"""Object masks of a recording: read, segmented by a network or from depth, or degraded on purpose."""
+"""Object masks of a recording: read, or segmented by a network or from depth."""

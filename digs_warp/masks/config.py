@@ -5,18 +5,17 @@ from pathlib import Path
 from typing import Annotated, Literal
 
 from digs_warp.checks import DigsError
-from digs_warp.settings import NO_FLAG, SEED, Range, Settings
+from digs_warp.settings import NO_FLAG, Range, Settings
 
 
 @dataclass(frozen=True, kw_only=True)
 class SegmentConfig(Settings):
     """Where object masks come from."""
 
-    masks: Literal["capture", "folder", "isnet", "isnet+depth", "depth", "degraded"] = "capture"
+    masks: Literal["capture", "folder", "isnet", "isnet+depth", "depth"] = "capture"
     """Object masks. capture: those of the recording; folder: those in --mask-folder; isnet: the network
     isnet-general-use; depth: the foreground of the depth maps, without a network; isnet+depth: the network,
-    on the part of the image where the depth has a foreground, and only there; degraded: those of the
-    recording with errors, to measure what they cost."""
+    on the part of the image where the depth has a foreground, and only there."""
 
     mask_agreement: Annotated[Literal["on", "off"], NO_FLAG] = "on"
     """Mend masks that most other views contradict: with 'on', a point that most of them call surround is
@@ -32,12 +31,6 @@ class SegmentConfig(Settings):
     mask_model: Path | None = None
     """For isnet and isnet+depth: the network as an ONNX file. Default: isnet-general-use.onnx in ~/.u2net,
     where rembg keeps it."""
-
-    mask_error: Annotated[float, Range(0, 10)] = 1.0
-    """For degraded: size of the errors. 0: none; 1: a typical failure; 2: twice as large."""
-
-    mask_seed: Annotated[int, SEED, NO_FLAG] = 0
-    """Seed of the errors for degraded."""
 
     def __post_init__(self) -> None:
         super().__post_init__()

@@ -16,7 +16,6 @@ from digs_warp.data.images import read_image, write_image
 from digs_warp.data.layers import Layer
 from digs_warp.device.parallel import default_threads
 from digs_warp.masks.config import SegmentConfig
-from digs_warp.masks.degrade import degrade_mask
 from digs_warp.masks.from_depth import mask_from_depth
 from digs_warp.masks.in_foreground import mask_in_foreground
 from digs_warp.masks.network import MaskNetwork, default_model_path, require_network
@@ -39,10 +38,9 @@ _INPUTS = {
     "isnet": (Layer.IMAGE,),
     "isnet+depth": (Layer.IMAGE, Layer.DEPTH),
     "depth": (Layer.IMAGE, Layer.DEPTH),
-    "degraded": (Layer.MASK,),
 }
 
-MaskOf = Callable[[int, Frame], np.ndarray]
+MaskOf = Callable[[Frame], np.ndarray]
 
 
 def segment(frames: Sequence[Frame], config: SegmentConfig, folder: Path) -> list[Path]:
@@ -84,7 +82,7 @@ def _make(
     workers: int,
 ) -> None:
     def work(number: int) -> float:
-        mask = mask_of(number, frames[number])
+        mask = mask_of(frames[number])
         write_image(paths[number], mask)
         return float(np.mean(mask > 127))
 
@@ -111,16 +109,12 @@ def _mask_maker(config: SegmentConfig) -> MaskOf:
     if config.runs_network:
         network = MaskNetwork(config.mask_model or default_model_path(), default_threads())
         if config.masks == "isnet+depth":
-            return lambda _, frame: mask_in_foreground(
+            return lambda frame: mask_in_foreground(
                 network.mask, frame.load_image(), frame.load_depth()
             )
-        return lambda _, frame: network.mask(frame.load_image())
+        return lambda frame: network.mask(frame.load_image())
     if config.masks == "depth":
-        return lambda _, frame: mask_from_depth(frame.load_image(), frame.load_depth())
-    if config.masks == "degraded":
-        return lambda number, frame: degrade_mask(
-            frame.load_mask(), config.mask_error, (config.mask_seed, number)
-        )
+        return lambda frame: mask_from_depth(frame.load_image(), frame.load_depth())
     assert config.mask_folder is not None
     return partial(_mask_from_folder, config.mask_folder)
 
@@ -130,12 +124,12 @@ def _workers(config: SegmentConfig) -> int:
     return 1 if config.runs_network else default_threads()
 
 
-def _mask_of_instance(instance: int, _: int, frame: Frame) -> np.ndarray:
+def _mask_of_instance(instance: int, frame: Frame) -> np.ndarray:
     """Return the mask where the pixel's center shows one object; 0 elsewhere."""
     return np.where(frame.load_instances() == instance, frame.load_mask(), np.uint8(0))
 
 
-def _mask_from_folder(folder: Path, _: int, frame: Frame) -> np.ndarray:
+def _mask_from_folder(folder: Path, frame: Frame) -> np.ndarray:
     """Return NAME.png as 8 bits; a cut-out gives its alpha."""
     path = folder / f"{frame.name}.png"
     pixels = read_image(path, "mask")

@@ -234,7 +234,6 @@ def _start(
             config.init,
             sfm=sfm,
             sfm_per_metre=model.sfm_per_metre if model else None,
-            baseline=capture.right_offset,
             subject=subject,
             recorded=recorded,
         )

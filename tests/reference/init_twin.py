@@ -68,14 +68,13 @@ def normals_of(camera: Camera, depth: np.ndarray, reach: int) -> np.ndarray:
 
 
 def voxel_means(
-    points: np.ndarray, values: np.ndarray, weights: np.ndarray, voxel_size: float
+    points: np.ndarray, values: np.ndarray, voxel_size: float
 ) -> dict[Voxel, tuple[int, np.ndarray]]:
-    """Voxel index -> number of points and weighted mean of their values, in ascending order."""
+    """Voxel index -> number of points and mean of their values, in ascending order."""
     members: dict[Voxel, list[int]] = defaultdict(list)
     for index, point in enumerate(points):
         i, j, k = (int(np.floor(c * (1.0 / voxel_size))) for c in point)
         members[i, j, k].append(index)
     return {
-        voxel: (len(rows), np.average(values[rows], axis=0, weights=weights[rows]))
-        for voxel, rows in sorted(members.items())
+        voxel: (len(rows), np.mean(values[rows], axis=0)) for voxel, rows in sorted(members.items())
     }

@@ -20,6 +20,8 @@ class Case:
         labels: what the study varies, for its tables: ``{"object": "avocado", "strategy": "fusion"}``.
         recording: settings of `digs_warp.sim.config.SimulateConfig` that differ from the default.
         reconstruction: dotted settings of `digs_warp.pipeline.reconstruct.ReconstructConfig` that differ.
+        mask_error: size of the errors put into the masks (`digs_warp.study.degraded_masks`); None: the masks
+            of the recording.
         effort: estimated time relative to the other cases of the study, for the time budget.
         threads: CPU threads; None: those of the runner.
         finishes: also measure the choices after the training (`engine.scores`).
@@ -29,6 +31,7 @@ class Case:
     labels: Mapping[str, Any]
     recording: Mapping[str, Any] = field(default_factory=dict)
     reconstruction: Mapping[str, Any] = field(default_factory=dict)
+    mask_error: float | None = None
     effort: float = 1.0
     threads: int | None = None
     finishes: bool = False
@@ -37,7 +40,8 @@ class Case:
     @property
     def key(self) -> str:
         """Identifies the case across runs and machines: input files count by their names."""
-        return digest([self.labels, with_file_names(self.recording), self.reconstruction])
+        parts = [self.labels, with_file_names(self.recording), self.reconstruction]
+        return digest(parts if self.mask_error is None else [*parts, self.mask_error])
 
     @property
     def recording_key(self) -> str:

@@ -24,6 +24,7 @@ from digs_warp.record.lock import taking_turns
 from digs_warp.record.results import to_json as record_json
 from digs_warp.record.run_log import RunRecord, versions
 from digs_warp.sim.config import SimulateConfig
+from digs_warp.study.degraded_masks import write_degraded_masks
 from digs_warp.study.engine.case import Case, with_settings
 from digs_warp.study.engine.perturb import perturbed_capture
 from digs_warp.study.engine.placement import mesh_in_place, motion_to_truth, pose_pixels
@@ -44,6 +45,7 @@ CAPTURES = "captures"
 SFM = "sfm"
 WORK = "work"
 NOTE = "study.json"  # beside shared structure from motion: the seconds that it took
+MASKS = "masks"  # degraded ones
 MATCHING = "structure from motion"  # as the stage is called
 
 # What makes the scene; two recordings with these in common show the same object in the same place.
@@ -78,11 +80,11 @@ def run_case(case: Case, folder: Path) -> dict[str, Any]:
         folder: of the study.
     """
     from digs_warp.device.warp_start import compile_seconds
-    from digs_warp.pipeline.reconstruct import ReconstructConfig, reconstruct
+    from digs_warp.pipeline.reconstruct import reconstruct
 
     capture = record_case(case, folder)
     given = perturbed_capture(capture) if case.perturbed else capture
-    config = with_settings(ReconstructConfig(), case.reconstruction)
+    config = _config(case, capture, folder)
     work = _workplace(case, given, config, folder)
     before = compile_seconds()
     with Stopwatch() as watch:
@@ -102,6 +104,18 @@ def run_case(case: Case, folder: Path) -> dict[str, Any]:
     measured["seconds"]["compile kernels"] = round(compiling, 3)
     shutil.rmtree(work)
     return measured
+
+
+def _config(case: Case, capture: Capture, folder: Path) -> "ReconstructConfig":
+    """Return the settings of a case; its degraded masks are written first."""
+    from digs_warp.pipeline.reconstruct import ReconstructConfig
+
+    config = with_settings(ReconstructConfig(), case.reconstruction)
+    if case.mask_error is None:
+        return config
+    masks = folder / MASKS / case.key
+    write_degraded_masks(capture.frames, case.mask_error, case.recording.get("seed", 0), masks)
+    return replace(config, segment=replace(config.segment, masks="folder", mask_folder=masks))
 
 
 def _workplace(case: Case, capture: Capture, config: "ReconstructConfig", folder: Path) -> Path:

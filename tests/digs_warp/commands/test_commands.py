@@ -9,7 +9,6 @@ from digs_warp import cli
 from digs_warp.cli import EXIT_BAD_INPUT, EXIT_OK, EXIT_WRONG_USAGE, main
 from digs_warp.commands.reconstruct import Reconstruct
 from digs_warp.commands.run import Run
-from digs_warp.masks.config import SegmentConfig
 from digs_warp.poses.from_images.config import SfmConfig
 from digs_warp.record.run_log import RunLog
 from digs_warp.train.config import Stop, TrainConfig
@@ -128,7 +127,6 @@ def test_one_seed_serves_all_stages_of_a_run() -> None:
     config = command.reconstruct_config(command.recording.seed)
     assert config.train == TrainConfig(stop=Stop(iterations=7), seed=5)
     assert config.sfm == SfmConfig(poses="capture", sfm_seed=5)
-    assert config.segment == SegmentConfig(mask_seed=5)
 
 
 @pytest.mark.parametrize(

@@ -21,32 +21,31 @@ TINY = 2e-5  # no two of the test's points fall into one voxel of this size
 
 
 def random_view(seed: int = 0) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Depth, image and weights; about half of the pixels have no weight, some of them no depth."""
+    """Depth, image and pixels to keep; about half of the pixels are not kept, some of them have no depth."""
     rng = np.random.default_rng(seed)
     depth = rng.uniform(0.3, 3.0, (HEIGHT, WIDTH)).astype(np.float32)
-    weights = rng.uniform(0.1, 2.0, (HEIGHT, WIDTH)) * (rng.random((HEIGHT, WIDTH)) < 0.5)
-    depth[(weights == 0) & (rng.random((HEIGHT, WIDTH)) < 0.3)] = np.nan
+    keep = rng.random((HEIGHT, WIDTH)) < 0.5
+    depth[~keep & (rng.random((HEIGHT, WIDTH)) < 0.3)] = np.nan
     image = rng.integers(0, 256, (HEIGHT, WIDTH, 3), dtype=np.uint8)
-    return depth, image, weights.astype(np.float32)
+    return depth, image, keep
 
 
 def check_against_twin(
-    found: VoxelSums, points: np.ndarray, values: np.ndarray, weights: np.ndarray, size: float
+    found: VoxelSums, points: np.ndarray, values: np.ndarray, size: float
 ) -> None:
-    expected = voxel_means(points, values, weights, size)
-    np.testing.assert_array_equal(found.counts, [count for count, _ in expected.values()])
+    expected = voxel_means(points, values, size)
+    np.testing.assert_array_equal(found.sums[:, 0], [count for count, _ in expected.values()])
     # float64 sums in both: a few roundings of coordinates up to 3.
     np.testing.assert_allclose(found.means, [mean for _, mean in expected.values()], atol=1e-12)
 
 
 @pytest.mark.parametrize("voxel_size", [TINY, 0.03, 0.4, 100.0])
 def test_voxels_equal_the_twin(voxel_size: float) -> None:
-    depth, image, weights = random_view()
-    keep = weights > 0
+    depth, image, keep = random_view()
     points = back_projected(CAMERA, depth, keep)
     values = np.concatenate([points, image[keep] / 255.0], axis=1)
-    found = back_project(CAMERA, image, depth, weights, voxel_size)
-    check_against_twin(found, points, values, weights[keep], voxel_size)
+    found = back_project(CAMERA, image, depth, keep, voxel_size)
+    check_against_twin(found, points, values, voxel_size)
     if voxel_size == TINY:
         assert len(found) == np.count_nonzero(keep)
     if voxel_size == 100.0:
@@ -54,20 +53,18 @@ def test_voxels_equal_the_twin(voxel_size: float) -> None:
 
 
 def test_further_values_are_summed_as_colors_are() -> None:
-    depth, image, weights = random_view(1)
+    depth, image, keep = random_view(1)
     extra = np.random.default_rng(2).normal(size=(HEIGHT, WIDTH, 4)).astype(np.float32)
-    keep = weights > 0
     points = back_projected(CAMERA, depth, keep)
     values = np.concatenate([points, image[keep] / 255.0, extra[keep]], axis=1)
-    found = back_project(CAMERA, image, depth, weights, 0.2, extra)
-    check_against_twin(found, points, values, weights[keep], 0.2)
+    found = back_project(CAMERA, image, depth, keep, 0.2, extra)
+    check_against_twin(found, points, values, 0.2)
 
 
 def test_projecting_the_points_gives_pixels_and_depths_back() -> None:
-    depth, image, weights = random_view(3)
-    found = back_project(CAMERA, image, depth, weights, TINY)
+    depth, image, keep = random_view(3)
+    found = back_project(CAMERA, image, depth, keep, TINY)
     px, projected_depth = CAMERA.project(found.points_world)
-    keep = weights > 0
     expected = np.concatenate([pixel_centers(WIDTH, HEIGHT)[keep], depth[keep, None]], axis=1)
     pixels = np.concatenate([px, projected_depth[:, None]], axis=1)
     order = np.lexsort(np.floor(pixels[:, :2].T))
@@ -80,16 +77,16 @@ def test_more_voxels_than_the_table_starts_with() -> None:
     rng = np.random.default_rng(4)
     depth = rng.uniform(0.5, 3.0, (200, 300)).astype(np.float32)
     image = np.zeros((200, 300, 3), np.uint8)
-    found = back_project(camera, image, depth, np.ones_like(depth), 1e-4)
+    found = back_project(camera, image, depth, np.ones(depth.shape, bool), 1e-4)
     assert len(found) > 40_000
-    assert found.counts.sum() == depth.size
+    assert found.sums[:, 0].sum() == depth.size
     assert np.all(np.diff(found.keys) > 0)
 
 
 def test_a_plane_stays_a_plane() -> None:
     depth = np.full((HEIGHT, WIDTH), 1.25, dtype=np.float32)
     image = np.zeros((HEIGHT, WIDTH, 3), np.uint8)
-    found = back_project(CAMERA, image, depth, np.ones_like(depth), 0.01)
+    found = back_project(CAMERA, image, depth, np.ones(depth.shape, bool), 0.01)
     forward = CAMERA.world_from_cam[:3, 2]
     np.testing.assert_allclose(
         (found.points_world - CAMERA.center_world) @ forward, 1.25, rtol=1e-14
@@ -100,39 +97,39 @@ def test_a_plane_stays_a_plane() -> None:
 def test_no_pixel_and_one_pixel(pixel: tuple[int, int] | None) -> None:
     depth, image, _ = random_view()
     depth[:] = 1.5
-    weights = np.zeros_like(depth)
+    keep = np.zeros(depth.shape, bool)
     if pixel is not None:
-        weights[pixel] = 1.0
-    found = back_project(CAMERA, image, depth, weights, 0.01)
-    expected = back_projected(CAMERA, depth, weights > 0)
+        keep[pixel] = True
+    found = back_project(CAMERA, image, depth, keep, 0.01)
+    expected = back_projected(CAMERA, depth, keep)
     np.testing.assert_allclose(found.points_world, expected, atol=1e-12)
     assert found.colors.shape == expected.shape
 
 
 def test_points_too_far_for_the_grid_raise() -> None:
-    depth, image, weights = random_view()
-    far = np.where(weights > 0, depth * np.float32(1e6), depth)
-    assert len(back_project(CAMERA, image, far, weights, 10.0)) > 0
+    depth, image, keep = random_view()
+    far = np.where(keep, depth * np.float32(1e6), depth)
+    assert len(back_project(CAMERA, image, far, keep, 10.0)) > 0
     with pytest.raises(DigsError, match=r"voxel size 0\.004 m: too small for points up to 2\.99"):
-        back_project(CAMERA, image, far, weights, 0.004)
+        back_project(CAMERA, image, far, keep, 0.004)
     assert 3e6 / 10.0 < MAX_INDEX < 3e6 / 0.004
 
 
 def test_a_camera_too_far_for_the_grid_blames_the_poses() -> None:
-    depth, image, weights = random_view()
+    depth, image, keep = random_view()
     pose = CAMERA.world_from_cam.copy()
     pose[0, 3] = -1.5e6
     away = replace(CAMERA, world_from_cam=pose)
     with pytest.raises(
         DigsError, match=r"camera itself is 1\.5e\+06 m .* the poses are wrong.*--poses rgbd"
     ):
-        back_project(away, image, depth, weights, 0.004)
+        back_project(away, image, depth, keep, 0.004)
     with pytest.raises(DigsError, match="check that the depth is in metres"):
-        back_project(CAMERA, image, depth * np.float32(1e6), weights, 0.004)
+        back_project(CAMERA, image, depth * np.float32(1e6), keep, 0.004)
 
 
 @pytest.mark.parametrize("voxel_size", [0.0, -1.0, float("nan"), float("inf")])
 def test_a_voxel_size_that_is_no_length_raises(voxel_size: float) -> None:
-    depth, image, weights = random_view()
+    depth, image, keep = random_view()
     with pytest.raises(DigsError, match="voxel size"):
-        back_project(CAMERA, image, depth, weights, voxel_size)
+        back_project(CAMERA, image, depth, keep, voxel_size)

@@ -1,4 +1,4 @@
-"""What goes beyond the paper: weights, visibility, and the shape of the first Gaussians."""
+"""What goes beyond the paper: visibility, and the shape of the first Gaussians."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -12,13 +12,11 @@ from digs_warp.data.point_cloud import PointCloud
 from digs_warp.geometry.camera import Camera, Intrinsics, pixel_centers
 from digs_warp.geometry.rigid import look_at, matrix_from_quat_xyzw
 from digs_warp.init.config import InitConfig
-from digs_warp.init.normals import REACH, normals_from_depth
-from digs_warp.init.point_shapes import FLATNESS
+from digs_warp.init.normals import FLATNESS, REACH, normals_from_depth
 from digs_warp.init.recipes import initialize
 from digs_warp.init.seed_gaussians import quats_from_z_to, seed_gaussians
-from digs_warp.init.uncertainty import depth_deviation, stereo_weights
 from digs_warp.init.visibility import DepthViews, not_seen_through
-from reference.ball_capture import BASELINE, INTRINSICS, RADIUS, ball_views, write_capture
+from reference.ball_capture import INTRINSICS, RADIUS, ball_views, write_capture
 from reference.init_twin import normals_of
 
 
@@ -29,65 +27,6 @@ def capture(tmp_path_factory: pytest.TempPathFactory) -> Capture:
 
 def directions(points: PointCloud) -> np.ndarray:
     return points.points_world / np.linalg.norm(points.points_world, axis=1, keepdims=True)
-
-
-# Uncertainty.
-
-
-def test_depth_deviation_is_that_of_noisy_disparities() -> None:
-    rng = np.random.default_rng(0)
-    focal_baseline, noise = 60.0, 0.1
-    for depth in (0.5, 1.0, 4.0):
-        disparity = focal_baseline / depth + noise * rng.normal(size=100_000)
-        measured = np.std(focal_baseline / disparity)
-        found = depth_deviation(np.array(depth), noise, focal_baseline)
-        # Linearized: the next term is the squared relative noise.
-        assert found == pytest.approx(measured, rel=0.02)
-
-
-def test_weights_are_inverse_variances() -> None:
-    depth = np.array([0.5, 1.0, 2.0, np.nan], np.float32)
-    expected = depth_deviation(depth.astype(np.float64), 0.3, 50.0) ** -2.0
-    found = stereo_weights(depth)
-    np.testing.assert_allclose(found[:3] / found[1], (expected / expected[1])[:3], rtol=1e-6)
-    assert found[3] == 0
-
-
-def test_certain_measurements_count_more(tmp_path: Path) -> None:
-    """Near views are right, far ones wrong by 2 cm: weighting leaves a sixteenth of the error."""
-    views = ball_views(8, 0.9)
-    far = ball_views(8, 1.8)
-    for _, images in far:
-        images.depth[images.mask > 0] += 0.02
-    capture = write_capture(tmp_path, [*views, *far])
-    config = InitConfig(voxel_size=0.05)
-    errors = []
-    for weighted in (False, True):
-        points = initialize(capture.frames, replace(config, weight_by_uncertainty=weighted)).points
-        errors.append(np.mean(RADIUS - np.linalg.norm(points.points_world, axis=1)))
-    assert errors[1] < 0.75 * errors[0]
-
-
-def test_confidence_weighs_and_zero_excludes(tmp_path: Path) -> None:
-    views = []
-    for camera, images in ball_views(8):
-        wrong = np.zeros((60, 80), dtype=bool)
-        wrong[::2] = True
-        depth = images.depth + np.float32(0.03) * wrong
-        confidence = np.where(wrong, 0, 255).astype(np.uint8)
-        views.append((camera, replace(images, depth=depth, confidence=confidence)))
-    capture = write_capture(tmp_path, views)
-    config = InitConfig(edge_filter=False, voxel_size=0.02)
-    trusting = initialize(capture.frames, config).points
-    weighing = initialize(capture.frames, replace(config, weight_by_confidence=True)).points
-    assert np.linalg.norm(trusting.points_world, axis=1).min() < RADIUS - 0.004
-    # The sagitta of a voxel, see the test of the recipe.
-    assert np.linalg.norm(weighing.points_world, axis=1).min() > RADIUS - 0.00075
-
-
-def test_confidence_that_is_missing_is_named(capture: Capture) -> None:
-    with pytest.raises(DigsError, match="'confidence_file_path'"):
-        initialize(capture.frames, InitConfig(weight_by_confidence=True))
 
 
 # Visibility.
@@ -134,7 +73,7 @@ def test_floaters_before_the_object_are_removed(tmp_path: Path) -> None:
     views = ball_views(12)
     views[0][1].depth[25:35, 35:45] = 0.5
     capture = write_capture(tmp_path, views)
-    config = InitConfig(edge_filter=False, min_support=0.0, visibility_check=False)
+    config = InitConfig(edge_filter=False, visibility_check=False)
     plain = initialize(capture.frames, config).points.points_world
     checked = initialize(capture.frames, replace(config, visibility_check=True))
     assert np.linalg.norm(plain, axis=1).max() > 0.35
@@ -202,34 +141,6 @@ def test_flat_gaussians_lie_along_the_ball(capture: Capture) -> None:
     np.testing.assert_allclose(gaussians.scales[:, 2], FLATNESS * 0.02, rtol=1e-6)
     assert np.all(gaussians.scales[:, 0] == gaussians.scales[:, 1])
     assert np.median(gaussians.scales[:, 0]) > 3 * FLATNESS * 0.02
-
-
-def test_ray_gaussians_are_drawn_out_along_the_line_of_sight(tmp_path: Path) -> None:
-    capture = write_capture(tmp_path, ball_views(1))
-    config = InitConfig(shape="ray", voxel_size=0.01, disparity_noise=2.0, min_support=0.0)
-    points = initialize(capture.frames, config, baseline=BASELINE).points
-    assert points.axes_world is not None and points.axis_deviations is not None
-    camera = capture.frames[0].camera
-    rays = points.points_world - camera.center_world
-    lengths = np.linalg.norm(rays, axis=1)
-    # Within a voxel of 1 cm the rays differ by a hundredth.
-    np.testing.assert_allclose(points.axes_world, rays / lengths[:, None], atol=0.012)
-    _, z = camera.project(points.points_world)
-    along = z**2 * 2.0 / (INTRINSICS.fx * BASELINE) * lengths / z
-    np.testing.assert_allclose(points.axis_deviations, np.hypot(0.01, along), rtol=0.02)
-
-
-def test_views_from_all_sides_bound_the_error(capture: Capture, tmp_path: Path) -> None:
-    config = InitConfig(shape="ray", voxel_size=0.01, disparity_noise=2.0, min_support=0.0)
-    one = initialize(write_capture(tmp_path, ball_views(1)).frames, config, baseline=BASELINE)
-    all_round = initialize(capture.frames, config, baseline=BASELINE)
-    assert one.points.axis_deviations is not None and all_round.points.axis_deviations is not None
-    assert np.median(all_round.points.axis_deviations) < np.median(one.points.axis_deviations)
-
-
-def test_rays_without_a_baseline_raise(capture: Capture) -> None:
-    with pytest.raises(DigsError, match="baseline"):
-        initialize(capture.frames, InitConfig(shape="ray"))
 
 
 def test_rotations_take_z_to_any_direction() -> None:

@@ -14,7 +14,7 @@ def plate(edge: float, side: float) -> Grid:
     order = np.argsort(keys)
     ones = np.ones((len(points), 1))
     sums = np.concatenate([ones, points, np.zeros_like(points)], axis=1)
-    return Grid(edge, VoxelSums(keys[order], np.ones(len(points), np.int64), sums[order]))
+    return Grid(edge, VoxelSums(keys[order], sums[order]))
 
 
 def test_the_grid_for_a_depth_is_as_wide_as_the_pixels_there() -> None:

@@ -71,7 +71,7 @@ def test_edge_filter_removes_the_pixels_between_ball_and_wall(
         grown.append((camera, replace(images, mask=mask)))
     capture = write_capture(tmp_path, grown)
     # Eight views see a voxel of the wall as rarely as one of the ball: support cannot tell them apart.
-    config = replace(CONFIG, min_support=0.0, foreground_filter=False)
+    config = replace(CONFIG, foreground_filter=False)
     filtered = initial_points(capture.frames, config)
     unfiltered = initial_points(capture.frames, replace(config, edge_filter=False))
     assert np.linalg.norm(filtered.points_world, axis=1).max() < RADIUS * (1 + 1e-5)
@@ -87,7 +87,7 @@ def test_foreground_filter_removes_the_wall_that_a_mask_lets_in(
         mask[40:, 50:] = 255
         leaking.append((camera, replace(images, mask=mask)))
     capture = write_capture(tmp_path, leaking)
-    config = replace(CONFIG, min_support=0.0, edge_filter=False)
+    config = replace(CONFIG, edge_filter=False)
     filtered = initial_points(capture.frames, config)
     unfiltered = initial_points(capture.frames, replace(config, foreground_filter=False))
     exact = initial_points(write_capture(tmp_path / "exact", views).frames, config)
@@ -99,7 +99,7 @@ def test_without_the_mask_filter_the_wall_beside_the_ball_comes_in(
     tmp_path: Path, views: list[View]
 ) -> None:
     capture = write_capture(tmp_path, views)
-    config = replace(CONFIG, min_support=0.0, mask_filter=False)
+    config = replace(CONFIG, mask_filter=False)
     near = initial_points(capture.frames, config)
     everything = initial_points(capture.frames, replace(config, foreground_filter=False))
     radii = np.linalg.norm(everything.points_world, axis=1)
@@ -209,7 +209,6 @@ def test_no_frames_raise() -> None:
         {"mask_threshold": 255},
         {"mask_threshold": -1},
         {"max_points": 0},
-        {"min_support": 1.5},
         {"opacity": 0.0},
         {"opacity": 1.0},
     ],

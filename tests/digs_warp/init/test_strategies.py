@@ -212,14 +212,14 @@ def test_depth_that_is_nearly_all_holes(capture: Capture, tmp_path: Path) -> Non
     frames = spoiled(tmp_path, capture.frames, Layer.DEPTH, depths)
     with pytest.raises(DigsError, match="too sparse for the edge filter"):
         initialize(frames, InitConfig())
-    few = initialize(frames, InitConfig(edge_filter=False, min_support=0.0)).points
+    few = initialize(frames, InitConfig(edge_filter=False)).points
     assert 0 < len(few) < 60
 
 
 def test_constant_depth_is_a_surface_like_any_other(capture: Capture, tmp_path: Path) -> None:
     depths = [np.full((60, 80), 0.8, np.float32)] * 12
     frames = spoiled(tmp_path, capture.frames, Layer.DEPTH, depths)
-    found = initialize(frames[:1], InitConfig(min_support=0.0))
+    found = initialize(frames[:1], InitConfig())
     _, z = frames[0].camera.project(found.points.points_world)
     np.testing.assert_allclose(z, 0.8, rtol=1e-5)
 
@@ -240,7 +240,7 @@ def test_a_mask_of_one_pixel(capture: Capture, tmp_path: Path) -> None:
     mask = np.zeros((60, 80), np.uint8)
     mask[30, 40] = 255
     frames = spoiled(tmp_path, capture.frames, Layer.MASK, [mask] * 12)
-    points = initialize(frames, InitConfig(min_support=0.0)).points.points_world
+    points = initialize(frames, InitConfig()).points.points_world
     assert 0 < len(points) <= 12
     np.testing.assert_allclose(radii(points), RADIUS, atol=1e-4)
 

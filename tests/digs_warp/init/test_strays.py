@@ -66,7 +66,7 @@ def test_a_wrong_pixel_of_a_recording_leaves_no_point_in_the_air(tmp_path: Path)
     images.depth[30, 40] = 0.2
     capture = write_capture(tmp_path, [(camera, images), *others])
     off = dict.fromkeys(("edge_filter", "foreground_filter", "visibility_check"), False)
-    points = initial_points(capture.frames, InitConfig(voxel_size=0.02, min_support=0.0, **off))
+    points = initial_points(capture.frames, InitConfig(voxel_size=0.02, **off))
     assert np.linalg.norm(points.points_world, axis=1).max() < RADIUS * (1 + 1e-5)
 
 
@@ -80,7 +80,7 @@ def leaking_capture(folder: Path) -> Capture:
 def test_a_wall_that_leaks_into_one_mask_leaves_no_points(tmp_path: Path) -> None:
     """Other views measure the wall at the same place, and only their masks tell that it is no object."""
     capture = leaking_capture(tmp_path)
-    config = InitConfig(voxel_size=0.02, foreground_filter=False, min_support=0.0)
+    config = InitConfig(voxel_size=0.02, foreground_filter=False)
     unchecked = initial_points(capture.frames, replace(config, visibility_check=False))
     points = initial_points(capture.frames, config)
     far = np.linalg.norm(unchecked.points_world, axis=1) > 2 * RADIUS
@@ -94,13 +94,13 @@ def test_a_view_without_its_mask_takes_no_points_away(tmp_path: Path) -> None:
     for _, images in views[1:]:
         images.mask[:] = 0
     capture = write_capture(tmp_path, views)
-    config = InitConfig(voxel_size=0.02, min_support=0.0)
+    config = InitConfig(voxel_size=0.02)
     assert len(initial_points(capture.frames, config)) > 50
 
 
 def test_something_in_front_takes_no_points_away(tmp_path: Path) -> None:
     """In most views something that has no mask hides half of the ball."""
-    config = InitConfig(voxel_size=0.02, min_support=0.0)
+    config = InitConfig(voxel_size=0.02)
     open_capture = write_capture(tmp_path / "open", ball_views(24))
     views = ball_views(24)
     for number, (_, images) in enumerate(views):

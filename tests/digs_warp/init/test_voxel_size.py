@@ -112,7 +112,7 @@ def test_the_filter_that_dropped_the_points_is_named(
     found = initialize(frames, InitConfig(target_points=10**6))
     assert found.depth is not None
     (line,) = (line for line in caplog.messages if "--target-points" in line)
-    for count in (*found.depth.pixels.values(), found.depth.voxels["well supported"]):
+    for count in (*found.depth.pixels.values(), found.depth.voxels["occupied"]):
         assert f"{count:,} " in line
     assert "the foreground filter dropped most" in line
 

@@ -1,6 +1,7 @@
 """Mask sources, from frames to files: what is written, kept, and refused."""
 
 import os
+import shutil
 from dataclasses import replace
 from pathlib import Path
 
@@ -55,21 +56,11 @@ def test_new_masks_take_the_place_of_the_old(frames: list[Frame], tmp_path: Path
         assert new.path(Layer.IMAGE) == frame.path(Layer.IMAGE)
 
 
-def test_spoilt_masks_differ_from_frame_to_frame(frames: list[Frame], tmp_path: Path) -> None:
-    paths = segment(frames, SegmentConfig(masks="degraded", mask_error=2.0), tmp_path)
-    overlaps = [
-        intersection_over_union(found, frame.load_mask())
-        for frame, found in zip(frames, masks_of(paths), strict=True)
-    ]
-    assert all(0.3 < overlap < 0.98 for overlap in overlaps)
-    assert len(set(overlaps)) == len(overlaps)
-
-
 # What is there already
 
 
 def test_finished_masks_are_kept_and_missing_ones_made(frames: list[Frame], tmp_path: Path) -> None:
-    config = SegmentConfig(masks="degraded")
+    config = SegmentConfig(masks="depth")
     paths = segment(frames, config, tmp_path)
     before = [path.read_bytes() for path in paths]
     mark = np.full((HEIGHT, WIDTH), 7, np.uint8)
@@ -84,15 +75,14 @@ def test_finished_masks_are_kept_and_missing_ones_made(frames: list[Frame], tmp_
 def test_masks_of_other_settings_or_files_are_made_anew(
     frames: list[Frame], tmp_path: Path, change: str
 ) -> None:
-    config = SegmentConfig(masks="degraded")
+    config = SegmentConfig(masks="depth")
     mark = np.full((HEIGHT, WIDTH), 7, np.uint8)
-    copy = tmp_path / "copy.png"
-    write_image(copy, frames[0].load_mask())
-    mine = [frames[0].with_layer(Layer.MASK, copy), *frames[1:]]
+    copy = Path(shutil.copy(frames[0].path(Layer.DEPTH), tmp_path))
+    mine = [frames[0].with_layer(Layer.DEPTH, copy), *frames[1:]]
     paths = segment(mine, config, tmp_path / "masks")
     write_image(paths[0], mark)
     if change == "settings":
-        config = replace(config, mask_error=0.5)
+        config = replace(config, mask_agreement="off")
     else:
         os.utime(copy, (1.0, 1.0))
     segment(mine, config, tmp_path / "masks")
@@ -102,15 +92,17 @@ def test_masks_of_other_settings_or_files_are_made_anew(
 def test_masks_are_made_again_when_pixels_in_memory_change(
     frames: list[Frame], tmp_path: Path
 ) -> None:
-    config = SegmentConfig(masks="degraded")
-    mine = [frame.with_layer(Layer.MASK, frame.load_mask()) for frame in frames]
+    config = SegmentConfig(masks="depth")
+    mine = [frame.with_layer(Layer.DEPTH, frame.load_depth()) for frame in frames]
     paths = segment(mine, config, tmp_path)
     before = [path.read_bytes() for path in paths]
     mark = np.full((HEIGHT, WIDTH), 7, np.uint8)
     write_image(paths[0], mark)
     segment(mine, config, tmp_path)
     np.testing.assert_array_equal(read_image(paths[0])[..., 0], mark)
-    mine[1] = mine[1].with_layer(Layer.MASK, np.zeros((HEIGHT, WIDTH), np.uint8))
+    half = mine[1].load_depth()
+    half[: HEIGHT // 2] = np.nan
+    mine[1] = mine[1].with_layer(Layer.DEPTH, half)
     segment(mine, config, tmp_path)
     assert paths[0].read_bytes() == before[0] and paths[1].read_bytes() != before[1]
 
@@ -257,8 +249,6 @@ def test_a_frame_without_depth_needs_another_source(frames: list[Frame], tmp_pat
         ({"masks": "folder"}, "--mask-folder"),
         ({"mask_folder": Path("x")}, "--mask-folder"),
         ({"mask_model": Path("x")}, "--masks isnet"),
-        ({"mask_error": -1.0}, "--mask-error"),
-        ({"mask_seed": -1}, "--seed"),
     ],
 )
 def test_settings_that_contradict_each_other_are_refused(settings: dict, message: str) -> None:

@@ -50,7 +50,7 @@ def test_another_frame_measures_the_result_also_after_a_resumed_run(
 ) -> None:
     config = ReconstructConfig(
         sfm=SfmConfig(poses="capture", refine_poses="on"),
-        segment=SegmentConfig(masks="degraded", mask_error=0.5),
+        segment=SegmentConfig(masks="depth"),
         test_every=EVERY,
         init=InitConfig(voxel_size=0.02),
         train=TrainConfig(stop=Stop(iterations=6), sh_degree=0),

@@ -21,7 +21,7 @@ from reference.tiny_capture import write_tiny_capture
 
 CONFIG = ReconstructConfig(
     init=InitConfig(voxel_size=0.02),
-    segment=SegmentConfig(masks="degraded"),
+    segment=SegmentConfig(masks="depth"),
     train=TrainConfig(stop=Stop(iterations=10), sh_degree=0, keep_course=True),
 )
 
@@ -60,7 +60,7 @@ def assert_same(one: Reconstruction, other: Reconstruction) -> None:
 def test_a_result_is_what_its_folder_holds(result: Reconstruction) -> None:
     assert result.folder is not None
     assert_same(Reconstruction.load(result.folder), result)
-    assert (result.strategy, result.masks) == ("highdepth", "degraded")
+    assert (result.strategy, result.masks) == ("highdepth", "depth")
     assert result.course[-1].score == result.scores.mean
     assert result.training.iterations == 10
 

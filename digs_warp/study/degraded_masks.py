@@ -4,7 +4,13 @@ The paper shows such failures in its figure 6. Sizes are shares of the object's 
 its area), so that an error means the same at every resolution.
 """
 
+from collections.abc import Sequence
+from pathlib import Path
+
 import numpy as np
+
+from digs_warp.data.frame import Frame
+from digs_warp.data.images import write_image
 
 # At strength 1: displacement of the border (RMS), and radius of a leak or a missing piece.
 BORDER_SHIFT = 0.012
@@ -44,6 +50,13 @@ def degrade_mask(mask: np.ndarray, strength: float, seed: tuple[int, ...]) -> np
         leaks = number < PATCHES_EACH
         spoilt = np.maximum(spoilt, patch) if leaks else np.minimum(spoilt, 255 - patch)
     return spoilt
+
+
+def write_degraded_masks(frames: Sequence[Frame], strength: float, seed: int, folder: Path) -> None:
+    """Write the degraded mask of every frame as NAME.png, for ``--masks folder``."""
+    for number, frame in enumerate(frames):
+        mask = degrade_mask(frame.load_mask(), strength, (seed, number))
+        write_image(folder / f"{frame.name}.png", mask)
 
 
 def border_pixels(mask: np.ndarray) -> np.ndarray:

@@ -1,10 +1,16 @@
 """Spoilt masks: worse with strength, the same for the same seed, and harmless on masks without a border."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
-from digs_warp.masks.degrade import degrade_mask, smooth_noise
+from digs_warp.data.images import read_image
+from digs_warp.masks.config import SegmentConfig
+from digs_warp.masks.masks import segment
 from digs_warp.masks.score import intersection_over_union
+from digs_warp.study.degraded_masks import degrade_mask, smooth_noise, write_degraded_masks
+from reference.tiny_capture import write_tiny_capture
 
 V, U = np.mgrid[:150, :200]
 DISK = np.clip(255 * (40.5 - np.hypot(U - 95, V - 70)), 0, 255).astype(np.uint8)
@@ -64,3 +70,15 @@ def test_noise_is_smooth_and_of_about_unit_variance() -> None:
     noise = smooth_noise((400, 400), 20.0, np.random.default_rng(0))
     assert 0.6 < noise.std() < 1.1
     assert np.abs(np.diff(noise, axis=0)).max() < 0.5
+
+
+def test_every_frame_of_a_capture_gets_other_errors(tmp_path: Path) -> None:
+    frames = write_tiny_capture(tmp_path / "capture", frames=4).frames
+    write_degraded_masks(frames, 2.0, 0, tmp_path / "masks")
+    config = SegmentConfig(masks="folder", mask_folder=tmp_path / "masks")
+    overlaps = [
+        intersection_over_union(read_image(path)[..., 0], frame.load_mask())
+        for path, frame in zip(segment(frames, config, tmp_path / "made"), frames, strict=True)
+    ]
+    assert all(0.3 < overlap < 0.98 for overlap in overlaps)
+    assert len(set(overlaps)) == len(overlaps)
