@@ -18,7 +18,7 @@ from digs_warp.data.point_cloud import PointCloud
 from digs_warp.device.parallel import default_threads
 from digs_warp.init.config import InitConfig
 from digs_warp.init.recipes import initial_points
-from digs_warp.init.seed_gaussians import seed_gaussians
+from digs_warp.init.seeds import seed_gaussians
 from digs_warp.init.strategies import STRATEGIES
 from digs_warp.record.progress import progress
 from digs_warp.study.charts import Chart, Curve

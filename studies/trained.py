@@ -16,7 +16,7 @@ from digs_warp.device.parallel import default_threads
 from digs_warp.geometry.camera import Camera, Intrinsics
 from digs_warp.init.config import InitConfig
 from digs_warp.init.recipes import initial_points
-from digs_warp.init.seed_gaussians import seed_gaussians
+from digs_warp.init.seeds import seed_gaussians
 from digs_warp.measure.metrics import psnr
 from digs_warp.measure.surface_metrics import surface_score
 from digs_warp.pipeline.reconstruction import Reconstruction

@@ -15,7 +15,7 @@ from digs_warp.data.capture import Capture
 from digs_warp.device.parallel import default_threads
 from digs_warp.init.config import InitConfig
 from digs_warp.init.recipes import initial_points
-from digs_warp.init.seed_gaussians import seed_gaussians
+from digs_warp.init.seeds import seed_gaussians
 from digs_warp.record.progress import progress
 from digs_warp.train.config import TrainConfig
 from digs_warp.train.trainer import Trainer

@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeVar
 
 import tyro
 
-from digs_warp.init.config import InitConfig, Shape
-from digs_warp.init.mono_config import MonoDepthConfig
+from digs_warp.init.config import InitConfig, MonoDepthConfig, Shape
 from digs_warp.init.strategies import STRATEGIES, StrategyChoice, StrategyName, chosen_strategy
 from digs_warp.masks.config import SegmentConfig
 from digs_warp.poses.from_images.config import SfmConfig

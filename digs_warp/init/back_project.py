@@ -1,4 +1,10 @@
-"""Pixels with depth -> colored points in the world, summed per voxel (paper eq. 8 and 10)."""
+"""Pixels with depth -> colored points in the world, summed per voxel (paper eq. 8 and 10).
+
+The kernel back-projects a view's pixels straight into a hash of voxels. One thread processes a whole view in
+a fixed order, so the sums do not depend on the number of threads; views run in parallel. Neighboring pixels
+mostly fall into the same voxel, which is then not looked up again. Positions and sums are float64: the same
+bits as the NumPy version in the tests.
+"""
 
 from typing import Any
 
@@ -9,20 +15,166 @@ from digs_warp.checks import DigsError, check_positive
 from digs_warp.device.parallel import launch_here, packed
 from digs_warp.geometry.camera import Camera
 from digs_warp.init.edges import on_device
-from digs_warp.init.voxel import VoxelSums
-from digs_warp.init.voxel_kernel import (
-    COLOR,
-    DONE,
-    EXTRA,
-    MAX_INDEX,
-    STATUS,
-    TOO_FAR,
-    VOXELS,
-    PixelRays,
-    PixelValues,
-    VoxelTable,
-    accumulate_kernel,
+from digs_warp.init.voxel import BITS, COLOR, EXTRA, MAX_INDEX, VoxelSums
+
+# Without -march=native, `floor` is a call, not an instruction. Fused multiply-adds would change bits.
+FLAGS = "-march=native -ffp-contract=off"
+wp.set_module_options(
+    {"enable_backward": False, "optimization_level": 3, "cpu_compiler_flags": FLAGS}
 )
+
+# What the kernel reports: done, the table is too small, or a point is too far from the origin.
+DONE, TABLE_FULL, TOO_FAR = 0, 1, 2
+STATUS, VOXELS = 0, 1  # places in `report`
+
+_BITS = wp.constant(wp.int64(BITS))
+_MAX = wp.constant(float(MAX_INDEX))
+_OFFSET = wp.constant(MAX_INDEX + 1)
+# 2^64 divided by the golden ratio, as a signed number: the multiplier of Fibonacci hashing.
+_GOLDEN = wp.constant(wp.int64(-7046029254386353131))
+_TABLE_FULL = wp.constant(TABLE_FULL)
+_TOO_FAR = wp.constant(TOO_FAR)
+
+
+@wp.func
+def slot_of(key: wp.int64, slot_bits: int) -> int:
+    """Return the first slot to probe."""
+    mixed = (key * _GOLDEN) >> wp.int64(64 - slot_bits)
+    return int(mixed) & ((1 << slot_bits) - 1)
+
+
+@wp.struct
+class PixelValues:
+    """Pixels of a view, in flat arrays: an index is checked once, not once per axis."""
+
+    height: int
+    width: int
+    depth: wp.array[float]  # [height * width]
+    image: wp.array[wp.uint8]  # [height * width * 3] sRGB
+    keep: wp.array[wp.bool]  # [height * width]
+    extra: wp.array2d[float]  # [height * width, k] further values to sum
+
+
+@wp.struct
+class PixelRays:
+    """Rays of a view in the world, per unit of depth."""
+
+    center: wp.vec3d  # of the camera
+    corner: wp.vec3d  # to the pixel (0, 0) (not its center)
+    right: wp.vec3d  # change per pixel to the right
+    down: wp.vec3d  # and downwards
+
+
+@wp.struct
+class VoxelTable:
+    """A hash table of voxels, and their sums."""
+
+    slot_bits: int  # the table has 2^slot_bits slots
+    slots: wp.array[int]  # [2^slot_bits] index of a voxel + 1; 0: free
+    keys: wp.array[wp.int64]  # [capacity]
+    sums: wp.array2d[wp.float64]  # [capacity, 1 + 6 + k] number of pixels, position, color, extra
+    report: wp.array[int]  # [2]
+
+
+@wp.func
+def add_to(
+    sums: wp.array2d[wp.float64],
+    voxel: int,
+    count: wp.float64,
+    point: wp.vec3d,
+    color: wp.vec3d,
+):
+    """Add pixels to the sums of a voxel."""
+    sums[voxel, 0] = sums[voxel, 0] + count
+    for axis in range(3):
+        sums[voxel, 1 + axis] = sums[voxel, 1 + axis] + point[axis]
+        sums[voxel, 4 + axis] = sums[voxel, 4 + axis] + color[axis]
+
+
+@wp.kernel
+def accumulate_kernel(
+    pixels: PixelValues,
+    rays: PixelRays,
+    voxels_per_metre: wp.float64,
+    # outputs
+    table: VoxelTable,
+):
+    """Sum all kept pixels, per voxel. One thread."""
+    # Copied to local names: through the structs, each access would look up the address (5 % of the time).
+    depth = pixels.depth
+    image = pixels.image
+    keep = pixels.keep
+    extra = pixels.extra
+    slots = table.slots
+    keys = table.keys
+    sums = table.sums
+    report = table.report
+    center = rays.center
+    corner_ray = rays.corner
+    right_ray = rays.right
+    down_ray = rays.down
+    width = pixels.width
+    slot_bits = table.slot_bits
+    capacity = keys.shape[0]
+    found = int(0)
+    voxel = int(-1)
+    last_key = wp.int64(-1)
+    # The sums of the current voxel since it was entered.
+    count = wp.float64(0.0)
+    point_sum = wp.vec3d()
+    color_sum = wp.vec3d()
+    for row in range(pixels.height):
+        row_ray = corner_ray + down_ray * (wp.float64(row) + wp.float64(0.5))
+        for column in range(width):
+            pixel = row * width + column
+            if keep[pixel]:
+                ray = row_ray + right_ray * (wp.float64(column) + wp.float64(0.5))
+                point = center + ray * wp.float64(depth[pixel])
+                cell = point * voxels_per_metre
+                i = wp.floor(cell[0])
+                j = wp.floor(cell[1])
+                k = wp.floor(cell[2])
+                if not wp.max(wp.max(wp.abs(i), wp.abs(j)), wp.abs(k)) < wp.float64(_MAX):
+                    report[0] = _TOO_FAR
+                    return
+                key = wp.int64(i) + wp.int64(_OFFSET)
+                key = (key << _BITS) | (wp.int64(j) + wp.int64(_OFFSET))
+                key = (key << _BITS) | (wp.int64(k) + wp.int64(_OFFSET))
+                if key != last_key:
+                    if voxel >= 0:
+                        add_to(sums, voxel, count, point_sum, color_sum)
+                    count = wp.float64(0.0)
+                    point_sum = wp.vec3d()
+                    color_sum = wp.vec3d()
+                    last_key = key
+                    slot = slot_of(key, slot_bits)
+                    voxel = slots[slot] - 1
+                    while voxel >= 0 and keys[voxel] != key:
+                        slot = (slot + 1) & ((1 << slot_bits) - 1)
+                        voxel = slots[slot] - 1
+                    if voxel < 0:
+                        if found == capacity:
+                            report[0] = _TABLE_FULL
+                            return
+                        voxel = found
+                        found += 1
+                        slots[slot] = found
+                        keys[voxel] = key
+                color = wp.vec3d(
+                    wp.float64(image[3 * pixel]),
+                    wp.float64(image[3 * pixel + 1]),
+                    wp.float64(image[3 * pixel + 2]),
+                )
+                count += wp.float64(1.0)
+                point_sum += point
+                color_sum += color
+                for channel in range(extra.shape[1]):
+                    value = wp.float64(extra[pixel, channel])
+                    sums[voxel, 7 + channel] = sums[voxel, 7 + channel] + value
+    if voxel >= 0:
+        add_to(sums, voxel, count, point_sum, color_sum)
+    report[1] = found
+
 
 FIRST_SLOT_BITS = 16
 

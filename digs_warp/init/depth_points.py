@@ -2,9 +2,10 @@
 
 import logging
 import time
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from functools import partial
+from itertools import pairwise
 
 import numpy as np
 
@@ -13,17 +14,33 @@ from digs_warp.data.frame import Frame
 from digs_warp.data.layers import Layer
 from digs_warp.data.point_cloud import PointCloud
 from digs_warp.init.config import InitConfig
-from digs_warp.init.dropped import what_was_dropped
-from digs_warp.init.in_order import in_order
 from digs_warp.init.normals import flat_points
 from digs_warp.init.start import DepthReport
-from digs_warp.init.strays import in_company
-from digs_warp.init.view_points import FILTERS, ViewPoints, view_points
-from digs_warp.init.visibility import DepthViews, agreement_of_views, not_seen_through
-from digs_warp.init.voxel import GrowingGrid, VoxelSums
-from digs_warp.init.voxel_size import final_voxel_size, first_voxel_size
+from digs_warp.init.view_points import FILTERS, ViewPoints, map_frames, view_points
+from digs_warp.init.visibility import DepthViews, agreement_of_views, not_isolated, not_seen_through
+from digs_warp.init.voxel import GrowingGrid, VoxelSums, final_voxel_size, first_voxel_size
 from digs_warp.record.run_log import timed
 from digs_warp.words import counted
+
+# What drops pixels between one of `digs_warp.init.view_points.FILTERS` and the next.
+STAGES = ("missing depth", "the edge filter", "the foreground filter")
+
+
+def filter_summary(report: DepthReport) -> str:
+    """Return the counts after each stage, and the stage that dropped the largest share."""
+    share, stage = max(_shares(report))
+    pixels = ", ".join(f"{count:,} {name}" for name, count in report.pixels.items())
+    return (
+        f"pixels: {pixels}; voxels of {1e3 * report.voxel_size:.2g} mm, the resolution of the depth maps: "
+        f"{report.voxels['occupied']:,} occupied; {stage} dropped most, {share:.0%}"
+    )
+
+
+def _shares(report: DepthReport) -> Iterator[tuple[float, str]]:
+    """Yield the share that each stage dropped of what the one before it left."""
+    for (before, after), stage in zip(pairwise(report.pixels.values()), STAGES, strict=True):
+        yield 1 - after / max(before, 1), stage
+
 
 logger = logging.getLogger(__name__)
 
@@ -66,7 +83,7 @@ def depth_points(
     size = first_voxel_size(frames, config, sfm_per_metre)
     grid = GrowingGrid()
     seen = []
-    for view in in_order(frames, partial(view_points, config=config, voxel_size=size)):
+    for view in map_frames(frames, partial(view_points, config=config, voxel_size=size)):
         _warn_of_odd_masks(view, config)
         with timed(report.seconds, "merge", time.thread_time):
             grid.add(view.voxels)
@@ -84,7 +101,7 @@ def depth_points(
     if report.voxel_size == size and len(voxels) < (config.target_points or 0):
         logger.warning(
             "--target-points: %d wanted, %d found; %s",
-            *(config.target_points, len(voxels), what_was_dropped(report)),
+            *(config.target_points, len(voxels), filter_summary(report)),
         )
     if config.visibility_check:
         with timed(report.seconds, "visibility", time.process_time):
@@ -93,7 +110,7 @@ def depth_points(
         voxels = voxels.select(visible) if visible.any() else voxels
         report.voxels["not seen through"] = len(voxels)
     with timed(report.seconds, "strays", time.process_time):
-        voxels = voxels.select(in_company(voxels.points_world, report.voxel_size))
+        voxels = voxels.select(not_isolated(voxels.points_world, report.voxel_size))
     report.voxels["not alone"] = len(voxels)
     if config.max_points is not None and len(voxels) > config.max_points:
         voxels = voxels.select(drawn(len(voxels), config.max_points))

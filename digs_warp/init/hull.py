@@ -20,9 +20,9 @@ from digs_warp.geometry.camera import Camera
 from digs_warp.geometry.rigid import grown
 from digs_warp.init.config import InitConfig
 from digs_warp.init.depth_points import NoPointsError, drawn, require_layers
-from digs_warp.init.in_order import in_order
 from digs_warp.init.local_scales import pixels_at
 from digs_warp.init.random_points import SEED, cube_looked_at
+from digs_warp.init.view_points import map_frames
 from digs_warp.words import counted
 
 logger = logging.getLogger(__name__)
@@ -237,7 +237,7 @@ def _colors(points: np.ndarray, normals: np.ndarray, frames: Sequence[Frame]) ->
         use = facing & inside & mask[rows, columns]
         return use, image[rows[use], columns[use]] / 255.0
 
-    for use, colors in in_order(frames, work):
+    for use, colors in map_frames(frames, work):
         sums[use] += colors
         counts += use
     typical = sums.sum(axis=0) / counts.sum() if counts.any() else np.full(3, 0.5)

@@ -20,13 +20,11 @@ from digs_warp.init.config import InitConfig as InitConfig
 from digs_warp.init.depth_points import depth_points
 from digs_warp.init.hull import hull_points, random_points_in_hull
 from digs_warp.init.local_scales import pixels_at
-from digs_warp.init.random_points import random_points
-from digs_warp.init.ray_points import ray_points
-from digs_warp.init.reason import start_reason
+from digs_warp.init.random_points import random_points, random_points_on_rays
 from digs_warp.init.scene_points import scene_points
-from digs_warp.init.shell import shell_points
 from digs_warp.init.start import Start, Subject
-from digs_warp.init.unseen import fills_unseen, unseen_points
+from digs_warp.init.strategies import start_reason
+from digs_warp.init.unseen import fills_unseen, shell_points, unseen_points
 from digs_warp.words import counted
 
 logger = logging.getLogger(__name__)
@@ -104,7 +102,7 @@ def _without_depth(
     if count is None:
         count = len(_needed(sfm, config).points if recorded is None else recorded)
     if subject == "scene":
-        points = ray_points(frames, count)
+        points = random_points_on_rays(frames, count)
     elif _tell_the_hull(frames):
         points = random_points_in_hull(frames, config, count)
     else:

@@ -1,10 +1,10 @@
 """All depth maps -> the points of a whole scene: a room, a street, everything that the camera saw.
 
 Around an object, surfaces are at one distance, and what is not the object is left out. In a scene they are at
-all distances, and a place without points shows the background color. So voxels grow with the distance (see
-`digs_warp.init.levels`), nothing is left out as background, and pixels without depth, such as windows, shiny
-floors and what lies beyond the sensor's range, are placed at the depth of the nearest pixel that has one.
-Such guesses are kept where no view measured a surface and no view sees through them, and start almost
+all distances, and a place without points shows the background color. So voxels grow with the distance
+(`digs_warp.init.scene_view`), nothing is left out as background, and pixels without depth, such as windows,
+shiny floors and what lies beyond the sensor's range, are placed at the depth of the nearest pixel that has
+one. Such guesses are kept where no view measured a surface and no view sees through them, and start almost
 transparent.
 """
 
@@ -21,13 +21,19 @@ from digs_warp.data.layers import Layer
 from digs_warp.data.point_cloud import PointCloud
 from digs_warp.init.config import InitConfig
 from digs_warp.init.depth_points import CHECK_DEPTH, NoPointsError, drawn, points_of, require_layers
-from digs_warp.init.in_order import in_order
-from digs_warp.init.levels import Grid, Levels, count, finest_of
-from digs_warp.init.scene_view import SCENE_FILTERS, LevelSums, scene_view
+from digs_warp.init.scene_view import (
+    SCENE_FILTERS,
+    Grid,
+    Levels,
+    LevelSums,
+    count,
+    finest_of,
+    scene_view,
+)
 from digs_warp.init.start import DepthReport
-from digs_warp.init.strays import in_company
-from digs_warp.init.visibility import DepthViews, agreement_of_views, not_seen_through
-from digs_warp.init.voxel_size import MOST_POINTS
+from digs_warp.init.view_points import map_frames
+from digs_warp.init.visibility import DepthViews, agreement_of_views, not_isolated, not_seen_through
+from digs_warp.init.voxel import MOST_POINTS
 from digs_warp.record.run_log import timed
 from digs_warp.words import counted
 
@@ -58,7 +64,7 @@ def scene_points(frames: Sequence[Frame], config: InitConfig) -> tuple[PointClou
     levels = _levels(frames, config)
     report = DepthReport(pixels=dict.fromkeys(SCENE_FILTERS, 0))
     measured, guessed, seen = LevelSums(), LevelSums(), []
-    for view in in_order(frames, partial(scene_view, config=config, levels=levels)):
+    for view in map_frames(frames, partial(scene_view, config=config, levels=levels)):
         measured.add(view.measured)
         guessed.add(view.guessed)
         report.add(view)
@@ -156,7 +162,7 @@ def _visible(grid: Grid, views: DepthViews) -> Grid:
 def _in_company(grids: Sequence[Grid]) -> list[Grid]:
     """Return the voxels that have others around them, on whatever grid."""
     every = np.concatenate([grid.voxels.points_world for grid in grids])
-    keep = in_company(every, max(grid.edge for grid in grids))
+    keep = not_isolated(every, max(grid.edge for grid in grids))
     ends = np.cumsum([len(grid.voxels) for grid in grids])
     return [grid.select(some) for grid, some in zip(grids, np.split(keep, ends[:-1]), strict=True)]
 

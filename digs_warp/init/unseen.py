@@ -17,9 +17,50 @@ from digs_warp.data.point_cloud import PointCloud
 from digs_warp.geometry.camera import Camera
 from digs_warp.init.config import InitConfig
 from digs_warp.init.hull import Hull, visual_hull
-from digs_warp.init.in_order import in_order
-from digs_warp.init.view_points import thinned
+from digs_warp.init.view_points import map_frames, thinned
 from digs_warp.init.visibility import DepthViews, hidden, not_seen_through
+
+# Points of the shell: they lie about three degrees apart.
+COUNT = 4000
+
+# Radius of the shell, as a multiple of the distance within which this percentile of the points lie.
+BEYOND, FAR_PERCENTILE = 1.5, 99.5
+
+# A color is the mean over this many points in the nearest directions.
+SHELL_NEIGHBORS = 32
+
+
+def shell_points(points: PointCloud, cameras: Sequence[Camera]) -> PointCloud:
+    """Return points on a sphere around the cameras, beyond the given points; always the same ones.
+
+    Args:
+        points: of the scene, at least one.
+        cameras: of its views.
+    """
+    from scipy.spatial import KDTree  # pyright: ignore[reportAttributeAccessIssue]
+
+    center = np.median([camera.center_world for camera in cameras], axis=0)
+    offsets = points.points_world - center
+    distances = np.linalg.norm(offsets, axis=1)
+    radius = BEYOND * float(np.percentile(distances, FAR_PERCENTILE))
+    directions = sphere(COUNT)
+    seen = offsets / np.maximum(distances, 1e-9)[:, None]
+    _, nearest = KDTree(seen).query(directions, k=min(SHELL_NEIGHBORS, len(points)))
+    colors = points.colors[nearest.reshape(COUNT, -1)].mean(axis=1)
+    axes = deviations = None
+    if points.axes_world is not None:
+        axes, deviations = directions, np.full(COUNT, 0.01 * radius)
+    return PointCloud(center + radius * directions, colors, axes, deviations)
+
+
+def sphere(count: int) -> np.ndarray:
+    """Return unit vectors spread evenly over the sphere, a Fibonacci lattice, shape (count, 3)."""
+    steps = np.arange(count) + 0.5
+    height = 1.0 - 2.0 * steps / count
+    turn = np.pi * (1.0 + 5.0**0.5) * steps
+    across = np.sqrt(1.0 - height**2)
+    return np.stack([across * np.cos(turn), across * np.sin(turn), height], axis=1)
+
 
 # With more views than this around an object, what none of them saw is small and mostly below it.
 FEW_VIEWS = 6
@@ -65,7 +106,7 @@ def unseen_points(
         hull = visual_hull(frames, config, CELL_VOXELS * voxel_size)
     except DigsError:  # says which masks are wrong; the measured points do without them
         return nothing
-    views = DepthViews.of(list(in_order(frames, _depth_of)))
+    views = DepthViews.of(list(map_frames(frames, _depth_of)))
     places, _ = _unknown(hull, measured.points_world, views, voxel_size).skin()
     neighbors = min(NEIGHBORS, len(measured))
     found = KDTree(measured.points_world).query(places, k=neighbors, workers=-1)

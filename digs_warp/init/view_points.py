@@ -1,11 +1,16 @@
 """One view -> voxels: the conditions of eq. 9, back-projection (eq. 8) and the grid (paper section 3.3.1)."""
 
 import time
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from itertools import chain
+from typing import TypeVar
 
 import numpy as np
 
 from digs_warp.data.frame import Frame
+from digs_warp.device.parallel import default_threads
 from digs_warp.geometry.camera import Camera
 from digs_warp.geometry.rigid import grown, mask_box
 from digs_warp.init.back_project import back_project
@@ -14,6 +19,25 @@ from digs_warp.init.edges import Box, smooth_depth
 from digs_warp.init.foreground import foreground_range
 from digs_warp.init.normals import REACH, normals_from_depth
 from digs_warp.init.voxel import VoxelSums
+from digs_warp.record.progress import progress
+
+T = TypeVar("T")
+
+
+def map_frames(frames: Sequence[Frame], reduce: Callable[[Frame], T]) -> Iterator[T]:
+    """Yield ``reduce`` of all frames in order, only the next few ahead: each one holds its pixels."""
+    threads = default_threads()
+    with (
+        ThreadPoolExecutor(threads) as pool,
+        progress(len(frames), "Back-projecting", "frame") as bar,
+    ):
+        waiting = [pool.submit(reduce, frame) for frame in frames[: 2 * threads]]
+        for frame in chain(frames[2 * threads :], [None] * len(waiting)):
+            yield waiting.pop(0).result()
+            bar.update()
+            if frame is not None:
+                waiting.append(pool.submit(reduce, frame))
+
 
 # The visibility check uses every n-th row and column, so that a map has about this many pixels.
 KEPT_PIXELS = 100_000

@@ -1,8 +1,12 @@
-"""Visibility across views: an extension of the paper that removes floaters, and tells how sure points are.
+"""Visibility across views, and outliers: what removes floaters, an extension of the paper.
 
 If a view measured depth d at the pixel of a point, it saw through everything nearer. The view contradicts a
 point at depth z < d - tolerance, and confirms one within the tolerance. A point farther away is hidden, and
 the view says nothing about it.
+
+Wrong depth can also put a point metres away from the object, where only one view looks: no other view sees
+through it, and in small images most voxels hold as few measurements as it does. A surface, however thin, is
+a chain of points one voxel apart; such an outlier has next to nothing around it.
 """
 
 from collections.abc import Sequence
@@ -12,10 +16,99 @@ from typing import Any, NamedTuple
 import numpy as np
 import warp as wp
 
-from digs_warp.device.eyes import eyes_of
+from digs_warp.device.eyes import Eye, eyes_of, pixel_seen, place_of, shows
 from digs_warp.device.parallel import launch_parallel
 from digs_warp.geometry.camera import Camera
-from digs_warp.init.visibility_kernel import agreement_kernel, says_kernel
+from digs_warp.init.voxel import voxel_keys
+
+wp.set_module_options({"enable_backward": False})
+
+# Depths agree within this many voxels plus this share of the depth.
+TOLERANCE_VOXELS = 2.0
+TOLERANCE_SHARE = 0.01
+
+# A view that measured the surface within the first number of voxels of a point agrees with it, and one that
+# measured it within the second disagrees.
+AGREES_VOXELS, NEAR_VOXELS = 1.0, 4.0
+
+_AGREES = wp.constant(wp.float64(AGREES_VOXELS))
+_NEAR = wp.constant(wp.float64(NEAR_VOXELS))
+_VOXELS = wp.constant(wp.float64(TOLERANCE_VOXELS))
+_SHARE = wp.constant(wp.float64(TOLERANCE_SHARE))
+
+
+@wp.func
+def depths_at(eye: Eye, depth: wp.array[float], point: wp.vec3d):
+    """Depth [m] measured at the pixel of a point, and the point's own.
+
+    A point outside of the image is as if infinitely far behind what was measured: it is hidden, too.
+    """
+    seen = pixel_seen(eye, point)
+    measured = wp.float64(0.0)
+    own = wp.float64(wp.inf)
+    if shows(eye, seen):
+        measured = wp.float64(depth[place_of(eye, seen)])
+        own = seen[2]
+    return measured, own
+
+
+@wp.kernel
+def count_views_kernel(
+    first: int,
+    points: wp.array[wp.vec3d],  # [n] in the world [m]
+    eyes: wp.array[Eye],
+    depth: wp.array[float],  # depth maps of all eyes [m], NaN: unknown
+    voxel_size: wp.float64,  # [m]
+    # output
+    counts: wp.array2d[int],  # [n, 3] views that confirm, contradict and cannot see a point
+):
+    """Count the views that confirm, contradict and cannot see a point."""
+    i = first + wp.tid()
+    confirmed = int(0)
+    contradicted = int(0)
+    occluded = int(0)
+    for e in range(eyes.shape[0]):
+        measured, own = depths_at(eyes[e], depth, points[i])
+        nearer = measured - own
+        tolerance = _VOXELS * voxel_size + _SHARE * measured
+        # Comparisons with NaN, where nothing was measured, are False.
+        if wp.abs(nearer) <= tolerance:
+            confirmed += 1
+        if nearer > tolerance:
+            contradicted += 1
+        if nearer < -tolerance:
+            occluded += 1
+    counts[i, 0] = confirmed
+    counts[i, 1] = contradicted
+    counts[i, 2] = occluded
+
+
+@wp.kernel
+def agreement_kernel(
+    first: int,
+    points: wp.array[wp.vec3d],  # [n] in the world [m]
+    eyes: wp.array[Eye],
+    depth: wp.array[float],  # depth maps of all eyes [m], NaN: unknown
+    voxel_size: wp.float64,  # [m]
+    # output
+    agreement: wp.array[float],  # [n] of the views that measured the surface near a point, 0..1
+):
+    """Compute the share of the views that agree; see `digs_warp.init.visibility.agreement_of_views`."""
+    i = first + wp.tid()
+    agreeing = int(0)
+    near = int(0)
+    for e in range(eyes.shape[0]):
+        measured, own = depths_at(eyes[e], depth, points[i])
+        apart = wp.abs(measured - own)
+        # Comparisons with NaN, where nothing was measured, are False.
+        if apart <= _AGREES * voxel_size:
+            agreeing += 1
+        if apart <= _NEAR * voxel_size:
+            near += 1
+    if near > 0:
+        agreement[i] = float(agreeing) / float(near)
+    else:
+        agreement[i] = 1.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,12 +131,12 @@ class DepthViews:
         )
 
 
-class Said(NamedTuple):
-    """How many views say what about each point, (n,) each, int32."""
+class ViewCounts(NamedTuple):
+    """How many views confirm, contradict and cannot see each point, (n,) each, int32."""
 
     confirmed: np.ndarray
     contradicted: np.ndarray
-    blind: np.ndarray
+    occluded: np.ndarray
 
 
 def not_seen_through(points_world: np.ndarray, views: DepthViews, voxel_size: float) -> np.ndarray:
@@ -54,13 +147,13 @@ def not_seen_through(points_world: np.ndarray, views: DepthViews, voxel_size: fl
         views: all of them.
         voxel_size: of the points' grid [m].
     """
-    said = what_views_say(points_world, views, voxel_size)
-    return said.confirmed >= said.contradicted
+    counts = count_views(points_world, views, voxel_size)
+    return counts.confirmed >= counts.contradicted
 
 
 def confirmed(points_world: np.ndarray, views: DepthViews, voxel_size: float) -> np.ndarray:
     """Return which points a view confirms, (n,), bool; arguments as of `not_seen_through`."""
-    return what_views_say(points_world, views, voxel_size).confirmed > 0
+    return count_views(points_world, views, voxel_size).confirmed > 0
 
 
 def hidden(points_world: np.ndarray, views: DepthViews, voxel_size: float) -> np.ndarray:
@@ -68,7 +161,7 @@ def hidden(points_world: np.ndarray, views: DepthViews, voxel_size: float) -> np
 
     Arguments as of `not_seen_through`.
     """
-    return what_views_say(points_world, views, voxel_size).blind == len(views)
+    return count_views(points_world, views, voxel_size).occluded == len(views)
 
 
 def agreement_of_views(
@@ -86,15 +179,61 @@ def agreement_of_views(
     return agreement.numpy()
 
 
-def what_views_say(points_world: np.ndarray, views: DepthViews, voxel_size: float) -> Said:
+def count_views(points_world: np.ndarray, views: DepthViews, voxel_size: float) -> ViewCounts:
     """Return how many views confirm, contradict, and cannot see each point."""
     count = len(points_world)
     found = wp.empty((count, 3), dtype=int, device="cpu")
-    launch_parallel(says_kernel, count, [*_inputs(points_world, views, voxel_size), found])
-    return Said(*found.numpy().T)
+    launch_parallel(count_views_kernel, count, [*_inputs(points_world, views, voxel_size), found])
+    return ViewCounts(*found.numpy().T)
 
 
 def _inputs(points_world: np.ndarray, views: DepthViews, voxel_size: float) -> list[Any]:
     """Return what both kernels read."""
     points = wp.array(np.asarray(points_world, np.float64), dtype=wp.vec3d, device="cpu")
     return [points, views.eyes, views.depth, wp.float64(voxel_size)]
+
+
+# Points are counted in cells of this many times the distance between points, and in the cells around them.
+CELL = 8.0
+
+# Points with fewer than this many in their cell and the cells around it, themselves included, are outliers.
+MIN_CLUSTER = 4
+
+# The distance between points is measured from this many of them.
+SAMPLES = 1000
+
+
+def not_isolated(points_world: np.ndarray, voxel_size: float) -> np.ndarray:
+    """Return which points have others around them, shape (n,), bool; all if none has.
+
+    Where depth maps are coarser than the voxels, the distance between the points counts, not the voxel size.
+
+    Args:
+        points_world: one point per voxel [m], shape (n, 3).
+        voxel_size: edge length of the voxels [m].
+    """
+    from scipy.spatial import KDTree  # pyright: ignore[reportAttributeAccessIssue]
+
+    count = len(points_world)
+    if count < MIN_CLUSTER:
+        return np.ones(count, dtype=bool)
+    edge = CELL * max(voxel_size, _spacing(points_world))
+    _, first, cell_of, counts = np.unique(
+        voxel_keys(points_world, edge), return_index=True, return_inverse=True, return_counts=True
+    )
+    cells = KDTree(np.floor(points_world[first] / edge))
+    # Neighbors differ by at most 1 along each axis; 1.5 is safe against rounding.
+    one, other = cells.query_pairs(1.5, p=np.inf, output_type="ndarray").T
+    around = counts + np.bincount(one, counts[other], len(counts))
+    around += np.bincount(other, counts[one], len(counts))
+    clustered = (around >= MIN_CLUSTER)[cell_of]
+    return clustered if clustered.any() else np.ones(count, dtype=bool)
+
+
+def _spacing(points_world: np.ndarray) -> float:
+    """Return the median distance of points to their nearest neighbor [m]."""
+    from scipy.spatial import KDTree  # pyright: ignore[reportAttributeAccessIssue]
+
+    tree = KDTree(points_world, balanced_tree=False, compact_nodes=False)
+    sample = points_world[:: max(1, len(points_world) // SAMPLES)]
+    return float(np.median(tree.query(sample, k=2)[0][:, 1]))

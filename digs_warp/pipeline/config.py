@@ -8,8 +8,7 @@ from digs_warp.checks import DigsError
 from digs_warp.data.capture import Capture
 from digs_warp.data.layers import Layer
 from digs_warp.data.posed_frames import PosedFrames
-from digs_warp.init.config import InitConfig
-from digs_warp.init.mono_config import MonoDepthConfig
+from digs_warp.init.config import InitConfig, MonoDepthConfig
 from digs_warp.init.mono_depth import check_mono_depth
 from digs_warp.init.start import Subject
 from digs_warp.masks.config import SegmentConfig

@@ -9,8 +9,7 @@ from digs_warp.data.gaussians import Gaussians
 from digs_warp.data.point_cloud import PointCloud
 from digs_warp.data.posed_frames import PosedFrames
 from digs_warp.init.first_exposures import first_exposures, without_exposure
-from digs_warp.init.seed_gaussians import seed_gaussians, with_colors
-from digs_warp.init.seed_start import seed_start
+from digs_warp.init.seeds import seed_gaussians, seed_start, with_colors
 from digs_warp.init.seen_colors import look_up
 from digs_warp.init.start import Start
 from digs_warp.init.view_dependence import ViewDependence, view_dependence

@@ -14,7 +14,7 @@ from digs_warp.geometry.rigid import look_at, matrix_from_quat_xyzw
 from digs_warp.init.config import InitConfig
 from digs_warp.init.normals import FLATNESS, REACH, normals_from_depth
 from digs_warp.init.recipes import initialize
-from digs_warp.init.seed_gaussians import quats_from_z_to, seed_gaussians
+from digs_warp.init.seeds import quats_from_z_to, seed_gaussians
 from digs_warp.init.visibility import DepthViews, not_seen_through
 from reference.ball_capture import INTRINSICS, RADIUS, ball_views, write_capture
 from reference.init_twin import normals_of

@@ -14,8 +14,15 @@ from digs_warp.data.frame import Frame
 from digs_warp.data.layers import Layer
 from digs_warp.data.point_cloud import PointCloud
 from digs_warp.data.sparse_points import write_points
-from digs_warp.init.depth_network import DEVIATIONS, MEANS, DepthNetwork
-from digs_warp.init.mono_depth import FEWEST, SparseView, scaled_depth, sparse_view
+from digs_warp.init.mono_depth import (
+    DEVIATIONS,
+    FEWEST,
+    MEANS,
+    DepthNetwork,
+    SparseView,
+    scaled_depth,
+    sparse_view,
+)
 from reference.ball_capture import ball_views, write_capture
 
 NEAREST = 0.5  # [m]: there the red channel is full

@@ -6,7 +6,7 @@ import pytest
 from digs_warp.data.frame import Frame
 from digs_warp.data.layers import Layer
 from digs_warp.init.config import InitConfig
-from digs_warp.init.ray_points import FARTHEST, NEAREST, ray_points
+from digs_warp.init.random_points import FARTHEST, NEAREST, random_points_on_rays
 from digs_warp.init.recipes import initialize
 from reference.ball_capture import RADIUS, ball_views, write_capture
 
@@ -19,7 +19,7 @@ def frames(tmp_path_factory: pytest.TempPathFactory) -> list[Frame]:
 
 def test_every_view_gives_points_of_its_own_colors(frames: list[Frame]) -> None:
     count = 1003
-    cloud = ray_points(frames, count)
+    cloud = random_points_on_rays(frames, count)
     assert len(cloud) == count
     shares = np.diff(np.linspace(0, count, len(frames) + 1).astype(int))
     for frame, some in zip(frames, np.split(np.arange(count), np.cumsum(shares)[:-1]), strict=True):
@@ -37,7 +37,7 @@ def test_every_view_gives_points_of_its_own_colors(frames: list[Frame]) -> None:
 def test_it_is_the_random_start_of_scenes_and_always_the_same(frames: list[Frame]) -> None:
     config = InitConfig(strategy="random", target_points=200)
     start = initialize(frames, config, subject="scene")
-    expected = ray_points(frames, 200).points_world
+    expected = random_points_on_rays(frames, 200).points_world
     np.testing.assert_array_equal(start.points.points_world[:200], expected)
     assert start.sources["random"] == 200
     of_object = initialize(frames, config, subject="object").points.points_world
@@ -47,7 +47,7 @@ def test_it_is_the_random_start_of_scenes_and_always_the_same(frames: list[Frame
 def test_most_points_lie_where_other_views_show_their_color(frames: list[Frame]) -> None:
     colored = [np.ptp(frame.load_image().astype(int), axis=(0, 1)).min() > 0 for frame in frames]
     assert all(colored)
-    cloud = ray_points(frames, 3000)
+    cloud = random_points_on_rays(frames, 3000)
     on_ball = cloud.colors.min(axis=1) < 0.9  # the wall is white
     distances = np.linalg.norm(cloud.points_world[on_ball], axis=1)
     assert np.count_nonzero(on_ball) > 200

@@ -8,7 +8,7 @@ import pytest
 from digs_warp.data.gaussians import FIELDS
 from digs_warp.data.point_cloud import PointCloud
 from digs_warp.geometry.sh import rgb_from_sh
-from digs_warp.init.seed_gaussians import (
+from digs_warp.init.seeds import (
     GUESSED_OPACITY,
     LEAST_OPACITY,
     LONELY_SCALE,

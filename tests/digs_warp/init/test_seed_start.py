@@ -3,8 +3,7 @@
 import numpy as np
 
 from digs_warp.init.config import InitConfig
-from digs_warp.init.seed_gaussians import LEAST_OPACITY
-from digs_warp.init.seed_start import SCENE_OPACITY, seed_start
+from digs_warp.init.seeds import LEAST_OPACITY, SCENE_OPACITY, seed_start
 
 
 def test_the_longer_the_run_the_more_opaque_are_doubtful_points() -> None:

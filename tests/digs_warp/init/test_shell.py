@@ -7,9 +7,8 @@ from scipy.spatial import KDTree  # pyright: ignore[reportAttributeAccessIssue]
 from digs_warp.data.point_cloud import PointCloud
 from digs_warp.geometry.camera import Camera, Intrinsics
 from digs_warp.geometry.rigid import look_at
-from digs_warp.init.seed_gaussians import seed_gaussians
-from digs_warp.init.seed_start import SCENE_SCALE_RATIO
-from digs_warp.init.shell import COUNT, shell_points, sphere
+from digs_warp.init.seeds import SCENE_SCALE_RATIO, seed_gaussians
+from digs_warp.init.unseen import COUNT, shell_points, sphere
 from digs_warp.splat.render import render
 
 # Four walls of a room around the origin, each of one color; floor and ceiling are missing.

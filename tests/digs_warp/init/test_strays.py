@@ -8,8 +8,8 @@ import pytest
 
 from digs_warp.data.capture import Capture
 from digs_warp.init.recipes import InitConfig, initial_points
-from digs_warp.init.strays import in_company
 from digs_warp.init.view_points import BEYOND, NOTHING, thinned_object_depth
+from digs_warp.init.visibility import not_isolated
 from reference.ball_capture import RADIUS, ball_views, write_capture
 
 VOXEL = 0.004
@@ -25,39 +25,41 @@ def plate(side: float = 0.2, spacing: float = VOXEL) -> np.ndarray:
 def test_points_away_from_everything_are_dropped() -> None:
     strays = np.array([[2.0, 0, 0], [0, 0, -1.5], [0.1, 0.1, 0.2], [3, 3, 3], [3, 3, 3.01]])
     points = np.concatenate([plate(), strays])
-    np.testing.assert_array_equal(in_company(points, VOXEL), np.arange(len(points)) < len(plate()))
+    np.testing.assert_array_equal(
+        not_isolated(points, VOXEL), np.arange(len(points)) < len(plate())
+    )
 
 
 def test_a_wire_one_voxel_thick_stays() -> None:
     wire = np.zeros((50, 3))
     wire[:, 2] = 0.5 + VOXEL * np.arange(50)
-    assert in_company(np.concatenate([plate(), wire]), VOXEL).all()
+    assert not_isolated(np.concatenate([plate(), wire]), VOXEL).all()
 
 
 def test_a_small_part_that_stands_apart_stays() -> None:
     part = plate(0.02) + [1.0, 0, 0]
     assert len(part) == 25
-    assert in_company(np.concatenate([plate(), part]), VOXEL).all()
+    assert not_isolated(np.concatenate([plate(), part]), VOXEL).all()
 
 
 @pytest.mark.parametrize("spacing", [0.004, 0.02, 0.1])
 def test_depth_maps_coarser_than_the_voxels_lose_nothing(spacing: float) -> None:
     surface = plate(20 * spacing, spacing)
-    assert in_company(surface, VOXEL).all()
+    assert not_isolated(surface, VOXEL).all()
     stray = np.concatenate([surface, [[0, 0, 100 * spacing]]])
-    np.testing.assert_array_equal(in_company(stray, VOXEL), np.arange(len(stray)) < len(surface))
+    np.testing.assert_array_equal(not_isolated(stray, VOXEL), np.arange(len(stray)) < len(surface))
 
 
 @pytest.mark.parametrize("count", [0, 1, 3, 8])
 def test_a_handful_of_points_is_kept(count: int) -> None:
     points = np.random.default_rng(0).uniform(-1, 1, (count, 3))
-    assert in_company(points, VOXEL).all()
+    assert not_isolated(points, VOXEL).all()
 
 
 def test_where_the_origin_lies_makes_no_difference() -> None:
     points = np.concatenate([plate(), [[0.5, 0.5, 0.5]]])
     for offset in ([0, 0, 0], [100.013, -50.7, 3.3]):
-        assert in_company(points + offset, VOXEL).tolist() == [True] * len(plate()) + [False]
+        assert not_isolated(points + offset, VOXEL).tolist() == [True] * len(plate()) + [False]
 
 
 def test_a_wrong_pixel_of_a_recording_leaves_no_point_in_the_air(tmp_path: Path) -> None:

@@ -10,7 +10,7 @@ from digs_warp.data.layers import Layer
 from digs_warp.data.point_cloud import PointCloud
 from digs_warp.init.config import InitConfig
 from digs_warp.init.recipes import initialize
-from digs_warp.init.seed_gaussians import seed_gaussians
+from digs_warp.init.seeds import seed_gaussians
 from digs_warp.init.unseen import FEW_VIEWS
 from reference.ball_capture import RADIUS, ball_view, ball_views, write_capture
 

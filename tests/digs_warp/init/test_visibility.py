@@ -9,9 +9,9 @@ from digs_warp.init.visibility import (
     DepthViews,
     agreement_of_views,
     confirmed,
+    count_views,
     hidden,
     not_seen_through,
-    what_views_say,
 )
 from reference.ball_capture import RADIUS, ball_views
 from reference.visibility_twin import agreement_by, said_by
@@ -42,7 +42,7 @@ def points_around(count: int) -> np.ndarray:
 def test_views_say_what_the_twin_says() -> None:
     points, views = points_around(400), views_with_holes(5)
     found, expected = (
-        what_views_say(points, DepthViews.of(views), VOXEL),
+        count_views(points, DepthViews.of(views), VOXEL),
         said_by(points, views, VOXEL),
     )
     for name, counts in zip(found._fields, expected, strict=True):
@@ -90,7 +90,7 @@ def test_nobody_contradicts_without_views_or_depth() -> None:
     assert not_seen_through(points, DepthViews.of([(camera, unknown)]), VOXEL).all()
     assert (agreement_of_views(points, DepthViews.of([(camera, unknown)]), VOXEL) == 1).all()
     nothing = np.zeros((0, 3))
-    assert len(what_views_say(nothing, DepthViews.of([(camera, depth)]), VOXEL).blind) == 0
+    assert len(count_views(nothing, DepthViews.of([(camera, depth)]), VOXEL).occluded) == 0
     assert len(agreement_of_views(nothing, DepthViews.of([(camera, depth)]), VOXEL)) == 0
     turned = replace(camera, world_from_cam=camera.world_from_cam @ np.diag([1.0, -1.0, -1.0, 1.0]))
     assert hidden(points_around(20) * 0.1, DepthViews.of([(turned, depth)]), VOXEL).all()

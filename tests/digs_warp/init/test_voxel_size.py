@@ -12,7 +12,7 @@ import pytest
 from digs_warp.checks import DigsError
 from digs_warp.data.capture import Capture
 from digs_warp.data.layers import Layer
-from digs_warp.init import voxel_size
+from digs_warp.init import voxel
 from digs_warp.init.config import InitConfig
 from digs_warp.init.recipes import Start, initialize
 from reference.ball_capture import INTRINSICS, RADIUS, ball_views, write_capture
@@ -77,7 +77,7 @@ def test_the_default_voxel_grows_where_there_would_be_too_many_points(
 ) -> None:
     usual = initialize(capture.frames, InitConfig())
     wanted = len(usual.points) // 3
-    monkeypatch.setattr(voxel_size, "MOST_POINTS", wanted)
+    monkeypatch.setattr(voxel, "MOST_POINTS", wanted)
     caplog.set_level(logging.INFO)
     fewer = initialize(capture.frames, InitConfig())
     assert 0.7 * wanted < len(fewer.points) <= wanted

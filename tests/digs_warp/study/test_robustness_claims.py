@@ -16,7 +16,7 @@ from digs_warp.data.layers import Layer
 from digs_warp.data.rig import Rig
 from digs_warp.init.config import InitConfig
 from digs_warp.init.recipes import initial_points
-from digs_warp.init.seed_gaussians import seed_gaussians
+from digs_warp.init.seeds import seed_gaussians
 from digs_warp.measure.scores import mean_score
 from digs_warp.sim.camera.shutter import Shutter
 from digs_warp.sim.config import SimulateConfig

@@ -8,7 +8,7 @@ from digs_warp.data.gaussians import Gaussians
 from digs_warp.data.point_cloud import PointCloud
 from digs_warp.data.posed_frames import PosedFrames
 from digs_warp.init.config import InitConfig
-from digs_warp.init.seed_gaussians import seed_gaussians
+from digs_warp.init.seeds import seed_gaussians
 from digs_warp.init.start import Subject
 from digs_warp.pipeline.mesh import extract_mesh
 from digs_warp.pipeline.records import Poses
