@@ -8,13 +8,12 @@ from tyro.conf import arg
 
 from digs_warp.checks import DigsError
 from digs_warp.settings import ANGLE, FRAMES, NO_FLAG, SEED, SIDE, Range, Settings
-from digs_warp.sim.camera.walk.settings import WalkSettings
-from digs_warp.sim.camera.walk.timing import kept_count
+from digs_warp.sim.camera.walk.settings import WalkSettings, kept_count
 from digs_warp.sim.record.labels.names import labels_named
+from digs_warp.sim.scene.appearance_settings import LookSettings
 from digs_warp.sim.scene.ground import Ground
-from digs_warp.sim.scene.look_settings import LookSettings
 from digs_warp.sim.scene.mesh.placement import Unit
-from digs_warp.sim.sensor.after.names import filters_named
+from digs_warp.sim.sensor.post_filters.names import filters_named
 
 # Frames of a recording for which nothing says otherwise.
 USUAL_FRAMES = 60

@@ -6,7 +6,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from digs_warp.sim.sensor.blame import WRONG
+from digs_warp.sim.sensor.error_attribution import WRONG
 
 BLOCK = 20  # [px]; places are compared in squares of this size
 SMALL_HOLE = 3  # [px]

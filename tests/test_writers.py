@@ -48,7 +48,7 @@ ALLOWED = {
         "digs_warp/record/replacement.py",
         "replace",
     ): "files that are synced, in an order that a note keeps",
-    ("sim/testing/cache.py", "rename"): "of record/disk.py: a folder whose files are synced",
+    ("sim/testing/series.py", "rename"): "of record/disk.py: a folder whose files are synced",
     ("studies/usd_files.py", "save"): "what is measured, in a temporary folder",
     ("scripts/killed_worker.py", "copyfile"): "in a temporary folder",
     ("studies/real_recordings.py", "symlink_to"): "in a temporary folder",

@@ -54,7 +54,7 @@ def read_true_surfaces(capture: Path) -> "list[TriangleMesh] | None":
 
 def _surface(scene: "Scene") -> "TriangleMesh":
     from digs_warp.data.triangle_mesh import TriangleMesh
-    from digs_warp.sim.scene.vertex_colors import srgb_vertex_colors
+    from digs_warp.sim.scene.join import srgb_vertex_colors
 
     return TriangleMesh(scene.vertices, scene.faces, srgb_vertex_colors(scene))
 

@@ -221,7 +221,7 @@ OTHERS = (
         "dots-1.3",
         "the dots of the infrared projector are 1.3 times as bright",
         "test_the_pattern_has_the_density_and_the_distances_of_the_real_one",
-        ("digs_warp.sim.sensor.infrared.pattern:dot_pattern",),
+        ("digs_warp.sim.sensor.infrared.pair:dot_pattern",),
         causes.brighter_dots,
     ),
 )

@@ -11,9 +11,8 @@ from typing import Any
 
 import numpy as np
 
-from digs_warp.sim.sensor.blame import WRONG, blame
-from digs_warp.sim.sensor.frame import FrameTruth, Sensed
-from digs_warp.sim.sensor.texture import MATCHABLE_SNR
+from digs_warp.sim.sensor.error_attribution import WRONG, attribute_errors
+from digs_warp.sim.sensor.frame import MATCHABLE_SNR, FrameTruth, Sensed
 
 BLOCK = 20  # [px], as in `studies.realism_scores`
 
@@ -32,7 +31,7 @@ def disparity(change: Change) -> Callable[[Any], Any]:
             confidence = np.where(sensed.known, sensed.confidence, np.float32(0.9))
             confidence[np.isnan(found)] = 0
             return replace(
-                sensed, disparity=found, confidence=confidence, cause=blame(found, truth)
+                sensed, disparity=found, confidence=confidence, cause=attribute_errors(found, truth)
             )
 
         return mutated

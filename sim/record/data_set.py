@@ -23,7 +23,7 @@ from digs_warp.record.files import to_json, write_atomically
 from digs_warp.record.layout import DATA_SET
 from digs_warp.sim.config import SimulateConfig
 from digs_warp.sim.record.randomize.draws import draw_scenes
-from digs_warp.sim.record.randomize.file import Randomization
+from digs_warp.sim.record.randomize.settings_file import Randomization
 from digs_warp.sim.record.record import is_finished, simulate
 from digs_warp.words import counted
 

@@ -16,14 +16,14 @@ from digs_warp.sim.record.labels.frame import LabeledFrame
 from digs_warp.sim.record.labels.names import label_layers, labels_named
 from digs_warp.sim.record.sensor_plan import SensorPlan, check_effects, make_plan
 from digs_warp.sim.record.session import ObjectPixels, Session, number_before, prepare_session
-from digs_warp.sim.sensor.after.chain import AfterMatching, Shot
 from digs_warp.sim.sensor.color.adaptation import Adaptation
 from digs_warp.sim.sensor.color.recorded import recorded_images
 from digs_warp.sim.sensor.filters import gray_of
 from digs_warp.sim.sensor.frame import FrameTruth, Sensed
-from digs_warp.sim.sensor.infrared.color_camera import ColorView, Registered, registered
 from digs_warp.sim.sensor.infrared.pair import in_three_channels, one_channel
-from digs_warp.sim.sensor.limit import within_range
+from digs_warp.sim.sensor.infrared.registration import ColorView, Registered, registered
+from digs_warp.sim.sensor.law import within_range
+from digs_warp.sim.sensor.post_filters.chain import AfterMatching, Shot
 from digs_warp.sim.sensor.tiers import depth_of, sense
 
 # Added to the seed for the noise of a color camera beside an infrared pair.

@@ -1,18 +1,45 @@
 """Loads what the settings of a recording name: object, surround and camera."""
 
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+
+import numpy as np
 
 from digs_warp.checks import DigsError
+from digs_warp.geometry.rigid import rotation_in_plane
 from digs_warp.sim.camera.profiles import Profile, load_profile
-from digs_warp.sim.camera.reach import check_reach
 from digs_warp.sim.camera.rig import DEFAULT_FOV_DEG, StereoRig
+from digs_warp.sim.camera.working_range import check_reach
 from digs_warp.sim.config import SimulateConfig
+from digs_warp.sim.scene.appearance import refinished, relit
 from digs_warp.sim.scene.environment import Environment, load_environment, procedural_environment
-from digs_warp.sim.scene.object_turn import turn_objects
-from digs_warp.sim.scene.refinish import refinished
-from digs_warp.sim.scene.relight import relit
-from digs_warp.sim.scene.scene import Scene
+from digs_warp.sim.scene.scene import Scene, SceneObject
+
+
+def turn_objects(scene: Scene, degrees: float) -> Scene:
+    """Return a scene without furniture turned about the z axis, counterclockwise from above."""
+    if degrees % 360 == 0:
+        return scene
+    turn = np.eye(4)
+    turn[:2, :2] = rotation_in_plane(np.deg2rad(degrees))
+    rotation = turn[:3, :3]
+    vertices = (scene.vertices.astype(np.float64) @ rotation.T).astype(np.float32)
+    return replace(
+        scene,
+        vertices=vertices,
+        normals=(scene.normals.astype(np.float64) @ rotation.T).astype(np.float32),
+        objects=tuple(
+            _turned(each, turn, vertices[np.unique(scene.faces[scene.face_objects == number])])
+            for number, each in enumerate(scene.objects, start=1)
+        ),
+    )
+
+
+def _turned(thing: SceneObject, turn: np.ndarray, vertices: np.ndarray) -> SceneObject:
+    """Return an object whose vertices after the turn are known."""
+    size = np.ptp(vertices, axis=0).astype(np.float64)
+    return replace(thing, world_from_mesh=turn @ thing.world_from_mesh, size=size)
+
 
 # Camera and image size without a profile: a quarter of the pixels of HD720, for speed.
 DEFAULT_PROFILE = "zed2-720"
@@ -68,7 +95,7 @@ def _load_object(config: SimulateConfig) -> Scene:
         return load_scene(config.mesh, size, up, unit)
     files = (config.mesh,) if config.mesh is not None else config.scene
     if files:
-        from digs_warp.sim.scene.several import load_objects
+        from digs_warp.sim.scene.arrange import load_objects
 
         return load_objects(files, config.seed, size, up, unit, falls)
     if config.object_size is not None or (config.up, config.unit) != ("auto", "auto"):

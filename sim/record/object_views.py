@@ -12,7 +12,7 @@ from digs_warp.data.placed_object import matrix_rows
 from digs_warp.data.run_lengths import text_of_mask
 from digs_warp.geometry.camera import Camera, Intrinsics
 from digs_warp.sim.record.frame_maker import FrameMaker
-from digs_warp.sim.render.silhouette import Silhouette
+from digs_warp.sim.render.pixel_centers import Silhouette
 from digs_warp.sim.scene.join import only_object
 from digs_warp.sim.scene.scene import SceneObject
 

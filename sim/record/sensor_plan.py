@@ -11,8 +11,6 @@ from digs_warp.sim.camera.rig import StereoRig
 from digs_warp.sim.camera.shutter import Shutter
 from digs_warp.sim.config import SimulateConfig
 from digs_warp.sim.record.session import Session
-from digs_warp.sim.sensor.after.chain import AfterMatching
-from digs_warp.sim.sensor.after.choices import choices_of
 from digs_warp.sim.sensor.color import (
     AUTO_EXPOSURE,
     CALIBRATION_DRIFT,
@@ -30,6 +28,7 @@ from digs_warp.sim.sensor.effects import AFTER_MATCHING, EFFECTS
 from digs_warp.sim.sensor.effects.protocol import Choice
 from digs_warp.sim.sensor.facts import SceneFacts, measure_facts
 from digs_warp.sim.sensor.planner import EFFECT_NAMES, override, plan, wanted_effects
+from digs_warp.sim.sensor.post_filters.chain import AfterMatching, choices_of
 
 # Frames that the plan looks at, evenly spaced: four on each of three orbits.
 LOOKS = 12

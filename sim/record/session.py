@@ -8,24 +8,23 @@ import numpy as np
 
 from digs_warp.geometry.camera import Camera, Intrinsics
 from digs_warp.sim.camera.profiles import Profile
-from digs_warp.sim.camera.reach import camera_distance
 from digs_warp.sim.camera.rig import StereoRig
 from digs_warp.sim.camera.shutter import Shutter, ShutteredEye
-from digs_warp.sim.camera.walk.timing import frame_moments
+from digs_warp.sim.camera.walk.settings import frame_moments
 from digs_warp.sim.camera.walk.walk import Subject, Walk
+from digs_warp.sim.camera.working_range import camera_distance
 from digs_warp.sim.config import SimulateConfig
 from digs_warp.sim.record.inputs import Inputs
 from digs_warp.sim.render.protocol import Renderer
+from digs_warp.sim.scene.appearance import with_table_top
 from digs_warp.sim.scene.distractors import add_distractors
-from digs_warp.sim.scene.environment import Environment
+from digs_warp.sim.scene.environment import Environment, warn_if_soft
 from digs_warp.sim.scene.ground import Ground, set_up
-from digs_warp.sim.scene.panorama_sharpness import warn_if_soft
-from digs_warp.sim.scene.refinish import with_table_top
 from digs_warp.sim.scene.scene import Scene
 from digs_warp.sim.sensor.drift import NO_DRIFT, Drift
 from digs_warp.sim.sensor.frame import FrameTruth, Motion
-from digs_warp.sim.sensor.infrared.color_camera import ColorView
 from digs_warp.sim.sensor.infrared.pair import infrared_image, stands_out, with_dots
+from digs_warp.sim.sensor.infrared.registration import ColorView
 
 # [Hz] The usual mode of the cameras that the profiles describe, where --fps names no other.
 FRAME_RATE = 30.0
@@ -242,7 +241,7 @@ def _make_renderer(config: SimulateConfig, scene: Scene, environment: Environmen
         from digs_warp.sim.render.gl import GlRenderer
 
         return GlRenderer(scene, environment)
-    from digs_warp.sim.render.reuse import renderer_of
+    from digs_warp.sim.render.raycast import renderer_of
 
     return renderer_of(scene, environment)
 

@@ -18,20 +18,20 @@ import warp as wp
 
 from digs_warp.device.parallel import launch_parallel
 from digs_warp.geometry.sh import sh_basis
-from digs_warp.sim.render.key_lights import KeyLights, take_out_spots
 from digs_warp.sim.render.lighting import (
     PI,
     SPECULAR_COPIES,
     SPECULAR_HEIGHT,
     SPECULAR_WIDTH,
     TWO_PI,
+    KeyLights,
     Light,
     Panorama,
     sample_panorama,
+    take_out_spots,
 )
 from digs_warp.sim.render.textures import mip_chain
-from digs_warp.sim.scene.environment import Environment
-from digs_warp.sim.scene.panorama import panorama_directions, solid_angles
+from digs_warp.sim.scene.environment import Environment, panorama_directions, solid_angles
 
 wp.set_module_options({"enable_backward": False})
 

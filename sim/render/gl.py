@@ -14,7 +14,6 @@ from digs_warp.checks import DigsError
 from digs_warp.device.libraries import PYRENDER_APT, MissingLibraryError, import_pyrender
 from digs_warp.geometry.camera import Camera, pixel_centers
 from digs_warp.sim.render.environment_light import prepare_light
-from digs_warp.sim.render.follow import follow
 from digs_warp.sim.render.gl_scene import (
     coverage_mesh,
     material_meshes,
@@ -33,6 +32,7 @@ from digs_warp.sim.render.protocol import (
     exposure_by_views,
 )
 from digs_warp.sim.render.rays import SurfaceRays
+from digs_warp.sim.render.reprojection import follow
 from digs_warp.sim.render.upload import DeviceScene, is_see_through, upload_scene
 from digs_warp.sim.render.view import check_inside
 from digs_warp.sim.scene.environment import Environment

@@ -6,8 +6,7 @@ import numpy as np
 
 from digs_warp.data.images import srgb_from_linear, to_uint8
 from digs_warp.geometry.sh import sh_basis
-from digs_warp.sim.scene.environment import Environment
-from digs_warp.sim.scene.panorama import panorama_directions
+from digs_warp.sim.scene.environment import Environment, panorama_directions
 from digs_warp.sim.scene.scene import FURNITURE, Material, Scene
 
 # Segments of the surround's sphere: they distort its texture by less than a tenth of a degree.

@@ -1,28 +1,31 @@
-"""Measures the light on the ground: its openness by rays, and what the open ground gets.
+"""The planes that objects stand on, and their light: ambient occlusion by rays, and what open ground gets.
 
 The ground's picture (a panorama's floor) already has the light of the place where it was taken. Objects take
 some of it away: its share that still arrives is the openness for the smooth light, and a shadow ray for each
 bright spot.
 """
 
-# Warp's stubs do not type device code.
-# pyright: reportArgumentType=false, reportAttributeAccessIssue=false, reportCallIssue=false
-# pyright: reportGeneralTypeIssues=false, reportInvalidTypeForm=false, reportOperatorIssue=false
-# pyright: reportIndexIssue=false
-
 from dataclasses import dataclass
 
 import numpy as np
 import warp as wp
 
+from digs_warp.data.images import linear_from_srgb
 from digs_warp.device.kernel_options import ray_module_options
 from digs_warp.device.parallel import launch_parallel
 from digs_warp.geometry.sh import sh_basis
-from digs_warp.sim.render.key_lights import SPOT_POINTS, KeyLights
-from digs_warp.sim.render.light_map import LightGrid, LightMap, light_on
-from digs_warp.sim.render.lighting import Light
+from digs_warp.sim.render.lighting import SPOT_POINTS, KeyLights, Light
 from digs_warp.sim.render.surface import Surface, is_blocked
+from digs_warp.sim.render.surround import LightGrid, LightMap, light_on
 from digs_warp.sim.render.view import FAR
+from digs_warp.sim.scene.environment import Environment
+from digs_warp.sim.scene.scene import FURNITURE, Material, Scene
+
+# Warp's stubs do not type device code.
+# pyright: reportArgumentType=false, reportAttributeAccessIssue=false, reportCallIssue=false
+# pyright: reportGeneralTypeIssues=false, reportInvalidTypeForm=false, reportOperatorIssue=false
+# pyright: reportIndexIssue=false
+
 
 wp.set_module_options(ray_module_options())
 
@@ -250,3 +253,62 @@ def _measure_grid(
     grid.values = values.reshape((rows, columns))
     grid.low, grid.size = wp.vec2(*low), wp.vec2(*size)
     return grid
+
+
+# A floor has no end within its surround [m].
+ENDLESS = 1e5
+
+# Level faces of the furniture (cosine), this near to the lowest point of the objects [m], carry them.
+LEVEL, CONTACT = 0.999, 0.002
+
+
+@dataclass(frozen=True)
+class Planes:
+    """What things stand on; None: there is none."""
+
+    table: Plane | None
+    floor: Plane | None
+
+
+def planes_of(scene: Scene, environment: Environment) -> Planes:
+    """Return the planes of a scene in its surround."""
+    floor = None
+    if environment.floor is not None:
+        ends = np.full(2, ENDLESS)
+        floor = Plane(environment.floor, -ends, ends, _box(scene.vertices))
+    return Planes(_table_top(scene), floor)
+
+
+def _table_top(scene: Scene) -> Plane | None:
+    """Return the level face of the furniture that the objects stand on."""
+    if not scene.has_furniture:
+        return None
+    corners = scene.vertices[scene.faces].astype(np.float64)
+    across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    level = across[:, 2] > LEVEL * np.linalg.norm(across, axis=1)
+    objects = _box(scene.object_vertices)
+    near = np.abs(corners[..., 2] - objects[0, 2]).max(axis=1) < CONTACT
+    top = (scene.face_objects == FURNITURE) & level & near
+    if not top.any():
+        return None
+    low, high = _box(corners[top].reshape(-1, 3))
+    number = int(scene.face_materials[top][0])
+    albedo = _albedo(scene.materials[number])
+    # Furniture may stand on the table, too.
+    others = scene.vertices[np.unique(scene.faces[scene.face_materials != number])]
+    things = _box(others[others[:, 2] > high[2] - CONTACT])
+    return Plane(float(high[2]), low[:2], high[:2], things, albedo, number)
+
+
+def _albedo(material: Material) -> np.ndarray:
+    """Return the mean color of a material, linear, (3,)."""
+    if material.texture is None:
+        return material.base_color
+    # By a table, as for panoramas: textures are large.
+    linear = linear_from_srgb(np.arange(256) / 255.0)
+    return material.base_color * linear[material.texture].mean(axis=(0, 1))
+
+
+def _box(points: np.ndarray) -> np.ndarray:
+    """Return the lowest and highest coordinates, (2, 3)."""
+    return np.stack([points.min(axis=0), points.max(axis=0)]).astype(np.float64)

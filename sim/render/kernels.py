@@ -1,4 +1,4 @@
-"""The ray-casting kernels: one Warp thread per pixel, rays through a BVH.
+"""The ray-casting kernels: one Warp thread per pixel, rays through a BVH, refraction in bodies of glass.
 
 A thread writes only its own pixel and draws its random numbers from (seed, pixel), so images do not depend on
 the number of threads.
@@ -7,16 +7,14 @@ the number of threads.
 import warp as wp
 
 from digs_warp.device.kernel_options import ray_module_options
-from digs_warp.sim.render.encoding import Encoding, srgb_byte
-from digs_warp.sim.render.glass import Bend, bend
 from digs_warp.sim.render.ground_light import (
     has_sharp_shadows,
     may_be_shaded,
     sharp_floor_share,
     soft_floor_share,
 )
+from digs_warp.sim.render.hit_material import look_at_hit
 from digs_warp.sim.render.lighting import Light, sample_panorama
-from digs_warp.sim.render.look import look_at_hit
 from digs_warp.sim.render.shading import coat, coat_at, shade
 from digs_warp.sim.render.surface import (
     MAX_LAYERS,
@@ -35,14 +33,60 @@ from digs_warp.sim.render.surround import (
 )
 from digs_warp.sim.render.view import (
     FAR,
+    Encoding,
     Track,
     View,
     ray_direction_cam,
+    srgb_byte,
     surround_distance,
     view_at,
 )
 
+# Warp's stubs do not type device code.
+# pyright: reportArgumentType=false, reportAttributeAccessIssue=false, reportCallIssue=false
+# pyright: reportGeneralTypeIssues=false, reportInvalidTypeForm=false, reportOperatorIssue=false
+
+
 wp.set_module_options(ray_module_options())
+
+# A bent ray leaves the triangle at least this steeply: interpolated normals may send it along or back.
+LEAST_SLOPE = wp.constant(1.0e-3)
+
+
+@wp.struct
+class Bend:
+    """The ray behind the surface."""
+
+    direction: wp.vec3  # unit
+    is_reflected: bool  # all of it: total internal reflection
+    cosine: float  # between the ray outside the body and the normal
+
+
+@wp.func
+def bend(
+    direction: wp.vec3, normal: wp.vec3, facet_normal: wp.vec3, ior: float, enters: bool
+) -> Bend:
+    """Snell's law, and total internal reflection where it has no solution.
+
+    Both normals point against the ray: ``normal`` of the smooth surface, ``facet_normal`` of the triangle.
+    """
+    ratio = wp.where(enters, 1.0 / ior, ior)
+    cosine = wp.clamp(-wp.dot(direction, normal), 0.0, 1.0)
+    behind2 = 1.0 - ratio * ratio * (1.0 - cosine * cosine)
+    result = Bend()
+    away = -facet_normal
+    if behind2 > 0.0:
+        behind = wp.sqrt(behind2)
+        result.direction = ratio * direction + (ratio * cosine - behind) * normal
+        result.cosine = wp.where(enters, cosine, behind)
+    else:
+        result.is_reflected = True
+        result.direction = direction + 2.0 * cosine * normal
+        away = facet_normal
+    missing = wp.max(LEAST_SLOPE - wp.dot(result.direction, away), 0.0)
+    result.direction = wp.normalize(result.direction + missing * away)
+    return result
+
 
 # The R2 sequence (Roberts, "The Unreasonable Effectiveness of Quasirandom Sequences", 2018) covers the pixel
 # evenly with any number of samples.

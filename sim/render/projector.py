@@ -14,14 +14,14 @@ import warp as wp
 
 from digs_warp.device.parallel import launch_parallel
 from digs_warp.geometry.camera import Camera
-from digs_warp.sim.render.look import Look, material_at_hit
+from digs_warp.sim.render.hit_material import Look, material_at_hit
 from digs_warp.sim.render.protocol import Projected
 from digs_warp.sim.render.surface import OPAQUE, Surface, is_blocked, passes_by, trace
 from digs_warp.sim.render.surround import boundary_normal
 from digs_warp.sim.render.view import FAR, View, make_view, ray_direction_cam, surround_distance
+from digs_warp.sim.scene.environment import Surround
 from digs_warp.sim.scene.scene import DIELECTRIC_REFLECTANCE
-from digs_warp.sim.scene.surround import Surround
-from digs_warp.sim.sensor.infrared.pattern import SPOT, DotPattern, dot_pattern
+from digs_warp.sim.sensor.infrared.pair import SPOT, DotPattern, dot_pattern
 
 wp.set_module_options({"enable_backward": False})
 

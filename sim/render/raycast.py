@@ -1,9 +1,9 @@
-"""The default renderer: rays through a Warp BVH on all cores, without a graphics driver."""
+"""The default renderer: rays through a Warp BVH on all cores, and renderers kept for the next recording."""
 
-# Warp's type hints take the dtype of an array for a value, and structs for functions.
-# pyright: reportArgumentType=false, reportGeneralTypeIssues=false
-
+import hashlib
+from dataclasses import fields, is_dataclass
 from threading import Lock
+from typing import Any
 
 import numpy as np
 import warp as wp
@@ -11,14 +11,11 @@ import warp as wp
 from digs_warp.checks import DigsError
 from digs_warp.device.parallel import launch_parallel
 from digs_warp.geometry.camera import Camera
-from digs_warp.sim.render.encoding import srgb_encoding
+from digs_warp.sim.render.ambient_occlusion import measure_openness
 from digs_warp.sim.render.environment_light import prepare_light
-from digs_warp.sim.render.follow import follow
-from digs_warp.sim.render.ground_light import measure_plane
+from digs_warp.sim.render.ground_light import measure_plane, planes_of
 from digs_warp.sim.render.kernels import color_kernel
-from digs_warp.sim.render.openness import measure_openness
 from digs_warp.sim.render.pixel_centers import geometry_at_pixel_centers
-from digs_warp.sim.render.planes import planes_of
 from digs_warp.sim.render.projector import project_dots
 from digs_warp.sim.render.protocol import (
     CameraTrack,
@@ -29,12 +26,17 @@ from digs_warp.sim.render.protocol import (
     RenderedView,
 )
 from digs_warp.sim.render.rays import SurfaceRays
+from digs_warp.sim.render.reprojection import follow
 from digs_warp.sim.render.shadows import prepare_shadows
 from digs_warp.sim.render.upload import upload_scene
-from digs_warp.sim.render.view import make_track, make_view
+from digs_warp.sim.render.view import make_track, make_view, srgb_encoding
 from digs_warp.sim.scene.environment import Environment
 from digs_warp.sim.scene.scene import Scene
 from digs_warp.sim.sensor.highlights import Highlights
+
+# Warp's type hints take the dtype of an array for a value, and structs for functions.
+# pyright: reportArgumentType=false, reportGeneralTypeIssues=false
+
 
 # Pixels of an image that one thread renders before others have started: those by which a camera meters light.
 TINY = 1024
@@ -150,3 +152,63 @@ class RaycastRenderer:
 def _int32(seed: int) -> int:
     """Fold any non-negative seed into the range of a kernel's int."""
     return int(np.uint32(seed % 2**32).astype(np.int32))
+
+
+# What the arrays of all scenes that are kept may have together [bytes]: the training that follows may want
+# the memory. One that is larger alone is not kept.
+LARGEST = 128 << 20
+
+_lock = Lock()
+# With their sizes; the one used last stands last.
+_kept: dict[bytes, tuple[RaycastRenderer, int]] = {}
+
+
+def renderer_of(scene: Scene, environment: Environment) -> RaycastRenderer:
+    """Return a renderer; one that this process used lately, if that was of an equal scene and surround."""
+    size = _size((scene, environment))
+    if size > LARGEST:
+        return RaycastRenderer(scene, environment)
+    digest = hashlib.blake2b()
+    _read((scene, environment), digest.update)
+    key = digest.digest()
+    with _lock:
+        if key in _kept:
+            _kept[key] = _kept.pop(key)
+        else:
+            _make_room(size)
+            _kept[key] = (RaycastRenderer(scene, environment), size)
+        return _kept[key][0]
+
+
+def _make_room(size: int) -> None:
+    """Let go of those that were not used for the longest time."""
+    while _kept and size + sum(kept for _, kept in _kept.values()) > LARGEST:
+        del _kept[next(iter(_kept))]
+
+
+def _size(value: Any) -> int:
+    """Return how many bytes the arrays of nested dataclasses and tuples have."""
+    if isinstance(value, np.ndarray):
+        return value.nbytes
+    return sum(map(_size, _parts(value)))
+
+
+def _read(value: Any, update: Any) -> None:
+    """Feed everything that tells nested dataclasses and tuples apart to a digest."""
+    if isinstance(value, np.ndarray):
+        update(f"{value.dtype}{value.shape}".encode())
+        update(np.ascontiguousarray(value).data)
+        return
+    parts = _parts(value)
+    update(f"{type(value).__name__}{len(parts)}".encode())
+    if not parts:
+        update(repr(value).encode())
+    for part in parts:
+        _read(part, update)
+
+
+def _parts(value: Any) -> list[Any]:
+    """Return what a dataclass or tuple consists of."""
+    if is_dataclass(value):
+        return [getattr(value, each.name) for each in fields(value)]
+    return list(value) if isinstance(value, tuple) else []

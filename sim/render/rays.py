@@ -16,7 +16,7 @@ from digs_warp.geometry.camera import Camera
 from digs_warp.sim.render.surface import ANY_SURFACE, OPAQUE, Surface, trace, viewer_side_normal
 from digs_warp.sim.render.upload import DeviceScene
 from digs_warp.sim.render.view import FAR, View, make_view, ray_direction_cam, surround_distance
-from digs_warp.sim.scene.surround import Surround
+from digs_warp.sim.scene.environment import Surround
 
 wp.set_module_options({"enable_backward": False})
 

@@ -7,7 +7,7 @@
 
 import warp as wp
 
-from digs_warp.sim.render.key_lights import RIM_POINTS, SPOT_POINTS, KeyLights
+from digs_warp.sim.render.lighting import RIM_POINTS, SPOT_POINTS, KeyLights
 from digs_warp.sim.render.surface import Surface, is_blocked, smooth_position_at
 from digs_warp.sim.render.view import FAR
 

@@ -13,7 +13,7 @@ It belongs to the surface: both eyes and all frames find the same shadow, withou
 import numpy as np
 import warp as wp
 
-from digs_warp.sim.render.key_lights import KeyLights
+from digs_warp.sim.render.lighting import KeyLights
 from digs_warp.sim.render.shadow_rays import (
     INSET,
     TURNS,

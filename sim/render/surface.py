@@ -2,7 +2,7 @@
 
 import warp as wp
 
-from digs_warp.sim.render.light_map import LightMap
+from digs_warp.sim.render.surround import LightMap
 from digs_warp.sim.render.textures import LINEAR, TextureSet, sample_texture
 from digs_warp.sim.scene.scene import OPAQUE_SHARE
 

@@ -1,4 +1,4 @@
-"""The surround of the scene: a panorama on a sphere, which is also the light source."""
+"""The surround of the scene: a panorama on a sphere, dome or room, which is also the light source."""
 
 import logging
 from dataclasses import dataclass
@@ -8,8 +8,81 @@ import numpy as np
 
 from digs_warp.checks import DigsError, check_finite, check_positive, check_shape
 from digs_warp.data.images import linear_from_srgb, read_image
-from digs_warp.sim.scene.studio_room import studio_room_radiance
-from digs_warp.sim.scene.surround import Surround
+from digs_warp.sim.camera.rig import StereoRig
+
+# Where panoramas are taken [m]: from a tripod at eye level, and not right above the object: straight down
+# they show the tripod or its retouched place, and their texels become ever narrower.
+PHOTOGRAPHER_HEIGHT = 1.6
+PHOTOGRAPHER_ASIDE = 1.0
+
+# Height of a room over its width.
+ROOM_HEIGHT = 0.7
+
+
+@dataclass(frozen=True)
+class Surround:
+    """A sphere, a sphere cut by a floor (dome), or a box (room); z is up, metres.
+
+    A place on the boundary shows what the panorama shows in its direction from ``center``; in a room, in the
+    direction that it would have in a cube.
+
+    Attributes:
+        center: middle of sphere or box, and where the panorama was taken, (x, y, z).
+        radius: of the sphere; of a room: half its width.
+        floor: height of the floor; None: the whole sphere.
+        is_room: whether the boundary is a box.
+    """
+
+    center: tuple[float, float, float]
+    radius: float
+    floor: float | None = None
+    is_room: bool = False
+
+    @staticmethod
+    def sphere(radius: float) -> "Surround":
+        """Return a sphere around the origin."""
+        return Surround((0.0, 0.0, 0.0), radius)
+
+    @staticmethod
+    def dome(floor: float, radius: float) -> "Surround":
+        """Return a sphere around a photographer's camera above a floor; its radius exceeds that height."""
+        return Surround((PHOTOGRAPHER_ASIDE, 0.0, floor + PHOTOGRAPHER_HEIGHT), radius, floor)
+
+    @staticmethod
+    def room(floor: float, half_width: float) -> "Surround":
+        """Return a square room on a floor, around the z axis."""
+        height = floor + ROOM_HEIGHT * half_width
+        return Surround((0.0, 0.0, height), half_width, floor, is_room=True)
+
+    @property
+    def half_size(self) -> np.ndarray:
+        """Half the sides of a room, (3,)."""
+        return self.radius * np.array([1.0, 1.0, ROOM_HEIGHT])
+
+    def holds(self, point: np.ndarray) -> bool:
+        """Whether a point, (3,), is inside."""
+        away = point - np.array(self.center)
+        if self.is_room:
+            return bool((np.abs(away) < self.half_size).all())
+        above = self.floor is None or point[2] > self.floor
+        return bool(above and np.linalg.norm(away) < self.radius)
+
+
+def panorama_directions(width: int, height: int) -> np.ndarray:
+    """Return the unit direction of each panorama pixel's center, shape (height, width, 3)."""
+    azimuth = (0.5 - (np.arange(width) + 0.5) / width) * 2 * np.pi
+    polar = ((np.arange(height) + 0.5) / height * np.pi)[:, None]
+    ring = np.sin(polar)
+    return np.stack(
+        [ring * np.cos(azimuth), ring * np.sin(azimuth), np.cos(polar) + 0 * azimuth], axis=-1
+    )
+
+
+def solid_angles(width: int, height: int) -> np.ndarray:
+    """Return the solid angle of each panorama row's pixels [sr], shape (height, 1)."""
+    edges = np.cos(np.arange(height + 1) / height * np.pi)
+    return ((edges[:-1] - edges[1:]) * 2 * np.pi / width)[:, None]
+
 
 _log = logging.getLogger(__name__)
 
@@ -26,7 +99,7 @@ class Environment:
     """A luminous surround of the scene.
 
     Attributes:
-        radiance: linear RGB, equirectangular as in `digs_warp.sim.scene.panorama`, shape (height, width, 3),
+        radiance: linear RGB, equirectangular as in `panorama_directions`, shape (height, width, 3),
             float32, finite, >= 0.
         radius: radius of the sphere [m]; of a room: half its width.
         level: its light against that which the exposure of a recording is set for, > 0.
@@ -102,4 +175,48 @@ def _finite(path: Path, pixels: np.ndarray) -> np.ndarray:
 
 def procedural_environment(radius: float = DEFAULT_RADIUS) -> Environment:
     """Return the built-in studio room: textured all around, lit by windows and soft boxes."""
+    from digs_warp.sim.scene.studio_room import studio_room_radiance
+
     return Environment(studio_room_radiance(), radius, is_room=True)
+
+
+# More pixels than this per texel look soft, and give a matcher less to go by than a real room would.
+SOFT = 3.0
+
+# Panoramas are sold in these widths, and in twice, four times ... as many pixels.
+SMALLEST_WIDTH = 1024
+
+
+def pixels_per_texel(environment: Environment, rig: StereoRig, distance: float) -> float:
+    """Return how many pixels of the image a texel of the panorama covers, where the surround is nearest.
+
+    Args:
+        environment: with its final size.
+        rig: the camera.
+        distance: of the camera from the origin [m].
+    """
+    surround = environment.surround
+    texel = np.pi / environment.radiance.shape[0]
+    foot = np.array([0.0, 0.0, 0.0 if surround.floor is None else surround.floor])
+    if surround.floor is None or surround.is_room:  # seen past the object
+        from_center, from_camera = surround.radius, surround.radius + distance
+    else:
+        from_center = float(np.linalg.norm(foot - np.array(surround.center)))
+        from_camera = float(np.hypot(distance, foot[2]))
+    return texel * from_center / from_camera * rig.image_intrinsics.fx
+
+
+def warn_if_soft(environment: Environment, rig: StereoRig, distance: float) -> None:
+    """Say what panorama would be fine enough, if this one is not; see `pixels_per_texel`."""
+    height, width = environment.radiance.shape[:2]
+    magnified = pixels_per_texel(environment, rig, distance)
+    if magnified <= SOFT:
+        return
+    fine = SMALLEST_WIDTH * 2 ** int(
+        np.ceil(np.log2(max(1.0, width * magnified / SOFT / SMALLEST_WIDTH)))
+    )
+    _log.warning(
+        "environment: %d x %d texels, each %.0f pixels wide in the image: the surround looks soft. Take a "
+        "panorama of %d x %d, or fewer pixels (--width)",
+        *(width, height, magnified, fine, fine // 2),
+    )

@@ -9,7 +9,6 @@ import numpy as np
 
 from digs_warp.checks import MeshError, check_positive
 from digs_warp.geometry.rigid import transform_points
-from digs_warp.sim.scene.mesh.inward import looks_inward
 from digs_warp.sim.scene.mesh.normalize import box_of, drop_unused_vertices, in_world, used_vertices
 from digs_warp.sim.scene.mesh.normals import fill_normals
 from digs_warp.sim.scene.mesh.parts import Triangles
@@ -24,8 +23,13 @@ from digs_warp.sim.scene.mesh.placement import (
     stated_scale,
 )
 from digs_warp.sim.scene.mesh.read import GLTF_SUFFIXES, UP_AXIS_BY_SUFFIX, read_triangles
-from digs_warp.sim.scene.mesh.resting import AXES, better_up_axis
-from digs_warp.sim.scene.mesh.stable_pose import SAME_POSE, resting_turn
+from digs_warp.sim.scene.mesh.resting import (
+    AXES,
+    SAME_POSE,
+    better_up_axis,
+    looks_inward,
+    resting_turn,
+)
 from digs_warp.sim.scene.scene import Material, Scene, SceneObject
 
 logger = logging.getLogger(__name__)

@@ -10,7 +10,7 @@ from functools import cache
 
 import numpy as np
 
-from digs_warp.sim.scene.panorama import panorama_directions
+from digs_warp.sim.scene.environment import panorama_directions
 
 WIDTH = 2048
 HEIGHT = 1024

@@ -1,4 +1,4 @@
-"""What the planner knows about a scene: shares of pixels and extremes over a few of its frames."""
+"""What the planner knows about a scene: motion in the image, shares of pixels, extremes over frames."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
@@ -7,10 +7,40 @@ import numpy as np
 
 from digs_warp.checks import DigsError
 from digs_warp.data.images import linear_from_srgb
+from digs_warp.geometry.camera import Intrinsics
 from digs_warp.sim.camera.rig import StereoRig
-from digs_warp.sim.sensor.frame import FrameTruth
-from digs_warp.sim.sensor.materials import is_mirror, is_transparent
-from digs_warp.sim.sensor.motion import image_motion
+from digs_warp.sim.sensor.frame import FrameTruth, is_mirror, is_transparent
+
+
+def image_motion(
+    depth: np.ndarray,
+    intrinsics: Intrinsics,
+    velocity_cam: tuple[float, float, float],
+    angular_velocity_cam: tuple[float, float, float],
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return the velocity (u, v) of the image of a static scene [px/s], each (height, width), float32.
+
+    With the camera at velocity t and angular velocity w (its own axes), a point P = Z (x, y, 1) moves
+    at -t - w x P in the camera; its image follows (Longuet-Higgins and Prazdny 1980, eq. 2).
+
+    Args:
+        depth: planar z [m], (height, width), at any resolution; NaN counts as infinitely far.
+        intrinsics: of the camera.
+        velocity_cam: [m/s].
+        angular_velocity_cam: [rad/s].
+    """
+    k = intrinsics
+    height, width = depth.shape
+    x = ((np.arange(width, dtype=np.float32) + 0.5) * (k.width / width) - k.cx) / k.fx
+    y = ((np.arange(height, dtype=np.float32) + 0.5) * (k.height / height) - k.cy) / k.fy
+    y = y[:, None]
+    tx, ty, tz = (np.float32(value) for value in velocity_cam)
+    wx, wy, wz = (np.float32(value) for value in angular_velocity_cam)
+    inverse = np.nan_to_num(1 / depth.astype(np.float32, copy=False), nan=0.0)
+    u = k.fx * ((tz * x - tx) * inverse + wx * x * y - wy * (1 + x * x) + wz * y)
+    v = k.fy * ((tz * y - ty) * inverse + wx * (1 + y * y) - wy * x * y - wz * x)
+    return u, v
+
 
 # Thresholds of the statistics; the effects that use them give the sources.
 STEP = 1.0  # [px]

@@ -12,10 +12,71 @@ from digs_warp.sim.camera.rig import StereoRig
 from digs_warp.sim.scene.scene import Material
 from digs_warp.sim.sensor.cause import Cause
 from digs_warp.sim.sensor.drift import NO_DRIFT, Drift
-from digs_warp.sim.sensor.filters import gray_of
+from digs_warp.sim.sensor.filters import box_mean, gray_of, horizontal_gradient
 from digs_warp.sim.sensor.highlights import Highlights
 from digs_warp.sim.sensor.right_eye import hidden_from_right
-from digs_warp.sim.sensor.texture import gradient_in_window, noise_of
+
+# Gradient over image noise above which a patch is matched: 99 % of the pixels at 0.24, 9 % at 0.12.
+MATCHABLE_SNR = 0.25
+
+# Noise of the luma per noise of a channel: the root of the sum of squared weights (Rec. 601).
+LUMA_NOISE = float(np.hypot(np.hypot(0.299, 0.587), 0.114))
+
+# Rounding to 8 bits; no patch has less noise.
+ROUNDING_NOISE = 1 / np.sqrt(12)
+
+
+def gradient_in_window(gray: np.ndarray, window: int) -> np.ndarray:
+    """Return the RMS of the horizontal gradient in the window round each pixel [DN/px], float32.
+
+    Args:
+        gray: (height, width), uint8.
+        window: width of the matching window [px], odd.
+    """
+    return np.sqrt(box_mean(np.square(horizontal_gradient(gray)), window))
+
+
+def noise_of(image_noise: float) -> float:
+    """Return the noise of the luma, which a gradient must exceed to be matched [DN].
+
+    Args:
+        image_noise: of each color channel [DN]; the channels' noise is independent.
+    """
+    return max(LUMA_NOISE * image_noise, ROUNDING_NOISE)
+
+
+# A metal this smooth reflects its surroundings sharply.
+MIRROR_METALLIC, MIRROR_ROUGHNESS = 0.5, 0.1
+
+# Rougher surfaces blur a highlight so much that it has no gradient to match.
+GLOSSY_ROUGHNESS = 0.3
+
+
+def is_mirror(material: Material) -> bool:
+    """Whether a matcher matches the reflected scene instead of the surface."""
+    return material.metallic > MIRROR_METALLIC and material.roughness < MIRROR_ROUGHNESS
+
+
+def is_glossy(material: Material) -> bool:
+    """Whether the surface shows sharp highlights without being a mirror.
+
+    Glass does not count: what is bright there mostly lies behind it.
+    """
+    return (
+        material.roughness < GLOSSY_ROUGHNESS
+        and not is_mirror(material)
+        and not is_transparent(material)
+    )
+
+
+def is_transparent(material: Material) -> bool:
+    """Whether the background shows more strongly than the surface."""
+    return material.is_transparent
+
+
+def is_thin_glass(material: Material) -> bool:
+    """Whether what lies behind the surface shows at its own disparity: nothing bends the rays."""
+    return material.is_transparent and not material.bends
 
 
 class FrameRays(Protocol):

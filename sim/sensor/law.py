@@ -1,4 +1,4 @@
-"""The 'law' tier: depth noise that follows from the geometry of a stereo pair, and nothing else.
+"""The 'law' tier: depth noise from the geometry of a stereo pair; and the sensor's working range.
 
 A matcher finds the disparity d = f b / Z with an error of sigma_d pixels at any distance, and reports it
 in steps. In depth this gives the quadratic law
@@ -13,6 +13,31 @@ import numpy as np
 
 from digs_warp.checks import check_shape
 from digs_warp.sim.camera.rig import StereoRig
+from digs_warp.sim.sensor.cause import Cause
+from digs_warp.sim.sensor.frame import Sensed
+
+# A depth right at the end is in range, however it is rounded.
+ROUNDING = 5e-7
+
+
+def within_range(sensed: Sensed, rig: StereoRig) -> Sensed:
+    """Return the frame with holes where the sensed depth is out of range, labeled too near or too far.
+
+    Disparities of 0 and below, which noise makes of small ones, are too far.
+    """
+    smallest = rig.focal_baseline / rig.max_depth
+    sensed = sensed.with_holes(sensed.disparity > np.float32(rig.largest_disparity), Cause.NEAR)
+    return sensed.with_holes(sensed.disparity < np.float32(smallest * (1 - ROUNDING)), Cause.FAR)
+
+
+def round_into_range(depth: np.ndarray, rig: StereoRig) -> None:
+    """Move depths that only rounding put past an end of the range to that end, in place."""
+    for end, past in (
+        (rig.max_depth, depth > rig.max_depth),
+        (rig.min_depth, depth < rig.min_depth),
+    ):
+        depth[past & (np.abs(depth - end) < 2 * ROUNDING * end)] = end
+
 
 # Part of the seed: other effects draw other numbers.
 EFFECT_ID = 1

@@ -7,7 +7,7 @@ import numpy as np
 
 from digs_warp.checks import DigsError, check_shape
 from digs_warp.sim.camera.rig import StereoRig
-from digs_warp.sim.sensor.blame import blame
+from digs_warp.sim.sensor.error_attribution import attribute_errors
 from digs_warp.sim.sensor.filters import gray_of
 from digs_warp.sim.sensor.frame import FrameTruth, Sensed
 
@@ -46,7 +46,7 @@ def sense_by_matching(
     matched = match(left, right, disparities, rig.window)
     confidence = confidence_in_matches(left, right, matched, disparities, rig.window)
     disparity = truth.drift.reported_disparity(matched)
-    return Sensed(disparity, blame(disparity, truth), confidence)
+    return Sensed(disparity, attribute_errors(disparity, truth), confidence)
 
 
 def search_range(rig: StereoRig) -> int:

@@ -18,8 +18,7 @@ from digs_warp.sim.sensor.color.recorded import after_effects
 from digs_warp.sim.sensor.effects import AFTER_MATCHING
 from digs_warp.sim.sensor.facts import STEP
 from digs_warp.sim.sensor.frame import Sensed
-from digs_warp.sim.sensor.law import sense_depth
-from digs_warp.sim.sensor.limit import ROUNDING, within_range
+from digs_warp.sim.sensor.law import ROUNDING, sense_depth, within_range
 from digs_warp.sim.sensor.steps import near_steps
 from digs_warp.sim.sensor.tiers import apply_effects
 

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from digs_warp.sim.sensor.blame import WRONG
+from digs_warp.sim.sensor.error_attribution import WRONG
 from digs_warp.sim.sensor.facts import STEP
 from digs_warp.sim.sensor.frame import FrameTruth
 from digs_warp.sim.sensor.steps import near_steps

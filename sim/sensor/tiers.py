@@ -14,8 +14,7 @@ from digs_warp.sim.sensor.cause import Cause
 from digs_warp.sim.sensor.effects import AFTER_MATCHING
 from digs_warp.sim.sensor.effects.protocol import Choice
 from digs_warp.sim.sensor.frame import FrameTruth, Sensed
-from digs_warp.sim.sensor.law import sense_depth
-from digs_warp.sim.sensor.limit import round_into_range, within_range
+from digs_warp.sim.sensor.law import round_into_range, sense_depth, within_range
 
 
 def sense(

@@ -13,9 +13,9 @@ from typing import TYPE_CHECKING
 import pytest
 
 from digs_warp.checks import DigsError
+from digs_warp.sim.testing.curve import MARKER, SummaryWriter
 from digs_warp.sim.testing.effects import EachEffect
 from digs_warp.sim.testing.marker import DEFAULT_STRENGTHS, read_marker
-from digs_warp.sim.testing.summary import MARKER, SummaryWriter
 
 if TYPE_CHECKING:
     from digs_warp.sim.testing.series import NoiseSeries
@@ -72,8 +72,7 @@ def sensor_noise(
 
     pytest's cache keeps them between runs (``pytest --cache-clear`` removes them).
     """
-    from digs_warp.sim.testing.cache import CaptureCache
-    from digs_warp.sim.testing.series import NoiseSeries
+    from digs_warp.sim.testing.series import CaptureCache, NoiseSeries
 
     effect = getattr(request, "param", None)
     source, strengths = read_marker(request.node.get_closest_marker(MARKER), effect)

@@ -11,9 +11,8 @@ from digs_warp.sim.config import SimulateConfig
 from digs_warp.sim.record.inputs import load_inputs
 from digs_warp.sim.record.record import simulate
 from digs_warp.sim.record.session import Session, prepare_session
-from digs_warp.sim.scene.mesh.named_files import mesh_files
-from digs_warp.sim.testing.noisy_recording import content_of, write_noisy
-from digs_warp.sim.testing.recording import OwnRecording
+from digs_warp.sim.scene.mesh.read import mesh_files
+from digs_warp.sim.testing.recording import OwnRecording, content_of, write_noisy
 
 KEY_LENGTH = 20  # hexadecimal digits
 

@@ -6,8 +6,13 @@ from dataclasses import fields, is_dataclass
 from typing import Any, get_type_hints
 
 from digs_warp.sim.config import SimulateConfig
-from digs_warp.sim.record.randomize.file import SHIPPED, load_randomization
-from digs_warp.sim.record.randomize.keys import DISTRACTOR_MESH_COUNT, OBJECT_COUNT, known_keys
+from digs_warp.sim.record.randomize.settings_file import (
+    DISTRACTOR_MESH_COUNT,
+    OBJECT_COUNT,
+    SHIPPED,
+    known_keys,
+    load_randomization,
+)
 from digs_warp.study.table import Table
 from scripts.page_marks import fill
 

@@ -1,15 +1,19 @@
-"""Why a match is missing or wrong, one claim after the other over the whole image; see sim.sensor.blame."""
+"""Why a match is missing or wrong, one cause after another over the whole image; see error_attribution."""
 
 import numpy as np
 
-from digs_warp.sim.sensor.blame import WRONG
 from digs_warp.sim.sensor.cause import Cause
 from digs_warp.sim.sensor.drift import NO_DRIFT
+from digs_warp.sim.sensor.error_attribution import WRONG
 from digs_warp.sim.sensor.facts import DARK, SATURATED, STEP
-from digs_warp.sim.sensor.frame import FrameTruth
-from digs_warp.sim.sensor.materials import is_glossy, is_mirror, is_transparent
+from digs_warp.sim.sensor.frame import (
+    MATCHABLE_SNR,
+    FrameTruth,
+    is_glossy,
+    is_mirror,
+    is_transparent,
+)
 from digs_warp.sim.sensor.steps import near_steps
-from digs_warp.sim.sensor.texture import MATCHABLE_SNR
 
 
 def blame_twin(disparity: np.ndarray, truth: FrameTruth) -> np.ndarray:

@@ -13,7 +13,7 @@ from digs_warp.sim.record.session import Session
 from digs_warp.sim.render.raycast import RaycastRenderer
 from digs_warp.sim.scene.environment import Environment
 from digs_warp.sim.scene.scene import Material, Scene
-from digs_warp.sim.sensor.infrared.pattern import SPOT, dot_pattern
+from digs_warp.sim.sensor.infrared.pair import SPOT, dot_pattern
 from reference.plates import plate
 
 WHITE = Material("white", np.full(3, 0.8), roughness=1.0)

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from digs_warp.sim.camera.shutter import Shutter
-from digs_warp.sim.camera.walk.framing import half_angles
+from digs_warp.sim.camera.walk.paths import half_angles
 from digs_warp.sim.camera.walk.settings import WalkSettings
 from digs_warp.sim.config import SimulateConfig, Tier
 from digs_warp.sim.record.inputs import load_inputs

@@ -6,8 +6,7 @@ from digs_warp.data.images import linear_from_srgb
 from digs_warp.geometry.camera import Camera, Intrinsics
 from digs_warp.geometry.rigid import look_at
 from digs_warp.sim.render.raycast import RaycastRenderer
-from digs_warp.sim.scene.environment import Environment
-from digs_warp.sim.scene.panorama import panorama_directions
+from digs_warp.sim.scene.environment import Environment, panorama_directions
 from digs_warp.sim.scene.scene import Material, Scene
 from reference.plates import plate
 

@@ -6,7 +6,7 @@ import numpy as np
 from scipy.ndimage import map_coordinates
 
 from digs_warp.sim.camera.rig import StereoRig
-from digs_warp.sim.sensor.blame import WRONG
+from digs_warp.sim.sensor.error_attribution import WRONG
 from digs_warp.sim.sensor.facts import STEP
 from digs_warp.sim.sensor.frame import FrameTruth
 from digs_warp.sim.sensor.scores import share_of

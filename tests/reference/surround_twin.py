@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from digs_warp.sim.scene.surround import Surround
+from digs_warp.sim.scene.environment import Surround
 
 
 def inside(surround: Surround, points: np.ndarray) -> np.ndarray:

@@ -9,8 +9,8 @@ from digs_warp.data.images import linear_from_srgb
 from digs_warp.geometry.camera import Camera, Intrinsics
 from digs_warp.geometry.rigid import look_at
 from digs_warp.sim.render.environment_light import WHITE_CARD
+from digs_warp.sim.render.hit_material import sheen_shares
 from digs_warp.sim.render.raycast import RaycastRenderer
-from digs_warp.sim.render.sheen import sheen_shares
 from digs_warp.sim.scene.environment import Environment
 from digs_warp.sim.scene.scene import Material
 from reference.plates import plate

@@ -15,10 +15,9 @@ from digs_warp.geometry.camera import Camera, Intrinsics
 from digs_warp.geometry.rigid import look_at
 from digs_warp.sim.render.gl import GlRenderer
 from digs_warp.sim.render.raycast import RaycastRenderer
-from digs_warp.sim.scene.environment import Environment
+from digs_warp.sim.scene.environment import Environment, panorama_directions
 from digs_warp.sim.scene.join import join_scenes
 from digs_warp.sim.scene.load import load_scene
-from digs_warp.sim.scene.panorama import panorama_directions
 from digs_warp.sim.scene.procedural import procedural_scene
 from digs_warp.sim.scene.scene import Material, Scene
 from reference.plates import plate

@@ -6,9 +6,8 @@ import pytest
 from digs_warp.geometry.camera import Camera
 from digs_warp.geometry.rigid import look_at
 from digs_warp.sim.render.raycast import RaycastRenderer
-from digs_warp.sim.scene.environment import Environment
+from digs_warp.sim.scene.environment import Environment, panorama_directions, solid_angles
 from digs_warp.sim.scene.join import join_scenes
-from digs_warp.sim.scene.panorama import panorama_directions, solid_angles
 from digs_warp.sim.scene.scene import Material, Scene
 from reference.plates import plate
 from reference.shading_scenes import INTRINSICS, MATTE, UP, floor, linear_image

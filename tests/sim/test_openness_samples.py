@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import trimesh
 
-from digs_warp.sim.render import openness, openness_samples
+from digs_warp.sim.render import ambient_occlusion, ambient_occlusion_samples
 from digs_warp.sim.render.raycast import RaycastRenderer
 from digs_warp.sim.scene.environment import Environment
 from digs_warp.sim.scene.join import join_scenes
@@ -39,21 +39,21 @@ def balls_on_a_board() -> Scene:
 
 def measured(scene: Scene) -> np.ndarray:
     renderer = RaycastRenderer(scene, SKY)
-    openness.measure_openness(scene, renderer._surface)
+    ambient_occlusion.measure_openness(scene, renderer._surface)
     return renderer._surface.openness.numpy()
 
 
 def test_the_nodes_between_samples_are_as_open_as_measured(monkeypatch: pytest.MonkeyPatch) -> None:
     scene = balls_on_a_board()
     for budget in ("RAY_BUDGET", "SAMPLES_BUDGET"):
-        monkeypatch.setattr(openness, budget, 10**9)
+        monkeypatch.setattr(ambient_occlusion, budget, 10**9)
     exact = measured(scene)
     taken = []
-    choose = openness_samples.choose_samples
-    monkeypatch.setattr(openness, "MOST_NODES", 1_000)
-    monkeypatch.setattr(openness_samples, "CELLS", 6_000)
+    choose = ambient_occlusion_samples.choose_samples
+    monkeypatch.setattr(ambient_occlusion, "MOST_NODES", 1_000)
+    monkeypatch.setattr(ambient_occlusion_samples, "CELLS", 6_000)
     monkeypatch.setattr(
-        openness, "choose_samples", lambda *args: taken.append(choose(*args)) or taken[-1]
+        ambient_occlusion, "choose_samples", lambda *args: taken.append(choose(*args)) or taken[-1]
     )
     sampled = measured(scene)
     (samples,) = taken
@@ -72,9 +72,9 @@ def test_the_nodes_between_samples_are_as_open_as_measured(monkeypatch: pytest.M
 
 def test_nodes_of_large_faces_are_measured_themselves() -> None:
     scene = balls_on_a_board()
-    nodes = openness.openness_nodes(scene)
+    nodes = ambient_occlusion.openness_nodes(scene)
     of_faces = np.concatenate([scene.faces, nodes.edges], axis=1)
-    samples = openness_samples.choose_samples(scene, nodes.points, nodes.normals, of_faces)
+    samples = ambient_occlusion_samples.choose_samples(scene, nodes.points, nodes.normals, of_faces)
     board = of_faces[-12:].reshape(-1)
     assert np.isin(board, samples.measured).all()
     assert not np.isin(board, samples.measured[samples.around]).any()

@@ -9,9 +9,8 @@ from digs_warp.checks import DigsError
 from digs_warp.geometry.camera import Camera, Intrinsics, pixel_centers
 from digs_warp.geometry.rigid import look_at
 from digs_warp.sim.render.raycast import RaycastRenderer
-from digs_warp.sim.scene.environment import Environment
+from digs_warp.sim.scene.environment import Environment, panorama_directions
 from digs_warp.sim.scene.join import join_scenes
-from digs_warp.sim.scene.panorama import panorama_directions
 from reference.plates import plate
 from reference.raycast_scenes import CAMERA, GRAY, INTRINSICS, UP, gray_sky, rays_world, sky, sphere
 

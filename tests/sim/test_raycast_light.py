@@ -6,7 +6,7 @@ import numpy as np
 
 from digs_warp.geometry.camera import Camera
 from digs_warp.geometry.rigid import look_at
-from digs_warp.sim.render.openness import openness_nodes
+from digs_warp.sim.render.ambient_occlusion import openness_nodes
 from digs_warp.sim.render.raycast import RaycastRenderer
 from digs_warp.sim.scene.join import join_scenes
 from digs_warp.sim.scene.scene import Material, Scene

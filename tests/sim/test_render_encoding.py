@@ -7,7 +7,7 @@ import numpy as np
 import warp as wp
 
 from digs_warp.data.images import srgb_from_linear
-from digs_warp.sim.render.encoding import Encoding, srgb_byte, srgb_encoding
+from digs_warp.sim.render.view import Encoding, srgb_byte, srgb_encoding
 
 
 @wp.kernel

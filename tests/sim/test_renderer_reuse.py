@@ -11,9 +11,9 @@ import pytest
 from digs_warp.data.images import write_image
 from digs_warp.sim.config import SimulateConfig
 from digs_warp.sim.record.record import simulate
-from digs_warp.sim.render import environment_light, reuse
+from digs_warp.sim.render import environment_light, raycast
 from digs_warp.sim.render.environment_light import prepare_light
-from digs_warp.sim.render.reuse import renderer_of
+from digs_warp.sim.render.raycast import renderer_of
 from digs_warp.sim.scene.environment import Environment
 from digs_warp.sim.scene.procedural import procedural_scene, procedural_shape
 from digs_warp.sim.scene.scene import Scene
@@ -25,9 +25,9 @@ SKY = Environment(np.full((8, 16, 3), 0.5, np.float32))
 
 @pytest.fixture(autouse=True)
 def nothing_kept() -> Iterator[None]:
-    reuse._kept.clear()
+    raycast._kept.clear()
     yield
-    reuse._kept.clear()
+    raycast._kept.clear()
 
 
 @pytest.fixture(scope="module")
@@ -62,17 +62,17 @@ def test_those_used_last_are_kept_as_far_as_they_are_small(
     plain: Scene, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     skies = [replace(SKY, level=level) for level in (1.0, 2.0, 3.0)]
-    size = reuse._size((plain, SKY))
-    monkeypatch.setattr(reuse, "LARGEST", 2 * size)
+    size = raycast._size((plain, SKY))
+    monkeypatch.setattr(raycast, "LARGEST", 2 * size)
     first, second = (renderer_of(plain, sky) for sky in skies[:2])
     assert renderer_of(plain, skies[0]) is first
     third = renderer_of(plain, skies[2])
-    assert [renderer for renderer, _ in reuse._kept.values()] == [first, third]
+    assert [renderer for renderer, _ in raycast._kept.values()] == [first, third]
     assert renderer_of(plain, skies[1]) is not second
-    reuse._kept.clear()
-    monkeypatch.setattr(reuse, "LARGEST", size - 1)
+    raycast._kept.clear()
+    monkeypatch.setattr(raycast, "LARGEST", size - 1)
     assert renderer_of(plain, SKY) is not renderer_of(plain, SKY)
-    assert not reuse._kept
+    assert not raycast._kept
 
 
 def test_objects_in_the_same_surround_share_its_blurred_copies() -> None:
@@ -101,11 +101,11 @@ def test_a_recording_does_not_depend_on_the_one_before(
     config: SimulateConfig, tmp_path: Path
 ) -> None:
     alone = pixels_of(config, tmp_path / "alone")
-    reuse._kept.clear()
+    raycast._kept.clear()
     simulate(replace(config, seed=8, samples_per_pixel=1), tmp_path / "another")
-    (kept,) = reuse._kept.values()
+    (kept,) = raycast._kept.values()
     assert pixels_of(config, tmp_path / "after") == alone
-    assert list(reuse._kept.values()) == [kept]
+    assert list(raycast._kept.values()) == [kept]
 
 
 def test_recordings_at_the_same_time_have_the_same_bytes(

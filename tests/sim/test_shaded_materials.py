@@ -7,9 +7,8 @@ import pytest
 
 from digs_warp.data.images import linear_from_srgb
 from digs_warp.sim.render.raycast import RaycastRenderer
-from digs_warp.sim.scene.environment import Environment
+from digs_warp.sim.scene.environment import Environment, panorama_directions
 from digs_warp.sim.scene.join import join_scenes
-from digs_warp.sim.scene.panorama import panorama_directions
 from digs_warp.sim.scene.scene import Material
 from reference.plates import plate
 from reference.shading_scenes import (

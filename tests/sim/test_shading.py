@@ -7,11 +7,10 @@ from digs_warp.geometry.camera import Camera, pixel_centers
 from digs_warp.geometry.rigid import look_at
 from digs_warp.geometry.sh import sh_basis
 from digs_warp.sim.render.environment_light import irradiance_coefficients
-from digs_warp.sim.render.key_lights import take_out_spots
+from digs_warp.sim.render.lighting import take_out_spots
 from digs_warp.sim.render.raycast import RaycastRenderer
-from digs_warp.sim.scene.environment import Environment
+from digs_warp.sim.scene.environment import Environment, panorama_directions, solid_angles
 from digs_warp.sim.scene.join import join_scenes
-from digs_warp.sim.scene.panorama import panorama_directions, solid_angles
 from digs_warp.sim.scene.scene import Material, Scene
 from reference.plates import plate
 from reference.shading_scenes import (

@@ -9,7 +9,7 @@ from digs_warp.geometry.camera import Camera, Intrinsics
 from digs_warp.geometry.rigid import look_at
 from digs_warp.sim.render.raycast import RaycastRenderer
 from digs_warp.sim.render.rays import depth_behind_kernel
-from digs_warp.sim.render.solid import CELLS, stopping_faces
+from digs_warp.sim.render.upload import CELLS, stopping_faces
 from digs_warp.sim.scene.environment import Environment
 from digs_warp.sim.scene.join import join_scenes
 from digs_warp.sim.scene.scene import Material, Scene

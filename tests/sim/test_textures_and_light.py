@@ -12,8 +12,7 @@ from digs_warp.sim.render.environment_light import (
 )
 from digs_warp.sim.render.lighting import SPECULAR_COPIES
 from digs_warp.sim.render.textures import LINEAR, SRGB, TextureImage, mip_chain, pack_textures
-from digs_warp.sim.scene.environment import Environment
-from digs_warp.sim.scene.panorama import panorama_directions, solid_angles
+from digs_warp.sim.scene.environment import Environment, panorama_directions, solid_angles
 
 
 @pytest.mark.parametrize("shape", [(64, 64), (17, 5), (1, 9), (100, 37), (1, 1)])

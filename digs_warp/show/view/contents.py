@@ -156,8 +156,8 @@ def _of_capture(folder: Path) -> Contents:
 
 
 def _of_mesh(path: Path) -> Contents:
+    from digs_warp.sim.scene.join import srgb_vertex_colors
     from digs_warp.sim.scene.load import load_scene
-    from digs_warp.sim.scene.vertex_colors import srgb_vertex_colors
 
     scene = load_scene(path)
     mesh = TriangleMesh(scene.vertices, scene.faces, srgb_vertex_colors(scene))

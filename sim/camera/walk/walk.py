@@ -9,12 +9,18 @@ import numpy as np
 from digs_warp.checks import DigsError, check_positive
 from digs_warp.geometry.camera import Intrinsics
 from digs_warp.geometry.rigid import invert_rigid, look_at, matrix_from_rotation_vector, rigid
-from digs_warp.sim.camera.walk.framing import room
-from digs_warp.sim.camera.walk.noise import SAMPLE_RATE
-from digs_warp.sim.camera.walk.paths import Path, path_named, place
+from digs_warp.sim.camera.walk.hand_motion import (
+    AIM_LIMIT,
+    AIM_RMS_DEG,
+    PEAK,
+    POSITION_SHAKE,
+    SAMPLE_RATE,
+    distance_limits,
+    shake_tracks,
+    wander,
+)
+from digs_warp.sim.camera.walk.paths import Path, path_named, place, room
 from digs_warp.sim.camera.walk.settings import HOVERING, WalkSettings
-from digs_warp.sim.camera.walk.shake import PEAK, POSITION_SHAKE, shake_tracks
-from digs_warp.sim.camera.walk.wander import AIM_LIMIT, AIM_RMS_DEG, distance_limits, wander
 
 if TYPE_CHECKING:
     from scipy.interpolate import CubicSpline

@@ -1,4 +1,4 @@
-"""The labels of one frame, made where they are asked for."""
+"""The labels of one frame: disparity, optical flow, visible objects, amodal masks."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -7,12 +7,92 @@ import numpy as np
 
 from digs_warp.data.layers import Layer
 from digs_warp.sim.camera.shutter import Shutter, ShutteredEye
-from digs_warp.sim.record.labels.disparity import pair_disparity
-from digs_warp.sim.record.labels.flow import flow_to_next
-from digs_warp.sim.record.labels.seen import Seen
 from digs_warp.sim.record.session import ObjectPixels, Session
+from digs_warp.sim.render.protocol import CameraTrack, Renderer
 from digs_warp.sim.sensor.frame import FrameTruth
-from digs_warp.sim.sensor.infrared.color_camera import ColorView
+from digs_warp.sim.sensor.infrared.registration import ColorView
+
+
+@dataclass(frozen=True, eq=False)
+class Seen:
+    """Surfaces in the middle of each row's exposure.
+
+    Attributes:
+        track: the eye: one pose for each band of rows.
+        depth: planar z [m], (height, width), float32.
+        material_ids: (height, width), int32; -1: the surround.
+    """
+
+    track: CameraTrack
+    depth: np.ndarray
+    material_ids: np.ndarray
+
+    @staticmethod
+    def by(eye: ShutteredEye) -> "Seen":
+        """Return what an eye sees."""
+        seen = eye.geometry()
+        return Seen(eye.middle_track, seen.depth, seen.material_ids)
+
+
+@dataclass(frozen=True, eq=False)
+class PairDisparity:
+    """True disparity of a stereo pair; all of shape (height, width).
+
+    Attributes:
+        left: column in the left image minus that in the right one [px], float32; NaN: nothing there.
+        right: the same for the pixels of the right image.
+        occlusion_left: whether the right image shows the points of the left one, uint8; see
+            `digs_warp.data.occlusion.Occlusion`.
+        occlusion_right: the other way round.
+    """
+
+    left: np.ndarray
+    right: np.ndarray
+    occlusion_left: np.ndarray
+    occlusion_right: np.ndarray
+
+
+def pair_disparity(renderer: Renderer, left: Seen, right: Seen) -> PairDisparity:
+    """Return the disparity between what two eyes see at the same time."""
+    to_right = renderer.follow(left.track, left.depth, left.material_ids, right.track)
+    to_left = renderer.follow(right.track, right.depth, right.material_ids, left.track)
+    return PairDisparity(
+        left=-to_right.shift[..., 0],
+        right=to_left.shift[..., 0].copy(),
+        occlusion_left=to_right.occlusion,
+        occlusion_right=to_left.occlusion,
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class FlowToNext:
+    """The motion of an image's points.
+
+    Attributes:
+        field: how far a point moves to the right and down, and by how much its disparity f b / Z grows [px],
+            (height, width, 3), float32; NaN where it is behind the camera by then.
+        occlusion: whether the next image shows it, (height, width), uint8; see
+            `digs_warp.data.occlusion.Occlusion`.
+    """
+
+    field: np.ndarray
+    occlusion: np.ndarray
+
+
+def flow_to_next(renderer: Renderer, seen: Seen, later: CameraTrack, baseline: float) -> FlowToNext:
+    """Return the motion of the points of an image until the next frame.
+
+    Args:
+        renderer: of the scene.
+        seen: the image.
+        later: the same camera during the next frame.
+        baseline: of the eyes [m].
+    """
+    moved = renderer.follow(seen.track, seen.depth, seen.material_ids, later)
+    focal_baseline = seen.track.intrinsics.fx * baseline
+    change = focal_baseline / moved.depth.astype(np.float64) - focal_baseline / seen.depth
+    field = np.concatenate([moved.shift, change[..., None].astype(np.float32)], axis=-1)
+    return FlowToNext(field, moved.occlusion)
 
 
 @dataclass(frozen=True, eq=False)

@@ -15,11 +15,11 @@ import numpy as np
 from digs_warp.checks import DigsError
 from digs_warp.sim.config import SimulateConfig
 from digs_warp.sim.record.randomize.distributions import Choice, Distribution, Fixed, Value, as_json
-from digs_warp.sim.record.randomize.file import Randomization
-from digs_warp.sim.record.randomize.keys import (
+from digs_warp.sim.record.randomize.settings_file import (
     DISTRACTOR_MESH_COUNT,
     OBJECT_COUNT,
     Key,
+    Randomization,
     changed_names,
     known_keys,
     with_values,

@@ -1,27 +1,33 @@
-"""Reads a mesh file of any format: its usable triangles, in the frame of the file, and their materials."""
+"""Reads a mesh file of any format: triangles in the file's frame, materials, and the files beside it."""
 
 import logging
+import re
 from io import BytesIO
 from itertools import chain
 from pathlib import Path
 from typing import Any
 
 from digs_warp.checks import DigsError, MeshError, require_file
-from digs_warp.sim.scene.mesh.files_beside import opacity_maps, ply_textures, resolver_beside
+from digs_warp.sim.scene.mesh.declared_counts import check_promises
+from digs_warp.sim.scene.mesh.files_beside import (
+    locate,
+    obj_materials,
+    opacity_maps,
+    ply_textures,
+    resolver_beside,
+)
 from digs_warp.sim.scene.mesh.gltf import (
     check_gltf,
     check_textures,
     read_gltf_header,
     undecodable_images,
 )
-from digs_warp.sim.scene.mesh.gltf_extras import read_extras
-from digs_warp.sim.scene.mesh.gltf_plain import file_with_header, plain_header
-from digs_warp.sim.scene.mesh.gltf_unread import unmodeled_features
+from digs_warp.sim.scene.mesh.gltf_geometry import file_with_header, plain_header
+from digs_warp.sim.scene.mesh.gltf_materials import read_extras, unmodeled_features
 from digs_warp.sim.scene.mesh.materials import materials_of_parts
 from digs_warp.sim.scene.mesh.normalize import drop_bad_faces
 from digs_warp.sim.scene.mesh.obj_polygons import cut_polygons
 from digs_warp.sim.scene.mesh.parts import Triangles, join_parts, parts_of_scene
-from digs_warp.sim.scene.mesh.promises import check_promises
 from digs_warp.sim.scene.scene import Material
 
 logger = logging.getLogger(__name__)
@@ -124,3 +130,37 @@ def _usable(path: Path, triangles: Triangles) -> Triangles:
             "finite); repair or export it again"
         )
     return triangles
+
+
+# The lines of a material file that name a texture.
+_TEXTURE = re.compile(rb"^\s*(?:map_\w+|bump|disp|decal|refl|norm)\s+(.+?)\s*$", re.MULTILINE)
+
+
+def mesh_files(path: Path) -> list[Path]:
+    """Return the mesh file and the materials, textures and buffers beside it that are there.
+
+    Raises:
+        MeshError: it is glTF with a broken header.
+    """
+    suffix = path.suffix.lower()
+    if suffix in GLTF_SUFFIXES:
+        header = read_gltf_header(path)
+        entries = [*header.get("buffers", []), *header.get("images", [])]
+        uris = [entry.get("uri", "") for entry in entries]
+        return [path, *_there(path, [uri for uri in uris if not uri.startswith("data:")])]
+    if suffix == ".ply":
+        return [path, *_there(path, ply_textures(path))]
+    if suffix == ".obj":
+        materials = _there(path, obj_materials(path))
+        textures = [name for each in materials for name in _found(_TEXTURE, each)]
+        return [path, *materials, *_there(path, textures)]
+    return [path]
+
+
+def _found(pattern: re.Pattern[bytes], path: Path) -> list[str]:
+    return [name.decode("utf-8", "replace") for name in pattern.findall(path.read_bytes())]
+
+
+def _there(path: Path, names: list[str]) -> list[Path]:
+    places = (locate(path.parent, name) for name in dict.fromkeys(names) if name)
+    return [place for place in places if place is not None]

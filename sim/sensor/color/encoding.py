@@ -1,12 +1,29 @@
-"""Conversion between 8-bit sRGB and linear light, by tables: every 8-bit value survives the round trip."""
+"""Conversion between 8-bit sRGB and linear light by tables, and gains applied in linear light."""
 
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
 
 from digs_warp.data.images import linear_from_srgb, srgb_from_linear, to_uint8
-from digs_warp.sim.sensor.color.pixel_loops import looked_up
+from digs_warp.sim.sensor.color.pixel_loops import looked_up, times_gain
+from digs_warp.sim.sensor.color.protocol import ByChannel, EyeImages
 from digs_warp.sim.sensor.filters import table_values
+
+CLIPPED = 0.995  # linear; the two highest 8-bit values: the true brightness there is lost
+
+
+def amplified(eyes: EyeImages, gain: ByChannel, electronic: ByChannel) -> EyeImages:
+    """Return both images with their channels multiplied by ``gain``, of which ``electronic`` is a part.
+
+    Where images are clipped, white stays white, because its true brightness is unknown. The results are.
+    """
+    red, green, blue = (a * b for a, b in zip(eyes.electronic_gain, electronic, strict=True))
+    clipped = CLIPPED if eyes.is_clipped else np.inf
+    left, right = (times_gain(image, gain, clipped) for image in (eyes.left, eyes.right))
+    gains = (red, green, blue)
+    return replace(eyes, left=left, right=right, electronic_gain=gains, is_clipped=True)
+
 
 # Steps of linear light: sRGB is steepest in the dark, where one step is a twentieth of an 8-bit step.
 LINEAR_STEPS = 65535

@@ -6,7 +6,7 @@ from typing import ClassVar
 import numpy as np
 
 from digs_warp.sim.camera.rig import StereoRig
-from digs_warp.sim.sensor.color.gain import amplified
+from digs_warp.sim.sensor.color.encoding import amplified
 from digs_warp.sim.sensor.color.protocol import EyeImages
 from digs_warp.sim.sensor.effects.protocol import Choice, choose_above
 from digs_warp.sim.sensor.facts import SceneFacts

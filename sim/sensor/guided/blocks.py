@@ -204,7 +204,7 @@ def choose_blocks(
 
     Args:
         surface: true disparity [px], (height, width), float32, 0 to 8 ``count``, 0 where there is nothing.
-        coarse: half blocks from `digs_warp.sim.sensor.guided.coarse.coarse_half_blocks`.
+        coarse: half blocks from `digs_warp.sim.sensor.guided.search.coarse_half_blocks`.
         easy: squares of 8 x 8 pixels, see `digs_warp.sim.sensor.guided.easy.easy_squares`; pixels that no
             square covers are not easy.
         count: of the blocks in the search range, 4 to 128.

@@ -1,10 +1,5 @@
 """The band-limited search of a pair: strips of the image, a launch for all."""
 
-# Warp's stubs do not type device code.
-# pyright: reportArgumentType=false, reportAttributeAccessIssue=false, reportCallIssue=false
-# pyright: reportGeneralTypeIssues=false, reportInvalidTypeForm=false, reportOperatorIssue=false
-# pyright: reportIndexIssue=false
-
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,7 +10,6 @@ from digs_warp.device.kernel_options import vector_module_options
 from digs_warp.device.parallel import launch_parallel, packed
 from digs_warp.device.warp_start import start_warp
 from digs_warp.sim.sensor.guided.blocks import BLOCK, BLOCKS, MAX_BLOCKS, choose_blocks
-from digs_warp.sim.sensor.guided.coarse import coarse_half_blocks
 from digs_warp.sim.sensor.guided.costs import LARGEST_WINDOW, TILE_COLUMNS, TILE_ROWS, tile_costs
 from digs_warp.sim.sensor.guided.easy import easy_squares
 from digs_warp.sim.sensor.guided.islands import drop_islands
@@ -33,7 +27,45 @@ from digs_warp.sim.sensor.matcher import (
     LARGE_STEP,
     LEFT_RIGHT,
     SMALL_STEP,
+    match,
 )
+
+# The full search runs on images this many times smaller; there, a block is one disparity.
+COARSE = BLOCK
+
+
+def coarse_half_blocks(left: np.ndarray, right: np.ndarray, count: int, window: int) -> np.ndarray:
+    """Return what a full search of small images prefers, in half blocks, int32, -1 where it finds none.
+
+    Without its checks: a wrong match in repeating or missing texture is what the pixel should try.
+
+    Args:
+        left: gray image, (height, width), uint8.
+        right: of the same size.
+        count: of the blocks in the search range.
+        window: width of the matching window [px].
+
+    Returns:
+        One for every 8 x 8 pixels: twice the block, plus one in its upper half.
+    """
+    import cv2
+
+    height, width = left.shape
+    size = (max(1, width // COARSE), max(1, height // COARSE))
+    small, small_right = (
+        cv2.resize(image, size, interpolation=cv2.INTER_AREA) for image in (left, right)
+    )
+    disparities = -(-count // 16) * 16
+    found = match(small, small_right, disparities, window, checks=False)
+    found[~(found < count)] = -1
+    return np.floor(2 * found).clip(-1).astype(np.int32)
+
+
+# Warp's stubs do not type device code.
+# pyright: reportArgumentType=false, reportAttributeAccessIssue=false, reportCallIssue=false
+# pyright: reportGeneralTypeIssues=false, reportInvalidTypeForm=false, reportOperatorIssue=false
+# pyright: reportIndexIssue=false
+
 
 start_warp()
 wp.set_module_options(vector_module_options())

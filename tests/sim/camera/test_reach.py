@@ -7,8 +7,8 @@ import pytest
 import trimesh
 
 from digs_warp.checks import DigsError
-from digs_warp.sim.camera.reach import camera_distance
-from digs_warp.sim.camera.walk.framing import fitting_distance
+from digs_warp.sim.camera.walk.paths import fitting_distance
+from digs_warp.sim.camera.working_range import camera_distance
 from digs_warp.sim.config import SimulateConfig
 from digs_warp.sim.record.inputs import load_inputs
 from digs_warp.sim.record.record import simulate

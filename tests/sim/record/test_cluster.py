@@ -11,12 +11,11 @@ from scipy.spatial import KDTree
 from digs_warp.checks import DigsError
 from digs_warp.geometry.rigid import rotation_in_plane
 from digs_warp.sim.config import SimulateConfig
-from digs_warp.sim.record.cluster import GAPS, arrange, plan_of
 from digs_warp.sim.record.inputs import load_inputs
 from digs_warp.sim.record.session import prepare_session
+from digs_warp.sim.scene.arrange import GAPS, arrange, load_objects, plan_of
 from digs_warp.sim.scene.ground import TABLE_HEIGHT, Ground
 from digs_warp.sim.scene.scene import FURNITURE
-from digs_warp.sim.scene.several import load_objects
 from reference.mesh_files import save
 
 MM = 1e-3

@@ -18,8 +18,8 @@ from digs_warp.sim.config import SimulateConfig
 from digs_warp.sim.record.object_views import ObjectViews
 from digs_warp.sim.record.record import simulate, simulate_in_memory
 from digs_warp.sim.render.raycast import RaycastRenderer
+from digs_warp.sim.scene.arrange import load_objects
 from digs_warp.sim.scene.environment import Environment
-from digs_warp.sim.scene.several import load_objects
 from reference.file_hashes import file_hashes
 from reference.mesh_files import save
 

@@ -13,10 +13,10 @@ from digs_warp.checks import DigsError
 from digs_warp.sim.config import SimulateConfig
 from digs_warp.sim.record.inputs import load_inputs
 from digs_warp.sim.scene import drop
+from digs_warp.sim.scene.arrange import load_objects
 from digs_warp.sim.scene.drop import dropped
 from digs_warp.sim.scene.load import MeshFile, read_mesh
 from digs_warp.sim.scene.scene import Scene
-from digs_warp.sim.scene.several import load_objects
 from reference.mesh_files import save
 
 pytest.importorskip("mujoco", reason="mujoco is not installed")

@@ -13,9 +13,9 @@ from digs_warp.data.images import linear_from_srgb, write_image
 from digs_warp.sim.scene.environment import (
     Environment,
     load_environment,
+    panorama_directions,
     procedural_environment,
 )
-from digs_warp.sim.scene.panorama import panorama_directions
 from digs_warp.sim.scene.studio_room import studio_room_radiance
 
 

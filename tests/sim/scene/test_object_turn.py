@@ -4,8 +4,8 @@ from pathlib import Path
 
 import numpy as np
 
+from digs_warp.sim.record.inputs import turn_objects
 from digs_warp.sim.scene.load import load_scene
-from digs_warp.sim.scene.object_turn import turn_objects
 
 PYRAMID = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 2\nf 1 3 2\nf 1 2 4\nf 2 3 4\nf 3 1 4\n"
 

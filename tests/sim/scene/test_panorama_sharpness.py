@@ -14,9 +14,8 @@ from digs_warp.sim.camera.profiles import load_profile
 from digs_warp.sim.config import SimulateConfig
 from digs_warp.sim.record.record import simulate_in_memory
 from digs_warp.sim.render.raycast import RaycastRenderer
-from digs_warp.sim.scene.environment import Environment
+from digs_warp.sim.scene.environment import SOFT, Environment, pixels_per_texel, warn_if_soft
 from digs_warp.sim.scene.ground import Ground
-from digs_warp.sim.scene.panorama_sharpness import SOFT, pixels_per_texel, warn_if_soft
 from digs_warp.sim.scene.procedural import procedural_scene
 
 DISTANCE = 1.0

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from digs_warp.checks import DigsError
+from digs_warp.sim.scene.appearance import refinished, tint_color, with_table_top
+from digs_warp.sim.scene.appearance_settings import LookSettings, of_object
 from digs_warp.sim.scene.builtin.table import TABLE_TOP, table_scene
 from digs_warp.sim.scene.join import join_scenes
-from digs_warp.sim.scene.look_settings import LookSettings, of_object
 from digs_warp.sim.scene.procedural import procedural_scene
-from digs_warp.sim.scene.refinish import refinished, tint_color, with_table_top
 
 SCENE = procedural_scene()
 

@@ -6,10 +6,9 @@ import numpy as np
 import pytest
 
 from digs_warp.sim.render.environment_light import prepare_light
-from digs_warp.sim.scene.environment import Environment
-from digs_warp.sim.scene.look_settings import LookSettings
-from digs_warp.sim.scene.panorama import panorama_directions, solid_angles
-from digs_warp.sim.scene.relight import LUMINANCE, relit, temperature_color, turned
+from digs_warp.sim.scene.appearance import LUMINANCE, relit, temperature_color, turned
+from digs_warp.sim.scene.appearance_settings import LookSettings
+from digs_warp.sim.scene.environment import Environment, panorama_directions, solid_angles
 
 RNG = np.random.default_rng(5)
 SKY = Environment(RNG.uniform(0.1, 2.0, (16, 32, 3)).astype(np.float32))

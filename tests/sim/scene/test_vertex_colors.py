@@ -3,9 +3,9 @@ import pytest
 from numpy.testing import assert_allclose
 
 from digs_warp.data.images import linear_from_srgb, srgb_from_linear
+from digs_warp.sim.scene.join import sampled_texture, srgb_vertex_colors
 from digs_warp.sim.scene.procedural import procedural_scene
 from digs_warp.sim.scene.scene import Material, Scene
-from digs_warp.sim.scene.vertex_colors import sampled_texture, srgb_vertex_colors
 
 
 def slow_sample(texture: np.ndarray, u: float, v: float) -> np.ndarray:

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from digs_warp.sim.scene.scene import Material
-from digs_warp.sim.sensor.blame import blame
 from digs_warp.sim.sensor.cause import Cause
 from digs_warp.sim.sensor.drift import NO_DRIFT, Drift
+from digs_warp.sim.sensor.error_attribution import attribute_errors
 from digs_warp.sim.sensor.frame import FrameTruth
 from reference.blame_twin import blame_twin
 from reference.stereo_frames import PLAIN, make_frame, make_rig
@@ -63,12 +63,12 @@ def test_labels_are_those_of_the_claims_one_by_one(
 ) -> None:
     truth = replace(messy_frame(width, height, window), drift=DRIFTS[drift])
     found = reported(truth)
-    np.testing.assert_array_equal(blame(found, truth), blame_twin(found, truth))
+    np.testing.assert_array_equal(attribute_errors(found, truth), blame_twin(found, truth))
 
 
 def test_every_label_that_matching_can_have_occurs() -> None:
     truth = replace(messy_frame(150, 90, 5), drift=DRIFTS["turned"])
-    labels = set(np.unique(blame(reported(truth), truth)).tolist())
+    labels = set(np.unique(attribute_errors(reported(truth), truth)).tolist())
     expected = {
         *(Cause.OK, Cause.BAND, Cause.OCCLUDED, Cause.WEAK_TEXTURE, Cause.SPECULAR, Cause.MIRROR),
         *(Cause.TRANSPARENT, Cause.EXPOSURE, Cause.NEAR, Cause.FAR, Cause.EDGE),
@@ -80,5 +80,5 @@ def test_every_label_that_matching_can_have_occurs() -> None:
 def test_rays_are_asked_only_where_their_answer_counts() -> None:
     truth = messy_frame(150, 90, 5)
     assert truth.rays.asked == []  # pyright: ignore[reportAttributeAccessIssue]
-    blame(truth.disparity, truth)
+    attribute_errors(truth.disparity, truth)
     assert truth.rays.asked == []  # pyright: ignore[reportAttributeAccessIssue]

@@ -22,11 +22,11 @@ from digs_warp.sim.record.inputs import load_inputs
 from digs_warp.sim.record.record import simulate
 from digs_warp.sim.record.sensor_plan import make_plan
 from digs_warp.sim.record.session import prepare_session
-from digs_warp.sim.sensor.blame import blame
 from digs_warp.sim.sensor.cause import Cause
 from digs_warp.sim.sensor.color import CALIBRATION_DRIFT
 from digs_warp.sim.sensor.color.calibration_drift import corner_shift
 from digs_warp.sim.sensor.drift import NO_DRIFT, Drift
+from digs_warp.sim.sensor.error_attribution import attribute_errors
 from digs_warp.sim.sensor.facts import measure_facts
 from digs_warp.sim.sensor.frame import FrameTruth
 from digs_warp.sim.sensor.tiers import depth_of, sense
@@ -211,11 +211,11 @@ def test_blame_tells_the_drift_from_other_failures() -> None:
     truth = slanted_pair(Drift(yaw_deg=0.2))  # 1.75 px
     shown = truth.shown_disparity
     inside = (slice(20, -20), slice(60, -20))
-    assert (blame(shown, truth)[inside] == Cause.RECTIFICATION).all()
-    assert not (blame(shown + 3, truth)[inside] == Cause.RECTIFICATION).any()
-    assert (blame(truth.disparity, truth) == Cause.OK).all()
+    assert (attribute_errors(shown, truth)[inside] == Cause.RECTIFICATION).all()
+    assert not (attribute_errors(shown + 3, truth)[inside] == Cause.RECTIFICATION).any()
+    assert (attribute_errors(truth.disparity, truth) == Cause.OK).all()
     sound = replace(truth, drift=NO_DRIFT)
-    assert not (blame(shown, sound) == Cause.RECTIFICATION).any()
+    assert not (attribute_errors(shown, sound) == Cause.RECTIFICATION).any()
 
 
 def test_the_drift_belongs_to_seed_and_unit_and_has_the_stated_size() -> None:

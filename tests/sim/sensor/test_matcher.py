@@ -6,15 +6,15 @@ import numpy as np
 import pytest
 
 from digs_warp.checks import DigsError
-from digs_warp.sim.sensor.blame import blame
 from digs_warp.sim.sensor.cause import Cause
 from digs_warp.sim.sensor.color.image_noise import ReadNoise, ShotNoise
 from digs_warp.sim.sensor.color.recorded import recorded_images
+from digs_warp.sim.sensor.error_attribution import attribute_errors
 from digs_warp.sim.sensor.filters import gray_of
+from digs_warp.sim.sensor.frame import noise_of
 from digs_warp.sim.sensor.matcher import match, search_range, sense_by_matching
 from digs_warp.sim.sensor.scores import score
 from digs_warp.sim.sensor.steps import near_steps
-from digs_warp.sim.sensor.texture import noise_of
 from digs_warp.sim.sensor.tiers import sense
 from reference.stereo_frames import broadband, flat, make_frame, make_rig
 from reference.stereo_pairs import (
@@ -144,12 +144,12 @@ def test_tiny_frames_have_a_confidence(size: tuple[int, int]) -> None:
 
 def test_blame_names_band_edge_and_rest() -> None:
     truth, (rows, columns) = box_frame(38.0, 8.0)
-    cause = blame(np.full(truth.depth.shape, np.nan, np.float32), truth)
+    cause = attribute_errors(np.full(truth.depth.shape, np.nan, np.float32), truth)
     assert (cause[:, :7] == Cause.BAND).all()
     assert (cause[rows, columns.start - 30 : columns.start] == Cause.OCCLUDED).all()
     assert (cause[rows, columns.stop : columns.stop + 2] == Cause.EDGE).all()
     assert (cause[:, -20:] == Cause.RANDOM).mean() > 0.95
-    assert (blame(truth.disparity, truth) == Cause.OK).all()
+    assert (attribute_errors(truth.disparity, truth) == Cause.OK).all()
 
 
 def test_scores_count_what_they_say() -> None:

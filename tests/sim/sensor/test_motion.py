@@ -4,7 +4,7 @@ import numpy as np
 
 from digs_warp.geometry.camera import Camera, pixel_centers
 from digs_warp.geometry.rigid import rigid
-from digs_warp.sim.sensor.motion import image_motion
+from digs_warp.sim.sensor.facts import image_motion
 from reference.stereo_frames import make_rig
 
 

@@ -16,9 +16,8 @@ from digs_warp.data.layers import Layer
 from digs_warp.data.rig import InfraredPair, Rig
 from digs_warp.geometry.camera import Intrinsics
 from digs_warp.sim.testing import each
-from digs_warp.sim.testing.cache import CaptureCache
 from digs_warp.sim.testing.marker import read_marker
-from digs_warp.sim.testing.series import NoiseSeries
+from digs_warp.sim.testing.series import CaptureCache, NoiseSeries
 from digs_warp.sim.testing.sources import WorseRecording
 from reference.file_hashes import file_hashes
 from reference.real_captures import recorded

@@ -13,8 +13,7 @@ from digs_warp.data.layers import Layer
 from digs_warp.init.config import InitConfig
 from digs_warp.init.recipes import initial_points
 from digs_warp.sim.config import SimulateConfig
-from digs_warp.sim.testing.cache import CaptureCache
-from digs_warp.sim.testing.series import NoiseSeries
+from digs_warp.sim.testing.series import CaptureCache, NoiseSeries
 from digs_warp.sim.testing.sources import SimulatedWalk
 from reference.file_hashes import file_hashes
 
@@ -161,7 +160,7 @@ def test_captures_of_other_code_are_removed(
 ) -> None:
     captures = CaptureCache(tmp_path / "cache")
     before = kept(captures, config).folder
-    monkeypatch.setattr("digs_warp.sim.testing.cache._code_key", lambda: "other code")
+    monkeypatch.setattr("digs_warp.sim.testing.series._code_key", lambda: "other code")
     after = kept(captures, config).folder
     assert (before.name, before.exists()) == (after.name, False)
     assert [path.name for path in captures.folder.iterdir()] == ["other code"]

@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 from digs_warp.checks import DigsError
-from digs_warp.sim.camera.walk.settings import WalkSettings
-from digs_warp.sim.camera.walk.timing import frame_moments
+from digs_warp.sim.camera.walk.settings import WalkSettings, frame_moments
 from digs_warp.sim.config import SimulateConfig
 
 

@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 from scipy.signal import welch
 
-from digs_warp.sim.camera.walk.noise import SAMPLE_RATE
-from digs_warp.sim.camera.walk.shake import (
+from digs_warp.sim.camera.walk.hand_motion import (
     ANGLE_SHAKE,
     BANDS_HZ,
     PEAK,
     POSITION_SHAKE,
+    SAMPLE_RATE,
     ShakeSpectrum,
     shake_tracks,
 )

@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 from digs_warp.checks import DigsError
 from digs_warp.geometry.camera import Intrinsics
 from digs_warp.geometry.rigid import is_rigid
-from digs_warp.sim.camera.walk.framing import fitting_distance
+from digs_warp.sim.camera.walk.paths import fitting_distance
 from digs_warp.sim.camera.walk.settings import ALL_ROUND, WALKING_SPEED, PathName, WalkSettings
 from digs_warp.sim.camera.walk.walk import Subject, Walk
 

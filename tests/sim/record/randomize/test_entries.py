@@ -16,9 +16,7 @@ from digs_warp.sim.record.randomize.distributions import (
     UniformWhole,
 )
 from digs_warp.sim.record.randomize.draws import draw_scenes
-from digs_warp.sim.record.randomize.entries import Entry
-from digs_warp.sim.record.randomize.file import SHIPPED, load_randomization
-from digs_warp.sim.record.randomize.keys import Key
+from digs_warp.sim.record.randomize.settings_file import SHIPPED, Entry, Key, load_randomization
 
 
 def read(folder: Path, text: str) -> dict[str, Distribution]:

@@ -12,7 +12,7 @@ from digs_warp.data.images import write_image
 from digs_warp.sim.config import SimulateConfig
 from digs_warp.sim.record.randomize.distributions import Choice, Distribution, Fixed
 from digs_warp.sim.record.randomize.draws import draw_scenes
-from digs_warp.sim.record.randomize.file import SHIPPED, Randomization, load_randomization
+from digs_warp.sim.record.randomize.settings_file import SHIPPED, Randomization, load_randomization
 from digs_warp.sim.record.record import simulate_in_memory
 from reference.file_hashes import file_hashes
 from reference.mesh_files import TETRAHEDRON

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from digs_warp.sim.config import SimulateConfig
-from digs_warp.sim.scene.mesh.named_files import mesh_files
+from digs_warp.sim.scene.mesh.read import mesh_files
 from digs_warp.sim.testing.sources import SimulatedWalk
 
 

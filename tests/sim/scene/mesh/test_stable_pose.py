@@ -8,8 +8,7 @@ import trimesh
 from scipy.spatial import ConvexHull
 
 from digs_warp.sim.scene.load import load_scene, load_scene_at
-from digs_warp.sim.scene.mesh.resting import hull_of
-from digs_warp.sim.scene.mesh.stable_pose import MOST_FACES, resting_turn, stable_ups
+from digs_warp.sim.scene.mesh.resting import MOST_FACES, hull_of, resting_turn, stable_ups
 from digs_warp.sim.scene.procedural import procedural_scene
 from digs_warp.sim.scene.scene import Scene
 from reference.mesh_files import save

@@ -13,7 +13,7 @@ from PIL import Image
 from digs_warp.checks import MeshError
 from digs_warp.sim.scene.load import load_scene
 from digs_warp.sim.scene.mesh.files_beside import locate
-from digs_warp.sim.scene.mesh.named_files import mesh_files
+from digs_warp.sim.scene.mesh.read import mesh_files
 from reference.mesh_files import OBJ, checker, textured_square
 
 

@@ -8,7 +8,7 @@ import pytest
 from digs_warp.geometry.camera import pixel_centers
 from digs_warp.sim.scene.scene import Material
 from digs_warp.sim.sensor.frame import FrameTruth
-from digs_warp.sim.sensor.virtual_image import curvature_along_rows, virtual_disparity
+from digs_warp.sim.sensor.guided.tier import curvature_along_rows, virtual_disparity
 from reference.stereo_frames import CountedRays, make_frame
 
 CHROME = Material("chrome", np.ones(3), roughness=0.0, metallic=1.0)

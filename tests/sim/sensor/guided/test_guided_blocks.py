@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from digs_warp.sim.sensor.guided.blocks import choose_blocks
-from digs_warp.sim.sensor.guided.coarse import coarse_half_blocks
+from digs_warp.sim.sensor.guided.search import coarse_half_blocks
 from reference.guided_twin import twin_blocks, twin_hidden, unpacked
 from reference.stereo_frames import broadband
 

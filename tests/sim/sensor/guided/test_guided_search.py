@@ -8,10 +8,15 @@ from digs_warp.checks import DigsError
 from digs_warp.device import parallel
 from digs_warp.sim.sensor.filters import gray_of
 from digs_warp.sim.sensor.guided.blocks import choose_blocks
-from digs_warp.sim.sensor.guided.coarse import coarse_half_blocks
 from digs_warp.sim.sensor.guided.confidence import confidence_of
 from digs_warp.sim.sensor.guided.planes import make_planes
-from digs_warp.sim.sensor.guided.search import STRIP_ROWS, WARM_UP, search, search_blocks
+from digs_warp.sim.sensor.guided.search import (
+    STRIP_ROWS,
+    WARM_UP,
+    coarse_half_blocks,
+    search,
+    search_blocks,
+)
 from digs_warp.sim.sensor.matcher import match
 from reference.guided_twin import tried_disparities, twin_costs, twin_matches, twin_sums
 from reference.stereo_frames import broadband

@@ -17,8 +17,14 @@ from digs_warp.sim.sensor.color import COLOR_EFFECTS, PIXEL_EFFECTS, PROJECTOR
 from digs_warp.sim.sensor.color.recorded import recorded_images
 from digs_warp.sim.sensor.facts import measure_facts
 from digs_warp.sim.sensor.frame import FrameTruth, Sensed
-from digs_warp.sim.sensor.infrared.pair import in_three_channels, one_channel, with_dots
-from digs_warp.sim.sensor.infrared.pattern import DENSITY, FIELD_DEG, LEAST_DISTANCE
+from digs_warp.sim.sensor.infrared.pair import (
+    DENSITY,
+    FIELD_DEG,
+    LEAST_DISTANCE,
+    in_three_channels,
+    one_channel,
+    with_dots,
+)
 from digs_warp.sim.sensor.tiers import Tier, sense
 from reference.infrared_scenes import (
     ROOM,

@@ -11,8 +11,7 @@ from digs_warp.sim.scene.join import join_scenes
 from digs_warp.sim.scene.scene import Scene
 from digs_warp.sim.sensor.cause import Cause
 from digs_warp.sim.sensor.frame import FrameTruth, Sensed
-from digs_warp.sim.sensor.infrared.color_camera import ColorView, registered
-from digs_warp.sim.sensor.infrared.registration import sources_of
+from digs_warp.sim.sensor.infrared.registration import ColorView, registered, sources_of
 from reference.infrared_scenes import WHITE, infrared_rig, still_session, wall
 from reference.plates import plate
 from reference.registration_twin import register
