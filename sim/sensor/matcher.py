@@ -7,9 +7,6 @@ import numpy as np
 
 from digs_warp.checks import DigsError, check_shape
 from digs_warp.sim.camera.rig import StereoRig
-from digs_warp.sim.sensor.error_attribution import attribute_errors
-from digs_warp.sim.sensor.filters import gray_of
-from digs_warp.sim.sensor.frame import FrameTruth, Sensed
 
 # Penalties for disparity changes of one and of more, per pixel of the window: OpenCV's suggestion.
 SMALL_STEP, LARGE_STEP = 8, 32
@@ -25,28 +22,6 @@ ISLAND, ISLAND_STEP = 100, 2
 
 # OpenCV reports disparity in sixteenths of a pixel and searches multiples of sixteen pixels.
 FIXED_POINT = 16
-
-
-def sense_by_matching(
-    truth: FrameTruth, recorded: tuple[np.ndarray, np.ndarray] | None = None
-) -> Sensed:
-    """Match the two images of a frame; the labels come from the truth.
-
-    Args:
-        truth: of the frame.
-        recorded: left and right image after the effects on images, sRGB, each (height, width, 3),
-            uint8; None: the images of the truth.
-    """
-    # OpenCV keeps its costs to itself. Imported here, because the guided search has the penalties from here.
-    from digs_warp.sim.sensor.guided.confidence import confidence_in_matches
-
-    rig = truth.rig
-    left, right = map(gray_of, recorded or (truth.image, truth.right))
-    disparities = search_range(rig)
-    matched = match(left, right, disparities, rig.window)
-    confidence = confidence_in_matches(left, right, matched, disparities, rig.window)
-    disparity = truth.drift.reported_disparity(matched)
-    return Sensed(disparity, attribute_errors(disparity, truth), confidence)
 
 
 def search_range(rig: StereoRig) -> int:

@@ -13,6 +13,8 @@ from digs_warp.sim.config import Tier
 from digs_warp.sim.sensor.cause import Cause
 from digs_warp.sim.sensor.effects import AFTER_MATCHING
 from digs_warp.sim.sensor.effects.protocol import Choice
+from digs_warp.sim.sensor.error_attribution import attribute_errors
+from digs_warp.sim.sensor.filters import gray_of
 from digs_warp.sim.sensor.frame import FrameTruth, Sensed
 from digs_warp.sim.sensor.law import round_into_range, sense_depth, within_range
 
@@ -62,14 +64,35 @@ def _measured(
         return _sense_law(truth, seed, strength)
     names = {choice.effect for choice in plan if choice.on}
     if tier == "matcher":
-        from digs_warp.sim.sensor.matcher import sense_by_matching
-
         matched = sense_by_matching(truth, recorded)
     else:
         from digs_warp.sim.sensor.guided.tier import sense_by_guided_matching
 
         matched = sense_by_guided_matching(truth, recorded, names)
     return apply_effects(matched, truth.rig, names, seed, truth.number, strength)
+
+
+def sense_by_matching(
+    truth: FrameTruth, recorded: tuple[np.ndarray, np.ndarray] | None = None
+) -> Sensed:
+    """Match the two images of a frame; the labels come from the truth.
+
+    Args:
+        truth: of the frame.
+        recorded: left and right image after the effects on images, sRGB, each (height, width, 3),
+            uint8; None: the images of the truth.
+    """
+    from digs_warp.sim.sensor.guided.confidence import confidence_in_matches
+    from digs_warp.sim.sensor.matcher import match, search_range
+
+    rig = truth.rig
+    left, right = map(gray_of, recorded or (truth.image, truth.right))
+    disparities = search_range(rig)
+    matched = match(left, right, disparities, rig.window)
+    # OpenCV keeps its costs to itself: confidence computes them again.
+    confidence = confidence_in_matches(left, right, matched, disparities, rig.window)
+    disparity = truth.drift.reported_disparity(matched)
+    return Sensed(disparity, attribute_errors(disparity, truth), confidence)
 
 
 def apply_effects(

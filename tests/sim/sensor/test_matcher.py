@@ -12,10 +12,10 @@ from digs_warp.sim.sensor.color.recorded import recorded_images
 from digs_warp.sim.sensor.error_attribution import attribute_errors
 from digs_warp.sim.sensor.filters import gray_of
 from digs_warp.sim.sensor.frame import noise_of
-from digs_warp.sim.sensor.matcher import match, search_range, sense_by_matching
+from digs_warp.sim.sensor.matcher import match, search_range
 from digs_warp.sim.sensor.scores import score
 from digs_warp.sim.sensor.steps import near_steps
-from digs_warp.sim.sensor.tiers import sense
+from digs_warp.sim.sensor.tiers import sense, sense_by_matching
 from reference.stereo_frames import broadband, flat, make_frame, make_rig
 from reference.stereo_pairs import (
     HiddenRays,

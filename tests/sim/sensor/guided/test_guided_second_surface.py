@@ -11,7 +11,7 @@ from digs_warp.sim.sensor.drift import Drift
 from digs_warp.sim.sensor.effects import SECOND_SURFACE_NAMES
 from digs_warp.sim.sensor.frame import FrameTruth
 from digs_warp.sim.sensor.guided.tier import second_disparity, sense_by_guided_matching
-from digs_warp.sim.sensor.matcher import sense_by_matching
+from digs_warp.sim.sensor.tiers import sense_by_matching
 from reference.stereo_frames import CountedRays, broadband, make_frame, make_rig
 from reference.stereo_pairs import shifted_right_eye
 
