@@ -62,7 +62,7 @@ class Surface:
     uvs: wp.array[wp.vec2]  # [n]
     colors: wp.array[wp.vec3]  # [n]
     openness: wp.array[wp.vec2]  # [nodes] unoccluded share in front of and behind the normal
-    edges: wp.array[int]  # [3 m] node of each edge; see sim.render.openness
+    edges: wp.array[int]  # [3 m] node of each edge; see sim.render.ambient_occlusion
     shadows: wp.array[wp.uint64]  # kept shares of the spots; see sim.render.shadows
     vertex_shadows: wp.array2d[wp.uint8]  # [2 n, spots] those at the vertices
     edge_sizes: wp.array[float]  # [m] length of an edge [m]
@@ -71,7 +71,7 @@ class Surface:
     objects: wp.array[int]  # [m] 0: furniture
     uv_levels: wp.array[float]  # [m] log2(texture widths per metre)
     data: wp.array[MaterialData]  # [materials]
-    sheens: wp.array2d[float]  # [materials, cosines] see sim.render.sheen; empty without sheen
+    sheens: wp.array2d[float]  # [materials, cosines] see `hit_material`; empty without sheen
     textures: TextureSet
     see_through: int  # 1: some material transmits or has an opacity below 1
     step: float  # [m] rays continue this far behind a surface that they pass
