@@ -87,7 +87,7 @@ def _light_kernel(
     # outputs
     values: wp.array[wp.vec2],  # [nodes]
 ):
-    """Measure one node: rays to the sky by Malley's method, as in sim.render.ambient_occlusion, and to the spots."""
+    """Measure one node: rays to the sky by Malley's method, as in ambient_occlusion, and to the spots."""
     node = first + wp.tid()
     x = low[0] + float(node % columns) * step[0]
     y = low[1] + float(node // columns) * step[1]
