@@ -23,7 +23,6 @@ from digs_warp.sim.record.session import prepare_session
 from digs_warp.sim.sensor.color.recorded import recorded_images
 from digs_warp.sim.sensor.effects import AFTER_MATCHING
 from digs_warp.sim.sensor.effects.protocol import Choice
-from digs_warp.sim.sensor.error_attribution import attribute_errors
 from digs_warp.sim.sensor.facts import measure_facts
 from digs_warp.sim.sensor.frame import FrameTruth, Sensed
 from digs_warp.sim.sensor.planner import plan
