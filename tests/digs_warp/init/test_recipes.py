@@ -214,7 +214,7 @@ def test_no_frames_raise() -> None:
     ],
 )
 def test_settings_that_make_no_sense_raise(wrong: dict[str, float]) -> None:
-    with pytest.raises(DigsError, match=next(iter(wrong)).replace("_", "-")):
+    with pytest.raises(DigsError, match=next(iter(wrong)).replace("_", "[-_]")):
         InitConfig(**wrong)  # pyright: ignore[reportArgumentType]
 
 
