@@ -10,8 +10,7 @@ import numpy as np
 
 from digs_warp.data.images import read_image
 from digs_warp.masks.config import SegmentConfig
-from digs_warp.masks.masks import segment
-from digs_warp.masks.score import intersection_over_union
+from digs_warp.masks.masks import intersection_over_union, segment
 from digs_warp.study.timing import Stopwatch
 from studies.results import Result
 

@@ -15,9 +15,9 @@ import numpy as np
 from digs_warp.check.check import check_capture
 from digs_warp.checks import DigsError
 from digs_warp.data.capture import Capture
-from digs_warp.data.evenly import evenly
 from digs_warp.data.layers import Layer
 from digs_warp.data.posed_frames import PosedFrames
+from digs_warp.data.viewpoints import evenly
 from digs_warp.init.config import InitConfig
 from digs_warp.init.strategies import STRATEGIES, chosen_strategy
 from digs_warp.pipeline.reconstruct import ReconstructConfig, reconstruct

@@ -25,8 +25,8 @@ OWNERS = {
 # May take values by key out of a run.json's results.
 RECORD_READERS = {
     "digs_warp/pipeline/records.py",
-    "digs_warp/data/recorded_object.py",  # of a simulated capture
-    "digs_warp/data/other_folders.py",  # says which capture a folder of results belongs to
+    "digs_warp/data/about.py",  # of a simulated capture
+    "digs_warp/data/capture.py",  # says which capture a folder of results belongs to
 }
 
 

@@ -27,9 +27,9 @@ OF_MODULES = {
 ALLOWED = {
     ("digs_warp/record/disk.py", "*"): "this is where everything is checked and synced",
     ("digs_warp/record/arrays.py", "savez"): "into memory",
-    ("digs_warp/data/image_bytes.py", "open ?"): "into memory, checked",
+    ("digs_warp/data/images.py", "open ?"): "into memory, checked",
     ("digs_warp/record/files.py", "rename"): "of record/disk.py",
-    ("digs_warp/data/image_bytes.py", "write_image"): "into memory, checked",
+    ("digs_warp/data/images.py", "write_image"): "into memory, checked",
     ("digs_warp/show/film/video.py", "VideoWriter"): "below a temporary name, read back",
     (
         "digs_warp/show/film/video.py",

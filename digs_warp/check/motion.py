@@ -18,7 +18,7 @@ import numpy as np
 from digs_warp.check import thresholds as limits
 from digs_warp.check.evidence import Evidence, Pairs, brightness_ratio
 from digs_warp.check.thresholds import Threshold
-from digs_warp.data.evenly import evenly
+from digs_warp.data.viewpoints import evenly
 from digs_warp.device.parallel import default_threads
 from digs_warp.measure.thumbnails import SmallFrame, pixels_showing, small_frames
 

@@ -80,7 +80,7 @@ def reconstruct_many(
     from digs_warp.engines.start import needs_of, started
     from digs_warp.engines.task import Results, Task
     from digs_warp.pipeline.stored_views import is_finished
-    from digs_warp.record.digest import digest
+    from digs_warp.record.files import digest
 
     folder = folder.resolve()
     needs = needs_of(engine)

@@ -17,8 +17,7 @@ from digs_warp.data.layers import Layer
 from digs_warp.record import layout
 from digs_warp.record.files import read_json
 from digs_warp.record.layout import LOCK, MANIFEST, REPLACING, RUN_RECORD, UNFINISHED
-from digs_warp.record.leftovers import remove_leftovers_of
-from digs_warp.record.lock import sole_writer
+from digs_warp.record.lock import remove_leftovers_of, sole_writer
 from digs_warp.record.manifest import recorded_files
 from digs_warp.record.replacement import check_place, finish_replacement, replace_result
 from digs_warp.record.run_log import RunRecord

@@ -10,7 +10,7 @@ import tyro
 from digs_warp.checks import DigsError
 from digs_warp.commands.command import SettingsCommand
 from digs_warp.record.files import read_json, read_yaml
-from digs_warp.record.noted_paths import places_of
+from digs_warp.record.layout import places_of
 from digs_warp.settings import NO_FLAG
 
 

@@ -1,13 +1,14 @@
-"""Facts about a whole recording, stored in transforms.json under ``digs_warp``."""
+"""Facts about a whole recording: in transforms.json under ``digs_warp``, and in its record the object."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, fields
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from digs_warp.checks import CaptureError
-from digs_warp.data.placed_object import (
+from digs_warp.data.objects import (
     Matrix,
     PlacedObject,
     is_list_of_objects,
@@ -15,6 +16,7 @@ from digs_warp.data.placed_object import (
     matrix_rows,
 )
 from digs_warp.record.fields import is_number, is_text, shown
+from digs_warp.record.run_log import RunRecord
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -142,3 +144,27 @@ _EXPECTED: dict[str, tuple[Callable[[Any], bool], str]] = {
     "effects": (_is_list_of_text, "a list of names"),
     "cause_labels": (_are_labels, 'names by number, such as {"0": "ok"}'),
 }
+
+
+@dataclass(frozen=True)
+class RecordedObject:
+    """The object of a recording.
+
+    Attributes:
+        size: along x, y and z of the world [m].
+        up: the axis of the mesh file that points up; None: the built-in object, which has no file.
+        scale: how the size was found, in words; None: the same.
+    """
+
+    size: tuple[float, float, float]
+    up: str | None = None
+    scale: str | None = None
+
+    @staticmethod
+    def find(folder: Path) -> "RecordedObject | None":
+        """Return the object of a capture folder; None if its record names none."""
+        record = RunRecord.find(folder)
+        found = record.results.get("object") if record else None
+        if not isinstance(found, dict):
+            return None
+        return RecordedObject(tuple(found["size"]), found.get("up"), found.get("scale"))

@@ -10,20 +10,25 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from digs_warp.checks import CaptureError, require_folder
+from digs_warp.checks import CaptureError, DigsError, require_folder
 from digs_warp.data.about import About, read_about
 from digs_warp.data.frame import Frame
 from digs_warp.data.frame_reader import path_inside, read_frame
 from digs_warp.data.index_rules import INDEX_NAME, POINTS_KEY, check_section
 from digs_warp.data.layers import Layer
 from digs_warp.data.metric_scale import BY_DEPTH, BY_POSES, UNKNOWN, MetricScale
-from digs_warp.data.other_folders import OF_A_CAMERA, what_it_is
 from digs_warp.data.point_cloud import PointCloud
 from digs_warp.data.rig import Rig, read_rig
 from digs_warp.data.sparse_points import read_points
+from digs_warp.record import layout
 from digs_warp.record.fields import Fields
 from digs_warp.record.files import read_json
+from digs_warp.record.layout import places_of
+from digs_warp.record.run_log import RunRecord
 from digs_warp.settings import TEST_EVERY
+from digs_warp.words import counted
+
+OF_A_CAMERA = "'digs-warp convert FOLDER --from FORM --out CAPTURE' makes one of a real recording."
 
 
 @dataclass(frozen=True, eq=False)
@@ -118,9 +123,7 @@ def read_capture(folder: Path) -> Capture:
     """
     folder = require_folder(folder, "capture", f"'digs-warp simulate' writes one. {OF_A_CAMERA}")
     if not (folder / INDEX_NAME).is_file():
-        raise CaptureError(
-            f"capture '{folder}': no {INDEX_NAME} in it. {what_it_is(folder, INDEX_NAME)}"
-        )
+        raise CaptureError(f"capture '{folder}': no {INDEX_NAME} in it. {_what_it_is(folder)}")
     index = read_json(folder / INDEX_NAME, "capture index")
     entries = index.get("frames")
     if not isinstance(entries, list) or not entries:
@@ -154,3 +157,34 @@ def _check_names_differ(folder: Path, frames: Sequence[Frame]) -> None:
                 f"capture '{folder}': frames {first[frame.name]} and {number} are both named '{frame.name}' "
                 "after their images; rename one of the files, or leave one of the frames out"
             )
+
+
+def _what_it_is(folder: Path) -> str:
+    """Return what a folder without an index is, and what to do, in sentences."""
+    if (folder / layout.CAPTURE / INDEX_NAME).is_file():
+        return (
+            f"It holds the results of 'digs-warp run'; its capture is '{folder / layout.CAPTURE}'."
+        )
+    if (folder / layout.DATA_SET).is_file():
+        found = sorted(path.parent for path in folder.glob(f"*/{INDEX_NAME}"))
+        example = f", for example '{found[0]}'" if found else ""
+        return f"It holds {counted(len(found), 'capture')}; name one of them{example}."
+    record = _record_of(folder)
+    if record is None and not (folder / layout.GAUSSIANS).is_file():
+        return f"'digs-warp simulate' writes one. {OF_A_CAMERA}"
+    if record is not None and record.command in ("simulate", "run"):
+        return f"'digs-warp {record.command}' was interrupted here; run it again with --resume."
+    command = record.command if record else "reconstruct"
+    candidates = [folder.parent / layout.CAPTURE]
+    if record is not None and record.results.get("capture"):
+        candidates += places_of(Path(record.results["capture"]), folder)
+    place = next((path for path in candidates if (path / INDEX_NAME).is_file()), None)
+    where = f"; its capture is '{place}'" if place else ""
+    return f"It holds the results of 'digs-warp {command}'{where}."
+
+
+def _record_of(folder: Path) -> RunRecord | None:
+    try:
+        return RunRecord.find(folder)
+    except DigsError:  # broken, which does not matter here
+        return None

@@ -16,7 +16,7 @@ from digs_warp.data.frame import Frame
 from digs_warp.data.images import write_image
 from digs_warp.data.index_rules import DEPTH_UNIT, FORMAT_VERSION, INDEX_NAME, POINTS_KEY
 from digs_warp.data.layers import BASIC_LAYERS, Layer
-from digs_warp.data.object_view import ObjectView
+from digs_warp.data.objects import ObjectView
 from digs_warp.data.point_cloud import PointCloud
 from digs_warp.data.rig import Rig
 from digs_warp.data.sparse_points import write_points

@@ -12,18 +12,18 @@ from digs_warp.data.camera_motion import UNKNOWN, Exposure
 from digs_warp.data.decoded import decoded
 from digs_warp.data.images import read_image
 from digs_warp.data.index_rules import INDEX_NAME
-from digs_warp.data.label_loaders import LabelLoaders
 from digs_warp.data.layers import Layer
-from digs_warp.data.object_view import ObjectView
-from digs_warp.data.run_lengths import mask_of_text
+from digs_warp.data.objects import ObjectView, mask_of_text
 from digs_warp.geometry.camera import Camera
+
+_FLOW = "flow to the right, flow down, change of disparity"
 
 # Where a layer's pixels are: in a file, or in an array with the values that the file would have.
 PixelSource = Path | np.ndarray
 
 
 @dataclass(frozen=True, eq=False)
-class Frame(LabelLoaders):
+class Frame:
     """One moment of a recording: the left camera, the time [s], and where its pixels are.
 
     ``layers`` has a file or an array for each layer of the frame; only `Layer.IMAGE` is always there. An
@@ -33,6 +33,9 @@ class Frame(LabelLoaders):
     how each object of `About.objects` appears; empty if the recorder does not tell. ``instance``: number of
     the one object that the mask shows; None: the mask shows everything that is wanted. ``exposure``: how long
     the shutter was open, and how the camera moved meanwhile.
+
+    Images have shape (height, width). docs/labels.md defines the labels, which simulated recordings have on
+    request; what is said of left and right holds for the infrared pair where the frame has one.
     """
 
     name: str
@@ -99,11 +102,57 @@ class Frame(LabelLoaders):
         numbers = self.load_instances()
         return (numbers != 0) & (numbers != self.instance)
 
+    def load_normals(self) -> np.ndarray:
+        """Return true unit normals in the world, toward the viewer, (height, width, 3), float32."""
+        return self._load_vectors(Layer.NORMALS, "x, y, z")
+
+    def load_depth_right(self) -> np.ndarray:
+        """Return the true planar depth of the right eye [m], float32, NaN where unknown."""
+        return self._load_depth(Layer.DEPTH_RIGHT)
+
+    def load_mask_right(self) -> np.ndarray:
+        """Return the object mask of the right image, 0..255, uint8."""
+        return self._load_gray(Layer.MASK_RIGHT)
+
+    def load_disparity(self) -> np.ndarray:
+        """Return columns to the left at which the right image shows the point [px], float32, NaN: unknown."""
+        return self._load_numbers(Layer.DISPARITY)
+
+    def load_disparity_right(self) -> np.ndarray:
+        """Return columns to the right at which the left image shows the point [px], float32."""
+        return self._load_numbers(Layer.DISPARITY_RIGHT)
+
+    def load_occlusion(self) -> np.ndarray:
+        """Return whether the right image shows the points of the left one.
+
+        uint8, values of `digs_warp.data.layers.Occlusion`.
+        """
+        return self._load_gray(Layer.OCCLUSION)
+
+    def load_occlusion_right(self) -> np.ndarray:
+        """Return whether the left image shows the points of the right one, as `load_occlusion`."""
+        return self._load_gray(Layer.OCCLUSION_RIGHT)
+
+    def load_flow(self) -> np.ndarray:
+        """Return how far each point moves to the right and down until the next frame [px].
+
+        Shape (height, width, 2), float32; NaN where the point is behind the camera by then.
+        """
+        return self._load_vectors(Layer.FLOW, _FLOW)[..., :2]
+
+    def load_disparity_change(self) -> np.ndarray:
+        """Return the disparity of each point in the next frame minus that in this one [px], float32."""
+        return self._load_vectors(Layer.FLOW, _FLOW)[..., 2]
+
+    def load_flow_occlusion(self) -> np.ndarray:
+        """Return whether the next image shows the points of this one, as `load_occlusion`."""
+        return self._load_gray(Layer.FLOW_OCCLUSION)
+
     def load_silhouette(self, view: ObjectView) -> np.ndarray:
         """Return the pixels of one of ``objects`` if nothing hid it, (height, width), bool.
 
         Raises:
-            CaptureError: the index does not hold them in the form of `digs_warp.data.run_lengths`.
+            CaptureError: the index does not hold them in the form of `digs_warp.data.objects`.
         """
         if view.silhouette is None:
             return self.load_instances() == view.number
@@ -170,6 +219,21 @@ class Frame(LabelLoaders):
         # Sensors mark missing depth as 0, negative, NaN or infinity; in memory it is NaN.
         depth[~(np.isfinite(depth) & (depth > 0))] = np.nan
         return depth
+
+    def _load_numbers(self, layer: Layer) -> np.ndarray:
+        pixels = self._load(layer)
+        if pixels.dtype != np.float32:
+            raise CaptureError(f"{self._where(layer)}: {pixels.dtype}, expected a float EXR")
+        return pixels[..., 0]
+
+    def _load_vectors(self, layer: Layer, what: str) -> np.ndarray:
+        pixels = self._load(layer)
+        if pixels.dtype != np.float32 or pixels.shape[2] != 3:
+            raise CaptureError(
+                f"{self._where(layer)}: {pixels.shape[2]} channels of {pixels.dtype}, expected a float EXR "
+                f"with {what}"
+            )
+        return pixels
 
     def _load(self, layer: Layer) -> np.ndarray:
         """Return the pixels as stored, shape (height, width, channels); the caller may change them."""

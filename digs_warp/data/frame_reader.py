@@ -9,7 +9,7 @@ from digs_warp.data.camera_motion import read_exposure
 from digs_warp.data.frame import Frame
 from digs_warp.data.index_rules import INDEX_NAME, require_metres, require_pinhole
 from digs_warp.data.layers import Layer
-from digs_warp.data.object_view import read_object_view
+from digs_warp.data.objects import read_object_view
 from digs_warp.geometry.camera import Camera, Intrinsics
 from digs_warp.geometry.rigid import OPENCV_FROM_OPENGL
 from digs_warp.record.fields import ABOVE_ZERO, Fields, shown

@@ -1,6 +1,6 @@
-"""The layers of a frame: which images a capture may hold for each moment."""
+"""The layers of a frame: which images a capture may hold for each moment, and the values of one."""
 
-from enum import Enum
+from enum import Enum, IntEnum
 
 
 class Layer(Enum):
@@ -62,3 +62,11 @@ INFRARED_LAYERS = (
     Layer.DEPTH_TRUE,
     Layer.MASK,
 )
+
+
+class Occlusion(IntEnum):
+    """Whether another image, the other eye's or the next frame's, shows the point at a pixel center."""
+
+    SEEN = 0
+    OUTSIDE = 128  # the point projects outside of that image; what hides it was not checked
+    HIDDEN = 255  # something is in front of the point, or that camera sees the back of the same thin sheet

@@ -1,11 +1,20 @@
-"""Where cameras stand and look: the point that they look at, and up."""
+"""Some of many views, evenly spread, the point that they look at, and where up is."""
 
 from collections.abc import Sequence
+from typing import TypeVar
 
 import numpy as np
 
 from digs_warp.checks import DigsError
 from digs_warp.geometry.camera import Camera
+
+Item = TypeVar("Item")
+
+
+def evenly(items: Sequence[Item], count: int) -> list[Item]:
+    """Return at most ``count`` of the items, evenly spread, in their order; the first is among them."""
+    step = max(1.0, len(items) / count)
+    return [items[int(i * step)] for i in range(min(count, len(items)))]
 
 
 def looked_at(cameras: Sequence[Camera]) -> np.ndarray:

@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from digs_warp.data.evenly import evenly
+from digs_warp.data.viewpoints import evenly
 from digs_warp.device.threads import over_rows
 from digs_warp.geometry.sh import MAX_DEGREE, USUAL_DEGREE, coefficient_count, sh_basis
 

@@ -10,15 +10,19 @@ from pathlib import Path
 
 import numpy as np
 
-from digs_warp.checks import DigsError
+from digs_warp.checks import DigsError, check_shape
 from digs_warp.data.frame import Frame, PixelSource
 from digs_warp.data.images import read_image, write_image
 from digs_warp.data.layers import Layer
 from digs_warp.device.parallel import default_threads
 from digs_warp.masks.config import SegmentConfig
 from digs_warp.masks.from_depth import mask_from_depth
-from digs_warp.masks.in_foreground import mask_in_foreground
-from digs_warp.masks.network import MaskNetwork, default_model_path, require_network
+from digs_warp.masks.network import (
+    MaskNetwork,
+    default_model_path,
+    mask_in_foreground,
+    require_network,
+)
 from digs_warp.record.files import read_json, remove, to_json, write_atomically
 from digs_warp.record.manifest import is_kept
 from digs_warp.record.progress import progress
@@ -203,3 +207,17 @@ def _forget_other_masks(paths: Sequence[Path], key: str, folder: Path) -> None:
         for path in paths:
             remove(path)
         write_atomically(note, json.dumps({"key": key}).encode())
+
+
+def intersection_over_union(mask: np.ndarray, truth: np.ndarray, threshold: int = 127) -> float:
+    """Return the share of pixels in both masks among those in either, 0 to 1; two empty masks agree fully.
+
+    Args:
+        mask: shape (height, width), uint8.
+        truth: of the same shape.
+        threshold: values above it are object.
+    """
+    check_shape("mask", mask, truth.shape)
+    a, b = mask > threshold, truth > threshold
+    either = np.count_nonzero(a | b)
+    return np.count_nonzero(a & b) / either if either else 1.0

@@ -15,7 +15,7 @@ from functools import lru_cache
 import numpy as np
 import warp as wp
 
-from digs_warp.data.evenly import evenly
+from digs_warp.data.viewpoints import evenly
 from digs_warp.device.eyes import eyes_of
 from digs_warp.device.parallel import launch_parallel
 from digs_warp.device.threads import default_threads

@@ -11,10 +11,10 @@ from functools import partial
 
 import numpy as np
 
-from digs_warp.data.evenly import evenly
 from digs_warp.data.frame import Frame
 from digs_warp.data.gaussians import Gaussians
 from digs_warp.data.layers import Layer
+from digs_warp.data.viewpoints import evenly
 from digs_warp.surface.depth_views import depth_views
 from digs_warp.surface.extract import OBJECT_THRESHOLD, Layers
 from digs_warp.train.depth_errors import (

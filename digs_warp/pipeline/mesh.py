@@ -3,8 +3,8 @@
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from digs_warp.data.evenly import evenly
 from digs_warp.data.layers import Layer
+from digs_warp.data.viewpoints import evenly
 
 if TYPE_CHECKING:
     from digs_warp.data.frame import Frame

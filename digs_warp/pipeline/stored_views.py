@@ -15,9 +15,8 @@ from digs_warp.data.index_rules import INDEX_NAME
 from digs_warp.data.posed_frames import CAMERAS, PosedFrames
 from digs_warp.measure.scores import Scores
 from digs_warp.record.files import read_json, to_json, write_atomically
-from digs_warp.record.layout import CAPTURE, EVALUATION
+from digs_warp.record.layout import CAPTURE, EVALUATION, places_of
 from digs_warp.record.manifest import Manifest
-from digs_warp.record.noted_paths import places_of
 
 logger = logging.getLogger(__name__)
 

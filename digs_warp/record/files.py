@@ -1,5 +1,6 @@
 """The one way to write a file, and text and JSON as files."""
 
+import hashlib
 import json
 import re
 import shutil
@@ -235,3 +236,14 @@ def read_yaml(path: Path, what: str) -> dict[str, Any]:
     if not isinstance(content, dict):
         raise DigsError(f"{what} '{path}': expected a mapping, found {type(content).__name__}")
     return content
+
+
+def plain(value: Any) -> Any:
+    """Return a value of dataclasses, paths and NumPy scalars as JSON stores it."""
+    return json.loads(to_json(value))
+
+
+def digest(value: Any) -> str:
+    """Return 16 hexadecimal digits that identify a JSON-like value; the order of keys does not matter."""
+    text = json.dumps(plain(value), sort_keys=True)
+    return hashlib.sha256(text.encode()).hexdigest()[:16]

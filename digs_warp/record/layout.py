@@ -1,5 +1,6 @@
-"""File names in the folders that the commands write; they are defined only here."""
+"""File names in the folders that the commands write, defined only here, and where noted files are found."""
 
+from collections.abc import Iterator
 from pathlib import Path
 
 from digs_warp.checks import DigsError
@@ -43,3 +44,19 @@ def find_gaussians(source: Path) -> Path:
     raise DigsError(
         f"'{source}': no {GAUSSIANS} in it; name a folder that 'digs-warp reconstruct' has finished"
     )
+
+
+def places_of(noted: Path, folder: Path) -> Iterator[Path]:
+    """Yield where a file may be that the run in a folder noted, the likeliest place first.
+
+    A relative path is relative to the folder in which the command was started. That is mostly one above its
+    results, and need not be the one of today.
+
+    Args:
+        noted: the path in the record.
+        folder: the results.
+    """
+    if not noted.is_absolute():
+        for above in (*folder.parents, *folder.absolute().parents):
+            yield above / noted
+    yield noted

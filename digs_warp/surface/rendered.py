@@ -5,11 +5,11 @@ from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 
-from digs_warp.data.evenly import evenly
 from digs_warp.data.frame import Frame
 from digs_warp.data.gaussians import Gaussians
 from digs_warp.data.layers import Layer
 from digs_warp.data.triangle_mesh import TriangleMesh
+from digs_warp.data.viewpoints import evenly
 from digs_warp.measure.scores import SurfaceError
 from digs_warp.measure.surface_metrics import (
     DEFAULT_SAMPLES,

@@ -7,8 +7,8 @@ import numpy as np
 
 from digs_warp.checks import DigsError
 from digs_warp.data.capture import read_capture
-from digs_warp.data.placed_object import Matrix
-from digs_warp.record.noted_paths import places_of
+from digs_warp.data.objects import Matrix
+from digs_warp.record.layout import places_of
 from digs_warp.record.run_log import RunRecord
 
 if TYPE_CHECKING:

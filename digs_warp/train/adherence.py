@@ -11,9 +11,9 @@ from typing import Literal
 
 import numpy as np
 
-from digs_warp.data.evenly import evenly
 from digs_warp.data.frame import Frame
 from digs_warp.data.layers import Layer
+from digs_warp.data.viewpoints import evenly
 from digs_warp.geometry.camera import Camera
 from digs_warp.geometry.rigid import PixelBox, mask_box
 from digs_warp.splat.config import RasterOptions

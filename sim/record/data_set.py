@@ -10,16 +10,15 @@ from typing import Any
 import numpy as np
 
 from digs_warp.checks import DigsError
+from digs_warp.data.about import RecordedObject
 from digs_warp.data.capture import Capture
 from digs_warp.data.frame import Frame
-from digs_warp.data.recorded_object import RecordedObject
 from digs_warp.engines.config import EngineConfig
 from digs_warp.engines.engine import Needs
 from digs_warp.engines.run import run_tasks
 from digs_warp.engines.start import needs_of, started
 from digs_warp.engines.task import Results, Task
-from digs_warp.record.digest import digest
-from digs_warp.record.files import to_json, write_atomically
+from digs_warp.record.files import digest, to_json, write_atomically
 from digs_warp.record.layout import DATA_SET
 from digs_warp.sim.config import SimulateConfig
 from digs_warp.sim.record.randomize.draws import draw_scenes

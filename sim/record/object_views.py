@@ -7,9 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from digs_warp.data.object_view import Box, ObjectView
-from digs_warp.data.placed_object import matrix_rows
-from digs_warp.data.run_lengths import text_of_mask
+from digs_warp.data.objects import Box, ObjectView, matrix_rows, text_of_mask
 from digs_warp.geometry.camera import Camera, Intrinsics
 from digs_warp.sim.record.frame_maker import FrameMaker
 from digs_warp.sim.render.pixel_centers import Silhouette

@@ -14,7 +14,7 @@ from digs_warp.data.capture import Capture, read_capture
 from digs_warp.data.capture_writer import CaptureWriter, MemoryWriter
 from digs_warp.data.imu import IMU, IMU_TRUE, write_imu
 from digs_warp.data.index_rules import INDEX_NAME
-from digs_warp.data.object_view import ObjectView
+from digs_warp.data.objects import ObjectView
 from digs_warp.device.threads import default_threads, limited_threads
 from digs_warp.record.files import to_json, write_atomically
 from digs_warp.record.layout import RUN_RECORD, SENSOR_PLAN

@@ -5,7 +5,7 @@ from dataclasses import asdict, replace
 from typing import Any
 
 from digs_warp.data.about import About
-from digs_warp.data.placed_object import PlacedObject, matrix_rows
+from digs_warp.data.objects import PlacedObject, matrix_rows
 from digs_warp.data.rig import InfraredPair, Rig
 from digs_warp.sim.camera.profiles import Profile
 from digs_warp.sim.camera.rig import StereoRig

@@ -117,7 +117,7 @@ class Followed:
         shift: how far to the right and down they appear there [px], (height, width, 2), float32; NaN where
             there is no point, or it is behind that eye.
         depth: planar z in that eye [m], (height, width), float32; NaN likewise.
-        occlusion: `digs_warp.data.occlusion.Occlusion`, (height, width), uint8.
+        occlusion: `digs_warp.data.layers.Occlusion`, (height, width), uint8.
     """
 
     shift: np.ndarray

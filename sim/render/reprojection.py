@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 import warp as wp
 
-from digs_warp.data.occlusion import Occlusion
+from digs_warp.data.layers import Occlusion
 from digs_warp.device.parallel import launch_parallel, packed
 from digs_warp.geometry.reproject_kernel import is_inside, project, ray_through
 from digs_warp.sim.render.protocol import CameraTrack, Followed

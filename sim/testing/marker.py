@@ -81,7 +81,7 @@ def _effects(effects: Any, effect: str | None) -> str:
 
 
 def _walk(settings: dict[str, Any]) -> "SimulatedWalk":
-    from digs_warp.record.digest import plain
+    from digs_warp.record.files import plain
     from digs_warp.record.typed import from_json
     from digs_warp.sim.config import SimulateConfig
     from digs_warp.sim.record.inputs import rig_of
@@ -102,7 +102,7 @@ def _walk(settings: dict[str, Any]) -> "SimulatedWalk":
 
 
 def _recording(settings: dict[str, Any]) -> "WorseRecording":
-    from digs_warp.record.digest import plain
+    from digs_warp.record.files import plain
     from digs_warp.record.typed import from_json
     from digs_warp.sim.testing.recording import OwnRecording, RecordingConfig
     from digs_warp.sim.testing.sources import WorseRecording

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from digs_warp.data.occlusion import Occlusion
+from digs_warp.data.layers import Occlusion
 from digs_warp.sim.render.protocol import CameraTrack
 from digs_warp.sim.scene.scene import Scene
 

@@ -7,8 +7,7 @@ import numpy as np
 
 from digs_warp.data.capture import Capture
 from digs_warp.data.capture_writer import CaptureWriter, FrameImages
-from digs_warp.data.layers import Layer
-from digs_warp.data.occlusion import Occlusion
+from digs_warp.data.layers import Layer, Occlusion
 from digs_warp.data.rig import InfraredPair, Rig
 from digs_warp.geometry.camera import Intrinsics
 from digs_warp.geometry.rigid import look_at

@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from digs_warp.record.digest import plain
+from digs_warp.record.files import plain
 from digs_warp.study.engine.case import Case
 
 

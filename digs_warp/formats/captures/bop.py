@@ -27,7 +27,7 @@ from digs_warp.checks import CaptureError
 from digs_warp.data.capture import Capture
 from digs_warp.data.frame import Frame
 from digs_warp.data.images import to_uint8, write_image
-from digs_warp.data.object_view import Box
+from digs_warp.data.objects import Box
 from digs_warp.data.triangle_mesh import TriangleMesh
 from digs_warp.formats.captures.frames import (
     LARGEST_UINT16,

@@ -5,8 +5,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from digs_warp.data.evenly import evenly
 from digs_warp.data.frame import Frame
+from digs_warp.data.viewpoints import evenly
 from digs_warp.device.threads import over_items
 from digs_warp.geometry.rigid import invert_rigid
 from digs_warp.poses import thresholds

@@ -5,10 +5,10 @@ from pathlib import Path
 
 import numpy as np
 
+from digs_warp.data.about import RecordedObject
 from digs_warp.data.capture import Capture, read_capture
 from digs_warp.data.frame import Frame
 from digs_warp.data.layers import Layer
-from digs_warp.data.recorded_object import RecordedObject
 from digs_warp.record import layout
 from digs_warp.record.fields import Fields
 from digs_warp.record.files import read_json

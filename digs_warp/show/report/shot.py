@@ -9,8 +9,8 @@ from pathlib import Path
 
 import numpy as np
 
-from digs_warp.data.evenly import evenly
 from digs_warp.data.frame import Frame
+from digs_warp.data.viewpoints import evenly
 from digs_warp.geometry.camera import Camera, Intrinsics
 from digs_warp.pipeline.reconstruction import Reconstruction
 from digs_warp.show.film.camera_path import (

@@ -9,13 +9,13 @@ import numpy as np
 
 from digs_warp.checks import DigsError
 from digs_warp.data.capture import read_capture
-from digs_warp.data.evenly import evenly
 from digs_warp.data.frame import Frame
 from digs_warp.data.gaussians import Gaussians
 from digs_warp.data.index_rules import INDEX_NAME
 from digs_warp.data.layers import Layer
 from digs_warp.data.point_cloud import PointCloud
 from digs_warp.data.triangle_mesh import TriangleMesh
+from digs_warp.data.viewpoints import evenly
 from digs_warp.geometry.camera import pixel_centers
 from digs_warp.pipeline.reconstruction import Reconstruction
 from digs_warp.pipeline.scene_files import UpAxis, read_scene

@@ -8,13 +8,13 @@ from typing import TYPE_CHECKING, Literal, TypeAlias
 
 import numpy as np
 
-from digs_warp.data.evenly import evenly
 from digs_warp.data.frame import Frame
 from digs_warp.data.gaussians import Gaussians
 from digs_warp.data.images import to_uint8
 from digs_warp.data.layers import Layer
 from digs_warp.data.point_cloud import PointCloud
 from digs_warp.data.triangle_mesh import TriangleMesh
+from digs_warp.data.viewpoints import evenly
 from digs_warp.geometry.rigid import matrix_from_quat_xyzw, quat_xyzw_from_matrix
 from digs_warp.geometry.sh import C0
 from digs_warp.show.report.causes import paint_causes

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from digs_warp.checks import DigsError
-from digs_warp.record.digest import digest
+from digs_warp.record.files import digest
 from digs_warp.words import did_you_mean
 
 T = TypeVar("T")

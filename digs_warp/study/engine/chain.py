@@ -18,8 +18,7 @@ from digs_warp.data.capture import Capture
 from digs_warp.data.frame import Frame
 from digs_warp.data.posed_frames import PosedFrames
 from digs_warp.poses.from_images.config import SfmConfig
-from digs_warp.record.digest import digest
-from digs_warp.record.files import copy_folder, read_json, to_json, write_atomically
+from digs_warp.record.files import copy_folder, digest, read_json, to_json, write_atomically
 from digs_warp.record.lock import taking_turns
 from digs_warp.record.results import to_json as record_json
 from digs_warp.record.run_log import RunRecord, versions

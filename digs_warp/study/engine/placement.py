@@ -10,11 +10,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from digs_warp.data.evenly import evenly
 from digs_warp.data.frame import Frame
 from digs_warp.data.gaussians import Gaussians
 from digs_warp.data.sfm_model import scaled_pose
 from digs_warp.data.triangle_mesh import TriangleMesh
+from digs_warp.data.viewpoints import evenly
 from digs_warp.geometry.camera import Camera, pixel_centers
 from digs_warp.geometry.rigid import (
     invert_rigid,

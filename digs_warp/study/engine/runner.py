@@ -10,7 +10,7 @@ from digs_warp.engines.engine import Needs
 from digs_warp.engines.run import Outcome, check_keys, run_tasks
 from digs_warp.engines.start import needs_of, started
 from digs_warp.engines.task import Task
-from digs_warp.record.digest import plain
+from digs_warp.record.files import plain
 from digs_warp.record.lock import sole_writer
 from digs_warp.study.engine.case import Case
 from digs_warp.study.engine.store import Store

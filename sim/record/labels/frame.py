@@ -42,7 +42,7 @@ class PairDisparity:
         left: column in the left image minus that in the right one [px], float32; NaN: nothing there.
         right: the same for the pixels of the right image.
         occlusion_left: whether the right image shows the points of the left one, uint8; see
-            `digs_warp.data.occlusion.Occlusion`.
+            `digs_warp.data.layers.Occlusion`.
         occlusion_right: the other way round.
     """
 
@@ -72,7 +72,7 @@ class FlowToNext:
         field: how far a point moves to the right and down, and by how much its disparity f b / Z grows [px],
             (height, width, 3), float32; NaN where it is behind the camera by then.
         occlusion: whether the next image shows it, (height, width), uint8; see
-            `digs_warp.data.occlusion.Occlusion`.
+            `digs_warp.data.layers.Occlusion`.
     """
 
     field: np.ndarray

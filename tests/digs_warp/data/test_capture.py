@@ -15,7 +15,7 @@ from digs_warp.data.capture import read_capture
 from digs_warp.data.capture_writer import CaptureWriter, MemoryWriter
 from digs_warp.data.images import read_image, write_image
 from digs_warp.data.layers import BASIC_LAYERS, Layer
-from digs_warp.data.placed_object import PlacedObject, matrix_rows
+from digs_warp.data.objects import PlacedObject, matrix_rows
 from digs_warp.data.rig import InfraredPair, Rig
 from reference.file_hashes import file_hashes
 from reference.noise_capture import INTRINSICS, frame_images, view, write_capture

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from digs_warp.data.run_lengths import mask_of_text, text_of_mask
+from digs_warp.data.objects import mask_of_text, text_of_mask
 
 # pycocotools.mask.encode of `framed`.
 FRAMED = (

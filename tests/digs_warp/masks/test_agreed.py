@@ -11,7 +11,7 @@ from digs_warp.data.frame import Frame
 from digs_warp.data.layers import Layer
 from digs_warp.masks.agreed import agreed_masks
 from digs_warp.masks.config import SegmentConfig
-from digs_warp.masks.score import intersection_over_union
+from digs_warp.masks.masks import intersection_over_union
 from digs_warp.pipeline.config import FrontEndConfig
 from digs_warp.pipeline.front_end import front_end, load_front_end
 from digs_warp.record.run_log import RunLog

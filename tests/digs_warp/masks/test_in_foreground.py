@@ -6,9 +6,8 @@ import numpy as np
 
 from digs_warp.data.images import read_image
 from digs_warp.masks.config import SegmentConfig
-from digs_warp.masks.in_foreground import mask_in_foreground
-from digs_warp.masks.masks import segment
-from digs_warp.masks.score import intersection_over_union
+from digs_warp.masks.masks import intersection_over_union, segment
+from digs_warp.masks.network import mask_in_foreground
 from reference.ball_capture import ball_view, ball_views, write_capture
 from reference.tiny_network import write_network
 

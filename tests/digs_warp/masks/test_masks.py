@@ -13,14 +13,13 @@ from digs_warp.data.frame import Frame
 from digs_warp.data.images import read_image, write_image
 from digs_warp.data.layers import Layer
 from digs_warp.masks.config import SegmentConfig
-from digs_warp.masks.masks import segment, with_masks
+from digs_warp.masks.masks import intersection_over_union, segment, with_masks
 from digs_warp.masks.network import (
     MaskNetwork,
     default_model_path,
     mask_from_output,
     network_input,
 )
-from digs_warp.masks.score import intersection_over_union
 from reference.tiny_capture import HEIGHT, WIDTH, write_tiny_capture
 from reference.tiny_network import write_network
 

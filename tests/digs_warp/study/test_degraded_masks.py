@@ -7,8 +7,7 @@ import pytest
 
 from digs_warp.data.images import read_image
 from digs_warp.masks.config import SegmentConfig
-from digs_warp.masks.masks import segment
-from digs_warp.masks.score import intersection_over_union
+from digs_warp.masks.masks import intersection_over_union, segment
 from digs_warp.study.degraded_masks import degrade_mask, smooth_noise, write_degraded_masks
 from reference.tiny_capture import write_tiny_capture
 

@@ -10,7 +10,7 @@ import trimesh
 from scipy.spatial import ConvexHull
 
 from digs_warp.data.capture import Capture
-from digs_warp.data.object_view import Box
+from digs_warp.data.objects import Box
 from digs_warp.geometry.camera import Camera, Intrinsics
 from digs_warp.geometry.rigid import look_at
 from digs_warp.sim.camera.shutter import Shutter, ShutteredEye

@@ -9,9 +9,9 @@ from typing import Any
 
 import numpy as np
 
-from digs_warp.data.evenly import evenly
 from digs_warp.data.frame import Frame
 from digs_warp.data.posed_frames import PosedFrames
+from digs_warp.data.viewpoints import evenly
 from digs_warp.pipeline.reconstruction import Reconstruction
 from digs_warp.show.report.markup import figure, picture, section
 from digs_warp.show.report.pictures import data_uri

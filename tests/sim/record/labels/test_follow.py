@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from digs_warp.data.occlusion import Occlusion
+from digs_warp.data.layers import Occlusion
 from digs_warp.geometry.camera import Camera, Intrinsics
 from digs_warp.geometry.rigid import look_at, rigid
 from digs_warp.sim.render.protocol import CameraTrack, Followed

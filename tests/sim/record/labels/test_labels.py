@@ -13,8 +13,7 @@ from digs_warp.checks import CaptureError, DigsError
 from digs_warp.data.capture import Capture, read_capture
 from digs_warp.data.frame import Frame
 from digs_warp.data.images import linear_from_srgb
-from digs_warp.data.layers import Layer
-from digs_warp.data.occlusion import Occlusion
+from digs_warp.data.layers import Layer, Occlusion
 from digs_warp.data.rig import Rig
 from digs_warp.formats.captures.formats import export_capture
 from digs_warp.geometry.camera import pixel_centers
