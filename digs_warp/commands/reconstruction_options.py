@@ -62,11 +62,11 @@ class _DensityOptions(Density):
     moving idle ones."""
 
 
+# Its groups have empty names, so that the help shows them as one. (Not said in the class: tyro shows that.)
 @dataclass(frozen=True, kw_only=True)
 class _TrainOptions(TrainConfig):
     """How the Gaussians are optimized."""
 
-    # Without names of their own, the help shows them as one group.
     stop: Annotated[Stop, tyro.conf.arg(name="")] = field(default_factory=Stop)
     density: Annotated[_DensityOptions, tyro.conf.arg(name="")] = field(
         default_factory=_DensityOptions
