@@ -1,6 +1,6 @@
 """The largest inputs: a few bytes can promise billions of pixels, rows or levels; headers are checked first.
 
-Each bound lies well above real files. docs/bounds.md lists them all.
+Each bound lies well above real files. docs/troubleshooting.md lists them all.
 """
 
 from dataclasses import dataclass

@@ -100,7 +100,7 @@ BENCHMARKS = (
         join_function="surface.with_medians",
     ),
     # Films at three sizes, meshes at four voxel sizes, files of every format.
-    Benchmark("trained", ("trained.bench_trained",), ("render.md", "mesh.md", "interchange.md")),
+    Benchmark("trained", ("trained.bench_trained",), ("results.md", "formats.md")),
     # Every initialization under rising sensor noise.
     Benchmark("init-noise", ("init_noise.bench_init_noise",), ("initialization.md",)),
     # What poses that nobody knows cost, found in each way.

@@ -140,7 +140,7 @@ def test_the_readme_maps_every_room() -> None:
 
 
 def test_the_example_of_the_api_page_runs() -> None:
-    page = REPOSITORY / "docs" / "api" / "index.md"
+    page = REPOSITORY / "docs" / "api.md"
     (example,) = blocks(page, "python")
     names: dict[str, Any] = {}
     exec(compile(example, str(page), "exec"), names)
@@ -148,13 +148,13 @@ def test_the_example_of_the_api_page_runs() -> None:
 
 
 def test_the_api_page_names_everything_that_is_public() -> None:
-    page = (REPOSITORY / "docs" / "api" / "index.md").read_text(encoding="utf-8")
+    page = (REPOSITORY / "docs" / "api.md").read_text(encoding="utf-8")
     words = set(re.findall(r"\w+", page))
     assert set(digs_warp.__all__) <= words
 
 
 def test_the_example_of_the_capture_format_writes_what_the_page_describes(tmp_path: Path) -> None:
-    page = REPOSITORY / "docs" / "capture-format.md"
+    page = REPOSITORY / "docs" / "formats.md"
     (example,) = blocks(page, "python")
     folder = tmp_path / "capture"
     exec(compile(example, str(page), "exec"), {"folder": folder})

@@ -34,7 +34,7 @@ def reconstruct(
     Args:
         capture: a recording, or its folder.
         out: folder for everything that the reconstruction leaves behind
-            (docs/reconstruction-format.md). Default: none is kept.
+            (docs/formats.md). Default: none is kept.
         strategy: which points to start from. Default: those from depth, or sparse ones where there is none.
         iterations: training steps. Default: 1000.
         seed: decides everything random.

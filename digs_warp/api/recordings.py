@@ -27,7 +27,7 @@ def simulate(
     Args:
         mesh: the object: GLB, glTF, OBJ, PLY or STL. Default: the built-in object.
         frames: number of stereo frames.
-        out: folder of the capture (docs/capture-format.md). Default: it stays in memory.
+        out: folder of the capture (docs/formats.md). Default: it stays in memory.
         resume: with ``out``: continue an interrupted run with the same settings.
         settings: the other fields of `digs_warp.sim.config.SimulateConfig`, such as ``environment``,
             ``width``, ``tier``, ``effects``, ``seed``.

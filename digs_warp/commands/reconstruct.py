@@ -46,7 +46,7 @@ class Reconstruct(ReconstructionOptions, _Output):
     """
 
     captures: Annotated[tuple[Path, ...], tyro.conf.Positional, tyro.conf.arg(metavar="CAPTURE")]
-    """A folder that 'digs-warp simulate' wrote, or your own recording (docs/capture-format.md). Of
+    """A folder that 'digs-warp simulate' wrote, or your own recording (docs/formats.md). Of
     several, or of all in a folder of many scenes, each gets a folder in --out."""
 
     seed: Annotated[int, SEED] = 0

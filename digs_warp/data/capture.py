@@ -1,7 +1,7 @@
 """Reads a capture folder: images, depths, masks and poses of one recording, on disk.
 
 The index is nerfstudio's ``transforms.json``, so other tools can read the folder, too; it also has our
-keys. Pixels are loaded on demand. The layout is described in docs/capture-format.md;
+keys. Pixels are loaded on demand. The layout is described in docs/formats.md;
 `digs_warp.data.capture_writer` writes it.
 """
 

@@ -34,7 +34,7 @@ class Frame:
     the one object that the mask shows; None: the mask shows everything that is wanted. ``exposure``: how long
     the shutter was open, and how the camera moved meanwhile.
 
-    Images have shape (height, width). docs/labels.md defines the labels, which simulated recordings have on
+    Images have shape (height, width). docs/formats.md defines the labels, which simulated recordings have on
     request; what is said of left and right holds for the infrared pair where the frame has one.
     """
 

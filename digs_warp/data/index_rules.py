@@ -1,6 +1,6 @@
 """What transforms.json may say about cameras, units and versions: honored or refused, never skipped.
 
-docs/capture-format.md lists the allowed keys and values.
+docs/formats.md lists the allowed keys and values.
 """
 
 import difflib

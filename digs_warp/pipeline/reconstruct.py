@@ -1,6 +1,6 @@
 """Capture -> Gaussians: poses, initialization, training and evaluation, each stage cached and resumable.
 
-docs/reconstruction-format.md describes the folder that `reconstruct` writes.
+docs/formats.md describes the folder that `reconstruct` writes.
 """
 
 import logging

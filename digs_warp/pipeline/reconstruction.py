@@ -1,4 +1,4 @@
-"""The result of a reconstruction, in memory and in the folder of docs/reconstruction-format.md.
+"""The result of a reconstruction, in memory and in the folder of docs/formats.md.
 
 No other code reads or names the files of that folder that describe a result, but `stored_views` beside it.
 """

@@ -26,7 +26,7 @@ VOXEL, COARSE_VOXEL = 0.004, 0.01
 ENVIRONMENT = "forest_slope"
 # What to do where it is missing.
 SEE_SAMPLE_DATA = (
-    "set DIGS_WARP_SAMPLE_DATA to its folder; docs/sample-data.md says where it comes from"
+    "set DIGS_WARP_SAMPLE_DATA to its folder; docs/install.md says where it comes from"
 )
 
 

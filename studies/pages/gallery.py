@@ -1,4 +1,4 @@
-"""Runs the examples of docs/gallery.md in out/gallery, and photographs their reports.
+"""Runs the examples of the gallery in docs/results.md in out/gallery, and photographs their reports.
 
 Runs that are there are kept. Needs Chromium (apt-get install chromium), and the sample data for its meshes.
 """
@@ -20,7 +20,7 @@ from scripts.headless_browser import browser
 from scripts.page_marks import DOCS, fill
 from studies.pages.demo import shown
 
-PAGE, PICTURES = "gallery.md", "images/gallery"
+PAGE, PICTURES = "results.md", "images/gallery"
 WINDOW = (1280, 690)  # [px] holds the 3D section and nothing below it
 
 
@@ -63,7 +63,7 @@ EXAMPLES = (
 
 
 def main(folder: Path = Path("out/gallery")) -> None:
-    """Make what is missing, and write the page."""
+    """Make what is missing, and write the gallery."""
     sections = [section(example, folder / example.name) for example in EXAMPLES]
     fill(PAGE, "examples", "\n\n".join(sections))
 
@@ -78,7 +78,7 @@ def section(example: Example, run: Path) -> str:
     picture = Path(PICTURES) / f"{example.name}.jpg"
     write_atomically(DOCS / picture, encode_jpeg(photograph(report), 80))
     lines = (
-        f"## {example.title}",
+        f"### {example.title}",
         f"`digs-warp run {example.flags}`",
         figures(run),
         f"![The report of the run: {example.title.lower()}]({picture})",
