@@ -67,9 +67,9 @@ def _true_scenes(capture: Path, textured: bool = True) -> "list[Scene] | None":
     if settings.get("scene"):
         return _placed_objects(capture)
     if settings["mesh"] is None:
-        from digs_warp.sim.scene.procedural import procedural_scene, procedural_shape
+        from digs_warp.sim.scene.builtin import builtin_scene, builtin_shape
 
-        return [procedural_scene() if textured else procedural_shape()]
+        return [builtin_scene() if textured else builtin_shape()]
     about = read_capture(capture).about
     return [_mesh_at(capture, Path(settings["mesh"]), about.world_from_mesh)]
 

@@ -12,7 +12,8 @@ from digs_warp.sim.camera.rig import DEFAULT_FOV_DEG, StereoRig
 from digs_warp.sim.camera.working_range import check_reach
 from digs_warp.sim.config import SimulateConfig
 from digs_warp.sim.scene.appearance import refinished, relit
-from digs_warp.sim.scene.environment import Environment, load_environment, procedural_environment
+from digs_warp.sim.scene.builtin import builtin_environment, builtin_scene
+from digs_warp.sim.scene.environment import Environment, load_environment
 from digs_warp.sim.scene.scene import Scene, SceneObject
 
 
@@ -80,7 +81,7 @@ def load_inputs(config: SimulateConfig) -> Inputs:
 
 def _load_environment(config: SimulateConfig) -> Environment:
     if config.environment is None:
-        environment = procedural_environment()
+        environment = builtin_environment()
     else:
         environment = load_environment(config.environment)
     return relit(environment, config.look, environment.is_room)
@@ -103,9 +104,7 @@ def _load_object(config: SimulateConfig) -> Scene:
             "--object-size, --mesh-unit and --mesh-up tell how to read a mesh file; the built-in object has "
             "none. Leave them out, or name a mesh with --mesh"
         )
-    from digs_warp.sim.scene.procedural import procedural_scene
-
-    return procedural_scene()
+    return builtin_scene()
 
 
 def rig_of(config: SimulateConfig) -> StereoRig:

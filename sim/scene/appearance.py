@@ -6,10 +6,10 @@ from dataclasses import replace
 import numpy as np
 
 from digs_warp.sim.scene.appearance_settings import NEUTRAL_TEMPERATURE, LookSettings, of_object
-from digs_warp.sim.scene.builtin.plain_shapes import random_finish
-from digs_warp.sim.scene.builtin.table import TABLE_TOP
 from digs_warp.sim.scene.environment import Environment
+from digs_warp.sim.scene.finishes import random_finish
 from digs_warp.sim.scene.scene import FURNITURE, Material, Scene
+from digs_warp.sim.scene.table import TABLE_TOP
 
 FULL_TEXEL = 255
 

@@ -6,9 +6,9 @@ from pathlib import Path
 
 import numpy as np
 
-from digs_warp.sim.scene.builtin.plain_shapes import plain_shape
 from digs_warp.sim.scene.join import join_scenes
 from digs_warp.sim.scene.scene import FURNITURE, Scene
+from digs_warp.sim.scene.shapes import plain_shape
 
 # Identify them in the seeds, apart from the arrangement of objects.
 SHAPES, PLACES = 301, 302

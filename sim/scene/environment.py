@@ -173,13 +173,6 @@ def _finite(path: Path, pixels: np.ndarray) -> np.ndarray:
         raise DigsError(f"{error}; mend them with: {mended}") from None
 
 
-def procedural_environment(radius: float = DEFAULT_RADIUS) -> Environment:
-    """Return the built-in studio room: textured all around, lit by windows and soft boxes."""
-    from digs_warp.sim.scene.studio_room import studio_room_radiance
-
-    return Environment(studio_room_radiance(), radius, is_room=True)
-
-
 # More pixels than this per texel look soft, and give a matcher less to go by than a real room would.
 SOFT = 3.0
 

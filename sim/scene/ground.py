@@ -55,7 +55,7 @@ def set_up(scene: Scene, environment: Environment, ground: Ground, farthest: flo
     things = np.stack([scene.vertices.min(axis=0), scene.vertices.max(axis=0)])
     floor = top = float(scene.object_vertices[:, 2].min())
     if ground == "table":
-        from digs_warp.sim.scene.builtin.table import table_scene
+        from digs_warp.sim.scene.table import table_scene
 
         floor = top - TABLE_HEIGHT
         scene = join_scenes(scene, table_scene(top, floor, things.astype(np.float64)))

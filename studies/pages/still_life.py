@@ -14,10 +14,11 @@ from digs_warp.geometry.rigid import look_at, rigid
 from digs_warp.sim.camera.profiles import PROFILES
 from digs_warp.sim.camera.rig import StereoRig
 from digs_warp.sim.render.raycast import RaycastRenderer
-from digs_warp.sim.scene.builtin.noise import periodic_noise
-from digs_warp.sim.scene.builtin.shapes import Patch, revolve
-from digs_warp.sim.scene.environment import Environment, procedural_environment
+from digs_warp.sim.scene.builtin import builtin_environment
+from digs_warp.sim.scene.environment import Environment
+from digs_warp.sim.scene.finishes import periodic_noise
 from digs_warp.sim.scene.scene import Material, Scene
+from digs_warp.sim.scene.shapes import Patch, revolve
 from digs_warp.sim.sensor.frame import FrameTruth, Motion
 
 WIDTH, HEIGHT, FOV_DEG = 640, 400, 62.0
@@ -72,7 +73,7 @@ def still_life() -> tuple[Scene, Environment]:
             _noise(rng, "near bead", 50, (8, 120), tint=(0.5, 0.9, 0.6)),
         ),
     ]
-    environment = procedural_environment()
+    environment = builtin_environment()
     return _join(parts), Environment(environment.radiance, SURROUND_RADIUS)
 
 

@@ -15,10 +15,10 @@ from digs_warp.geometry.camera import Camera, Intrinsics
 from digs_warp.geometry.rigid import look_at
 from digs_warp.sim.render.gl import GlRenderer
 from digs_warp.sim.render.raycast import RaycastRenderer
+from digs_warp.sim.scene.builtin import builtin_scene
 from digs_warp.sim.scene.environment import Environment, panorama_directions
 from digs_warp.sim.scene.join import join_scenes
 from digs_warp.sim.scene.load import load_scene
-from digs_warp.sim.scene.procedural import procedural_scene
 from digs_warp.sim.scene.scene import Material, Scene
 from reference.plates import plate
 
@@ -46,7 +46,7 @@ def gl_renderer(scene: Scene, environment: Environment = SKY) -> GlRenderer:
 def vase() -> tuple[GlRenderer, RaycastRenderer]:
     """The built-in object in both renderers, under a smooth sky."""
     sky = Environment((panorama_directions(64, 32) + 1).astype(np.float32))
-    scene = procedural_scene()
+    scene = builtin_scene()
     return gl_renderer(scene, sky), RaycastRenderer(scene, sky)
 
 

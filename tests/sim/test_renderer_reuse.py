@@ -14,8 +14,8 @@ from digs_warp.sim.record.record import simulate
 from digs_warp.sim.render import environment_light, raycast
 from digs_warp.sim.render.environment_light import prepare_light
 from digs_warp.sim.render.raycast import renderer_of
+from digs_warp.sim.scene.builtin import builtin_scene, builtin_shape
 from digs_warp.sim.scene.environment import Environment
-from digs_warp.sim.scene.procedural import procedural_scene, procedural_shape
 from digs_warp.sim.scene.scene import Scene
 from reference.file_hashes import file_hashes
 from reference.mesh_files import TETRAHEDRON
@@ -32,7 +32,7 @@ def nothing_kept() -> Iterator[None]:
 
 @pytest.fixture(scope="module")
 def plain() -> Scene:
-    return procedural_shape()
+    return builtin_shape()
 
 
 def test_equal_scenes_share_a_renderer(plain: Scene) -> None:
@@ -124,7 +124,7 @@ def pixels_of(config: SimulateConfig, folder: Path) -> dict[str, str]:
 
 
 def test_the_built_in_object_cannot_be_changed() -> None:
-    scene = procedural_scene()
+    scene = builtin_scene()
     for array in (scene.vertices, scene.faces, scene.materials[0].texture):
         assert array is not None
         with pytest.raises(ValueError, match="read-only"):

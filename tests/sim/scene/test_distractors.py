@@ -9,13 +9,13 @@ import pytest
 from digs_warp.data.images import write_image
 from digs_warp.sim.config import SimulateConfig
 from digs_warp.sim.record.record import simulate_in_memory
-from digs_warp.sim.scene.builtin.plain_shapes import plain_shape
+from digs_warp.sim.scene.builtin import builtin_scene
 from digs_warp.sim.scene.distractors import GAP, REACH, add_distractors, places
-from digs_warp.sim.scene.procedural import procedural_scene
 from digs_warp.sim.scene.scene import FURNITURE, Scene
+from digs_warp.sim.scene.shapes import plain_shape
 from reference.mesh_files import TETRAHEDRON
 
-OBJECT = procedural_scene()
+OBJECT = builtin_scene()
 PLATE_CORNERS = np.array([(0, 0, 0), (2, 0, 0), (2, 1, 0), (0, 1, 0), (1, 0.5, 0.2)])
 PLATE_FACES = "f 1 2 5\nf 2 3 5\nf 3 4 5\nf 4 1 5\nf 4 3 2\nf 4 2 1\n"
 

@@ -14,9 +14,9 @@ from digs_warp.sim.camera.profiles import load_profile
 from digs_warp.sim.config import SimulateConfig
 from digs_warp.sim.record.record import simulate_in_memory
 from digs_warp.sim.render.raycast import RaycastRenderer
+from digs_warp.sim.scene.builtin import builtin_scene
 from digs_warp.sim.scene.environment import SOFT, Environment, pixels_per_texel, warn_if_soft
 from digs_warp.sim.scene.ground import Ground
-from digs_warp.sim.scene.procedural import procedural_scene
 
 DISTANCE = 1.0
 RIG = load_profile("zed2-720").rig(320, 180)
@@ -31,7 +31,7 @@ def striped(height: int) -> Environment:
 
 def test_texels_are_as_wide_as_they_are_in_the_image() -> None:
     environment = striped(256)
-    scene = procedural_scene()
+    scene = builtin_scene()
     speck = replace(scene, vertices=scene.vertices * np.float32(0.01))
     # Looking past the speck, level with the middle of the panorama: at the far side of the sphere.
     pose = look_at(np.array([DISTANCE, 0.0, 0.0]), np.zeros(3), np.array([0.0, 0.0, 1.0]))

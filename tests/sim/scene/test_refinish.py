@@ -8,11 +8,11 @@ import pytest
 from digs_warp.checks import DigsError
 from digs_warp.sim.scene.appearance import refinished, tint_color, with_table_top
 from digs_warp.sim.scene.appearance_settings import LookSettings, of_object
-from digs_warp.sim.scene.builtin.table import TABLE_TOP, table_scene
+from digs_warp.sim.scene.builtin import builtin_scene
 from digs_warp.sim.scene.join import join_scenes
-from digs_warp.sim.scene.procedural import procedural_scene
+from digs_warp.sim.scene.table import TABLE_TOP, table_scene
 
-SCENE = procedural_scene()
+SCENE = builtin_scene()
 
 
 def test_roughness_is_multiplied_up_to_fully_rough() -> None:

@@ -7,9 +7,9 @@ import pytest
 import trimesh
 from scipy.spatial import ConvexHull
 
+from digs_warp.sim.scene.builtin import builtin_scene
 from digs_warp.sim.scene.load import load_scene, load_scene_at
 from digs_warp.sim.scene.mesh.resting import MOST_FACES, hull_of, resting_turn, stable_ups
-from digs_warp.sim.scene.procedural import procedural_scene
 from digs_warp.sim.scene.scene import Scene
 from reference.mesh_files import save
 
@@ -48,7 +48,7 @@ def test_every_sample_mesh_rests_on_the_ground(path: Path) -> None:
 
 
 def test_the_built_in_object_rests() -> None:
-    assert_rests(procedural_scene())
+    assert_rests(builtin_scene())
 
 
 @pytest.mark.parametrize("lean", [0.0, 3.0, 20.0, 40.0])

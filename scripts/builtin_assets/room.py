@@ -5,15 +5,11 @@ panorama. Everything has fine detail: structure from motion finds its features i
 Radiance is linear; 1 is about a white wall in the room's own light, lamps and windows are far brighter.
 """
 
-from collections.abc import Callable
-from functools import cache
-
 import numpy as np
 
 from digs_warp.sim.scene.environment import panorama_directions
 
-WIDTH = 2048
-HEIGHT = 1024
+WIDTH, HEIGHT = 2048, 1024  # of the panorama
 
 SEED = 20
 
@@ -22,33 +18,13 @@ SEED = 20
 WALL_SIZE = 768
 
 # Radiance of the light sources.
-SOFT_BOX = 16.0
-SKY = 1.2
-LAMP = 6.0
-
-Painter = Callable[[np.random.Generator], np.ndarray]
+SOFT_BOX, SKY, LAMP = 16.0, 1.2, 6.0
 
 
-@cache
-def studio_room_radiance() -> np.ndarray:
-    """Return the panorama, linear radiance, (1024, 2048, 3), float32. Always the same, read-only."""
-    painters: tuple[Painter, ...] = (
-        _book_wall,
-        _brick_wall,
-        _window_wall,
-        _picture_wall,
-        _ceiling,
-        _floor,
-    )
+def room_radiance() -> np.ndarray:
+    """Return the panorama, linear radiance, (HEIGHT, WIDTH, 3), float32."""
+    painters = (_book_wall, _brick_wall, _window_wall, _picture_wall, _ceiling, _floor)
     seeds = np.random.SeedSequence(SEED).spawn(len(painters))
-    walls = [paint(np.random.default_rng(s)) for paint, s in zip(painters, seeds, strict=True)]
-    panorama = _panorama_of_walls(walls)
-    panorama.flags.writeable = False
-    return panorama
-
-
-def _panorama_of_walls(walls: list[np.ndarray]) -> np.ndarray:
-    """Look up the walls +x, -x, +y, -y, +z, -z along every direction of the panorama."""
     directions = panorama_directions(WIDTH, HEIGHT).astype(np.float32).reshape(-1, 3)
     x, y, z = directions.T
     ax, ay, az = np.abs(directions.T)
@@ -63,32 +39,26 @@ def _panorama_of_walls(walls: list[np.ndarray]) -> np.ndarray:
     )
     longest = np.maximum(np.maximum(ax, ay), az)
     panorama = np.empty((WIDTH * HEIGHT, 3), np.float32)
-    for wall, (sign, depth, right, down) in zip(walls, faces, strict=True):
+    for paint, seed, (sign, depth, right, down) in zip(painters, seeds, faces, strict=True):
         here = np.flatnonzero(sign & (depth == longest))
-        u = (0.5 + 0.5 * right[here] / depth[here]) * WALL_SIZE - 0.5
-        v = (0.5 + 0.5 * down[here] / depth[here]) * WALL_SIZE - 0.5
-        panorama[here] = _bilinear(wall, u, v)
+        u, v = ((0.5 + 0.5 * each[here] / depth[here]) * WALL_SIZE - 0.5 for each in (right, down))
+        panorama[here] = _bilinear(paint(np.random.default_rng(seed)), u, v)
     return panorama.reshape(HEIGHT, WIDTH, 3)
 
 
 def _bilinear(image: np.ndarray, u: np.ndarray, v: np.ndarray) -> np.ndarray:
     """Return the values of an image, (n, n, 3), at positions [px], clamped at the border."""
-    last = len(image) - 2
-    left = np.clip(np.floor(u).astype(np.int32), 0, last)
-    top = np.clip(np.floor(v).astype(np.int32), 0, last)
-    fu = np.clip(u - left, 0, 1)[:, None].astype(np.float32)
-    fv = np.clip(v - top, 0, 1)[:, None].astype(np.float32)
-    flat = image.reshape(-1, 3)
-    index = top * len(image) + left
-    above = flat[index] * (1 - fu) + flat[index + 1] * fu
-    index += len(image)
-    below = flat[index] * (1 - fu) + flat[index + 1] * fu
+    left, top = (np.clip(np.floor(c).astype(np.int32), 0, len(image) - 2) for c in (u, v))
+    fu, fv = (np.clip(c, 0, 1)[:, None].astype(np.float32) for c in (u - left, v - top))
+    above, below = (
+        image[row, left] * (1 - fu) + image[row, left + 1] * fu for row in (top, top + 1)
+    )
     return above * (1 - fv) + below * fv
 
 
 def _book_wall(rng: np.random.Generator) -> np.ndarray:
     """Shelves full of books."""
-    wall = plain((0.30, 0.20, 0.12), fall_off(1.0, 0.7) * (1 + 0.2 * noise(rng, (12, 192))))
+    wall = _plain((0.30, 0.20, 0.12), _fall_off(1.0, 0.7) * (1 + 0.2 * _noise(rng, (12, 192))))
     shelf = 84
     for top in range(24, WALL_SIZE - shelf, shelf):
         wall[top : top + shelf - 12] *= 0.25
@@ -97,7 +67,7 @@ def _book_wall(rng: np.random.Generator) -> np.ndarray:
             if rng.random() < 0.06:  # a gap, where the eye rests
                 left += int(rng.integers(15, 50))
             width, height = int(rng.integers(7, 24)), int(rng.integers(46, 70))
-            color = muted(rng.uniform(0.03, 0.8, 3)) * rng.uniform(0.3, 1.0)
+            color = _muted(rng.uniform(0.03, 0.8, 3)) * rng.uniform(0.3, 1.0)
             book = wall[top + shelf - 12 - height : top + shelf - 12, left : left + width]
             across = np.linspace(-1, 1, width)
             book[:] = color * (1.0 - 0.5 * across**2)[:, None]
@@ -106,7 +76,7 @@ def _book_wall(rng: np.random.Generator) -> np.ndarray:
                 book[line : line + int(rng.integers(2, 8)), 1:-1] = rng.uniform(0.1, 1.0, 3)
             left += width + 1
         wall[top + shelf - 12 : top + shelf - 9] *= 1.8  # lit front edge of the board
-    return wall * (1 + 0.08 * noise(rng, (96, 384)))[..., None]
+    return wall * (1 + 0.08 * _noise(rng, (96, 384)))[..., None]
 
 
 def _brick_wall(rng: np.random.Generator) -> np.ndarray:
@@ -118,28 +88,28 @@ def _brick_wall(rng: np.random.Generator) -> np.ndarray:
     column = along.astype(np.int32)
     tint = rng.uniform(0.65, 1.25, (rows, columns + 1)).astype(np.float32)[row, column]
     joint = ((v * rows) % 1 < 0.10) | (along % 1 < 0.04)
-    shade = fall_off(0.95, 0.65) * np.where(joint, 1.25, tint) * (1 + 0.15 * noise(rng))
-    wall = plain((0.55, 0.30, 0.22), shade)
+    shade = _fall_off(0.95, 0.65) * np.where(joint, 1.25, tint) * (1 + 0.15 * _noise(rng))
+    wall = _plain((0.55, 0.30, 0.22), shade)
     wall[joint] = wall[joint].mean(axis=1, keepdims=True)
     for left, top in ((120, 250), (430, 300)):
-        _paint_picture(rng, frame(wall, (top, left, 190, 150), 0.85, 5))
+        _paint_picture(rng, _frame(wall, (top, left, 190, 150), 0.85, 5))
     for left in (70, 640):
-        light_up(frame(wall, (150, left, 430, 34), 0.02, 4), LAMP * np.ones(3))
+        _light_up(_frame(wall, (150, left, 430, 34), 0.02, 4), LAMP * np.ones(3))
     return wall
 
 
 def _window_wall(rng: np.random.Generator) -> np.ndarray:
     """Three windows with sky, hills and foliage behind bars; panelling below."""
-    wall = plain((0.62, 0.64, 0.60), fall_off(0.75, 0.6) * (1 + 0.08 * noise(rng)))
-    foliage = noise(rng, (20, 60, 180, 384))
+    wall = _plain((0.62, 0.64, 0.60), _fall_off(0.75, 0.6) * (1 + 0.08 * _noise(rng)))
+    foliage = _noise(rng, (20, 60, 180, 384))
     ridge = np.cumsum(rng.standard_normal(WALL_SIZE)) * 1.5
     view = np.linspace(1.0, 0.55, WALL_SIZE)[:, None, None] * np.array([0.75, 0.9, 1.1]) * SKY
-    view = view * (1 + 0.12 * noise(rng, (8, 24, 60)))[..., None]  # clouds
+    view = view * (1 + 0.12 * _noise(rng, (8, 24, 60)))[..., None]  # clouds
     below = np.arange(WALL_SIZE)[:, None] > 330 + ridge
     leaves = np.array([0.35, 0.55, 0.16]) * np.exp(0.5 * foliage)[..., None]
     view = np.where(below[..., None], 0.9 * leaves, view)
     for left in (70, 300, 530):
-        pane = frame(wall, (120, left, 360, 170), 0.9, 9)
+        pane = _frame(wall, (120, left, 360, 170), 0.9, 9)
         pane[:] = view[120:480, left : left + 170]
         pane[:, 82:88] = 0.5
         pane[117:123] = pane[237:243] = 0.5
@@ -149,18 +119,17 @@ def _window_wall(rng: np.random.Generator) -> np.ndarray:
         panel[-4:] *= 1.4
         panel[:, :4] *= 0.6
         panel[:, -4:] *= 1.3
-        panel *= (1 + 0.3 * stretch(rng.standard_normal((12, 40)), 170, 104))[..., None]
+        panel *= (1 + 0.3 * _stretch(rng.standard_normal((12, 40)), 170, 104))[..., None]
     return wall.astype(np.float32)
 
 
 def _picture_wall(rng: np.random.Generator) -> np.ndarray:
     """Patterned wallpaper with a gallery of pictures."""
     v, u = np.mgrid[0:WALL_SIZE, 0:WALL_SIZE].astype(np.float32)
-    motif = np.sin(u * 0.26) * np.sin(v * 0.26) + 0.5 * np.sin((u + v) * 0.13) * np.cos(
-        (u - v) * 0.39
-    )
-    paper = fall_off(0.9, 0.6) * (1 + 0.16 * motif + 0.12 * noise(rng))
-    wall = plain((0.34, 0.46, 0.48), paper)
+    motif = np.sin(u * 0.26) * np.sin(v * 0.26)
+    motif = motif + 0.5 * np.sin((u + v) * 0.13) * np.cos((u - v) * 0.39)
+    paper = _fall_off(0.9, 0.6) * (1 + 0.16 * motif + 0.12 * _noise(rng))
+    wall = _plain((0.34, 0.46, 0.48), paper)
     left = 40
     while left < WALL_SIZE - 130:
         width = int(rng.integers(90, 170))
@@ -170,7 +139,9 @@ def _picture_wall(rng: np.random.Generator) -> np.ndarray:
             if top + height > WALL_SIZE - 110:
                 break
             border = int(rng.integers(4, 10))
-            inside = frame(wall, (top, left, int(height), width), rng.uniform(0.02, 0.7, 3), border)
+            inside = _frame(
+                wall, (top, left, int(height), width), rng.uniform(0.02, 0.7, 3), border
+            )
             _paint_picture(rng, inside)
             top += int(height) + 46
         left += width + 40
@@ -180,9 +151,9 @@ def _picture_wall(rng: np.random.Generator) -> np.ndarray:
 def _paint_picture(rng: np.random.Generator, canvas: np.ndarray) -> None:
     """Fill a canvas, (h, w, 3), with an abstract picture in two to three colors."""
     height, width = canvas.shape[:2]
-    fields = [stretch(rng.standard_normal((n, n)), height, width) for n in (4, 9, 24, 60)]
+    fields = [_stretch(rng.standard_normal((n, n)), height, width) for n in (4, 9, 24, 60)]
     mix = sum(field / (1 + i) for i, field in enumerate(fields))
-    low, high, line = (muted(color) for color in rng.uniform(0.03, 0.95, (3, 3)))
+    low, high, line = (_muted(color) for color in rng.uniform(0.03, 0.95, (3, 3)))
     share = 1 / (1 + np.exp(-3 * mix))[..., None]
     canvas[:] = low * (1 - share) + high * share
     canvas[np.abs(mix % 0.8 - 0.4) < 0.05] = line
@@ -190,21 +161,16 @@ def _paint_picture(rng: np.random.Generator, canvas: np.ndarray) -> None:
 
 def _ceiling(rng: np.random.Generator) -> np.ndarray:
     """Ceiling tiles with pinholes, soft boxes and spot lamps."""
-    wall = plain((0.72, 0.71, 0.69), fall_off(0.8, 0.8) * (1 + 0.1 * noise(rng)))
+    wall = _plain((0.72, 0.71, 0.69), _fall_off(0.8, 0.8) * (1 + 0.1 * _noise(rng)))
     holes = rng.random((WALL_SIZE // 2, WALL_SIZE // 2)) < 0.05
     wall[np.repeat(np.repeat(holes, 2, 0), 2, 1)] *= 0.55
     for line in range(0, WALL_SIZE, 96):
         wall[line : line + 4] *= 0.5
         wall[:, line : line + 4] *= 0.5
-    for top, left, height, width in (
-        (130, 120, 190, 260),
-        (420, 470, 220, 160),
-        (110, 560, 120, 120),
-    ):
-        box = frame(wall, (top, left, height, width), 0.03, 7)
-        light_up(box, SOFT_BOX * np.ones(3))
+    for box in ((130, 120, 190, 260), (420, 470, 220, 160), (110, 560, 120, 120)):
+        _light_up(_frame(wall, box, 0.03, 7), SOFT_BOX * np.ones(3))
     for top, left in ((520, 130), (520, 260), (640, 200)):
-        light_up(frame(wall, (top, left, 26, 26), 0.05, 4), LAMP * np.array([1.0, 0.8, 0.55]))
+        _light_up(_frame(wall, (top, left, 26, 26), 0.05, 4), LAMP * np.array([1.0, 0.8, 0.55]))
     return wall
 
 
@@ -216,10 +182,10 @@ def _floor(rng: np.random.Generator) -> np.ndarray:
     start = rng.random(boards).astype(np.float32)
     plank = ((v * 3 + start[board]) % 3.0).astype(np.int32)
     tint = rng.uniform(0.7, 1.25, (boards, 3)).astype(np.float32)[board, plank]
-    grain = stretch(rng.standard_normal((24, 385), dtype=np.float32))
+    grain = _stretch(rng.standard_normal((24, 385), dtype=np.float32))
     joint = ((u * boards) % 1 < 0.035) | ((v * 3 + start[board]) % 1 < 0.006)
-    shade = fall_off(0.75, 0.75) * tint * (1 + 0.25 * grain + 0.1 * noise(rng, (6, 48)))
-    wall = plain((0.48, 0.33, 0.20), shade * np.where(joint, 0.35, 1.0))
+    shade = _fall_off(0.75, 0.75) * tint * (1 + 0.25 * grain + 0.1 * _noise(rng, (6, 48)))
+    wall = _plain((0.48, 0.33, 0.20), shade * np.where(joint, 0.35, 1.0))
     _lay_rug(rng, wall[130:640, 110:660])
     return wall
 
@@ -229,15 +195,8 @@ def _lay_rug(rng: np.random.Generator, rug: np.ndarray) -> None:
     height, width = rug.shape[:2]
     v, u = np.mgrid[0:height, 0:width].astype(np.float32)
     edge = np.minimum(np.minimum(v, height - 1 - v), np.minimum(u, width - 1 - u))
-    colors = np.array(
-        [
-            [0.42, 0.07, 0.06],
-            [0.75, 0.62, 0.40],
-            [0.06, 0.10, 0.24],
-            [0.55, 0.20, 0.08],
-            [0.10, 0.28, 0.22],
-        ]
-    )
+    red, sand, navy, rust, green = (42, 7, 6), (75, 62, 40), (6, 10, 24), (55, 20, 8), (10, 28, 22)
+    colors = np.array([red, sand, navy, rust, green]) / 100
     lozenge = np.abs((u % 64) - 32) + np.abs((v % 88) - 44) * 0.75
     # Every lozenge has different rings: a repeated motif would look the same from many places.
     cell = (v // 88).astype(np.int32) * 16 + (u // 64).astype(np.int32)
@@ -247,20 +206,20 @@ def _lay_rug(rng: np.random.Generator, rug: np.ndarray) -> None:
     dashes = ((u + v) / 13).astype(np.int32) % 2
     pick = np.where(edge < 54, (border + dashes * (border % 2)) % 5, motif)
     weave = 1 + 0.15 * np.sin(u * 2.1) * np.sin(v * 2.1)
-    wear = 1 + 0.18 * stretch(rng.standard_normal((60, 60)), height, width)
+    wear = 1 + 0.18 * _stretch(rng.standard_normal((60, 60)), height, width)
     speckle = 1 + 0.2 * rng.standard_normal((height, width))
     rug[:] = colors[pick] * np.clip(weave * wear * speckle, 0.3, 1.8)[..., None]
 
 
-def noise(rng: np.random.Generator, cells: tuple[int, ...] = (6, 24, 96, 384)) -> np.ndarray:
+def _noise(rng: np.random.Generator, cells: tuple[int, ...] = (6, 24, 96, 384)) -> np.ndarray:
     """Return fractal noise with standard deviation about 1, shape (WALL_SIZE, WALL_SIZE), float32."""
     total = np.zeros((WALL_SIZE, WALL_SIZE), np.float32)
     for count in cells:
-        total += stretch(rng.standard_normal((count + 1, count + 1), dtype=np.float32))
+        total += _stretch(rng.standard_normal((count + 1, count + 1), dtype=np.float32))
     return total * np.float32(1.5 / np.sqrt(len(cells)))
 
 
-def stretch(grid: np.ndarray, height: int = WALL_SIZE, width: int = WALL_SIZE) -> np.ndarray:
+def _stretch(grid: np.ndarray, height: int = WALL_SIZE, width: int = WALL_SIZE) -> np.ndarray:
     """Enlarge a small grid bilinearly."""
     for axis, length in ((0, height), (1, width)):
         position = np.linspace(0, grid.shape[axis] - 1.001, length, dtype=np.float32)
@@ -270,19 +229,19 @@ def stretch(grid: np.ndarray, height: int = WALL_SIZE, width: int = WALL_SIZE) -
     return grid
 
 
-def plain(color: tuple[float, float, float], shade: np.ndarray) -> np.ndarray:
+def _plain(color: tuple[float, float, float], shade: np.ndarray) -> np.ndarray:
     """Return a wall of one color times a shading, (n, n)."""
     return np.asarray(color, np.float32) * np.maximum(shade, 0.05)[..., None]
 
 
-def fall_off(top: float, bottom: float) -> np.ndarray:
+def _fall_off(top: float, bottom: float) -> np.ndarray:
     """Return the room's light on a wall: a gradient from top to bottom, darker in the corners."""
     t = np.linspace(-1, 1, WALL_SIZE, dtype=np.float32)
     corner = 1 - 0.45 * np.abs(t) ** 8
     return (top + (bottom - top) * (t[:, None] + 1) / 2) * corner[:, None] * corner[None, :]
 
 
-def frame(
+def _frame(
     image: np.ndarray, box: tuple[int, int, int, int], color: np.ndarray | float, border: int
 ) -> np.ndarray:
     """Draw a border round (top, left, height, width), with a shadow under it; return the inside."""
@@ -292,12 +251,12 @@ def frame(
     return image[top : top + height, left : left + width]
 
 
-def light_up(canvas: np.ndarray, radiance: np.ndarray) -> None:
+def _light_up(canvas: np.ndarray, radiance: np.ndarray) -> None:
     """Fill a canvas, (h, w, 3), with a lamp that fades toward its rim: a hard rim would show steps."""
     t, s = (1 - np.linspace(-1, 1, size) ** 4 for size in canvas.shape[:2])
     canvas[:] = 0.3 + (t[:, None] * s)[..., None] * radiance
 
 
-def muted(color: np.ndarray) -> np.ndarray:
+def _muted(color: np.ndarray) -> np.ndarray:
     """Return a color halfway to its gray: pigments are less pure than random numbers."""
     return 0.5 * (color + color.mean())

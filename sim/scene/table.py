@@ -4,9 +4,9 @@ from functools import cache
 
 import numpy as np
 
-from digs_warp.sim.scene.builtin.noise import mix, periodic_noise, smoothstep
-from digs_warp.sim.scene.builtin.shapes import Patch, join_patches
+from digs_warp.sim.scene.finishes import mix, periodic_noise, smoothstep
 from digs_warp.sim.scene.scene import FURNITURE, Material, Scene
+from digs_warp.sim.scene.shapes import Patch, join_patches
 
 SEED = 11
 

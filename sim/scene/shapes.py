@@ -1,9 +1,21 @@
-"""Smooth surfaces on grids: surfaces of revolution, tubes along curves, and surfaces through closed rings."""
+"""Surfaces made by code: of revolution, through closed rings, and boxes, cylinders, cones and balls."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+
+from digs_warp.geometry.rigid import rotation_in_plane
+from digs_warp.sim.scene.finishes import random_finish
+from digs_warp.sim.scene.scene import FURNITURE, Scene
+
+SEGMENTS = 48
+SHAPES = ("box", "cylinder", "cone", "ball")
+
+# Height in units of the radius, except of balls.
+HEIGHTS = (0.6, 2.5)
+# Radius of the top of a cone over that of its foot.
+TAPER = (0.2, 0.7)
 
 
 @dataclass(frozen=True, eq=False)
@@ -21,33 +33,6 @@ class Patch:
     faces: np.ndarray
     normals: np.ndarray
     uvs: np.ndarray
-
-
-def smooth_curve(points: np.ndarray, count: int) -> np.ndarray:
-    """Return ``count`` points spaced evenly along a curve through ``points``, shape (k, d) -> (count, d).
-
-    The curve is a centripetal Catmull-Rom spline: it passes through every point and does not overshoot.
-    """
-    points = np.asarray(points, np.float64)
-    ends = (2 * points[:1] - points[1:2], 2 * points[-1:] - points[-2:-1])
-    padded = np.concatenate([ends[0], points, ends[1]])
-    knots = np.concatenate([[0], np.cumsum(np.linalg.norm(np.diff(padded, axis=0), axis=1) ** 0.5)])
-    t = np.linspace(knots[1], knots[-2], 24 * count)
-    i = np.clip(np.searchsorted(knots, t, side="right") - 1, 1, len(padded) - 3)
-
-    def between(a: np.ndarray, b: np.ndarray, first: np.ndarray, last: np.ndarray) -> np.ndarray:
-        share = ((t - knots[first]) / (knots[last] - knots[first]))[:, None]
-        return (1 - share) * a + share * b
-
-    a1 = between(padded[i - 1], padded[i], i - 1, i)
-    a2 = between(padded[i], padded[i + 1], i, i + 1)
-    a3 = between(padded[i + 1], padded[i + 2], i + 1, i + 2)
-    b1 = between(a1, a2, i - 1, i + 1)
-    b2 = between(a2, a3, i, i + 2)
-    curve = between(b1, b2, i, i + 1)
-    length = arc_length(curve)
-    even = np.linspace(0, length[-1], count)
-    return np.stack([np.interp(even, length, axis) for axis in curve.T], axis=1)
 
 
 def arc_length(curve: np.ndarray) -> np.ndarray:
@@ -140,57 +125,53 @@ def grid_uvs(v: np.ndarray, segments: int, turns: float = 1.0) -> np.ndarray:
     return np.stack(np.broadcast_arrays(u[None, :], v[:, None]), axis=2)
 
 
-def tube(
-    path: np.ndarray,
-    radius: np.ndarray | float,
-    sides: int,
-    uv_scale: tuple[float, float] = (1.0, 1.0),
-) -> Patch:
-    """Return a tube along a curve.
+def plain_shape(rng: np.random.Generator, radius: float) -> Scene:
+    """Return a shape that stands at the origin, as furniture.
 
     Args:
-        path: shape (k, 3); for a closed curve the last point repeats the first.
-        radius: one number, one per point (k, 1), or one per vertex (k, sides + 1) [m].
-        sides: of the cross-section.
-        uv_scale: turns of the texture around the tube, and v per metre along it.
+        rng: source of its form and finish.
+        radius: of the upright cylinder around it [m].
     """
-    first, second = _frames(path)
-    phi = angles(sides)
-    circle = first[:, None] * np.cos(phi)[:, None] + second[:, None] * np.sin(phi)[:, None]
-    radius = np.broadcast_to(np.asarray(radius, np.float64), (len(path), sides + 1))
-    rows = path[:, None] + circle * radius[..., None]
-    rows[:, -1] = rows[:, 0]
-    return ring_patch(rows, grid_uvs(arc_length(path) * uv_scale[1], sides, uv_scale[0]))
+    patch = _form(SHAPES[rng.integers(len(SHAPES))], rng, radius)
+    count = len(patch.faces)
+    return Scene(
+        vertices=patch.vertices.astype(np.float32),
+        faces=patch.faces.astype(np.int32),
+        face_materials=np.zeros(count, np.int32),
+        normals=patch.normals.astype(np.float32),
+        uvs=patch.uvs.astype(np.float32),
+        vertex_colors=np.ones((len(patch.vertices), 3), np.float32),
+        materials=(random_finish(rng),),
+        face_objects=np.full(count, FURNITURE, np.int32),
+    )
 
 
-def _frames(path: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return two unit normals per point that turn as little as possible along the path.
+def _form(shape: str, rng: np.random.Generator, radius: float) -> Patch:
+    height = radius * rng.uniform(*HEIGHTS)
+    if shape == "box":
+        corner = rng.uniform(0.25, 0.75) * np.pi / 2  # the diagonal of its plan fills the circle
+        half = radius * np.array([np.cos(corner), np.sin(corner)])
+        return _box(half, height, yaw=rng.uniform(0, np.pi))
+    if shape == "ball":
+        arc = np.linspace(-np.pi / 2, np.pi / 2, SEGMENTS // 2 + 1)
+        return revolve(radius * np.column_stack([np.cos(arc), 1 + np.sin(arc)]), SEGMENTS)
+    top = radius * (rng.uniform(*TAPER) if shape == "cone" else 1.0)
+    outline = np.array([(0.0, 0.0), (radius, 0.0), (top, height), (0.0, height)])
+    return join_patches([revolve(outline[i : i + 2], SEGMENTS) for i in range(3)])
 
-    The frame of one point is carried to the next by two reflections (Wang et al., "Computation of Rotation
-    Minimizing Frames", 2008). On a closed path the remaining twist is distributed evenly.
-    """
-    closed = bool(np.linalg.norm(path[0] - path[-1]) < 1e-9)
-    tangent = np.gradient(path, axis=0)
-    if closed:
-        tangent[0] = tangent[-1] = path[1] - path[-2]
-    tangent /= np.linalg.norm(tangent, axis=1, keepdims=True)
-    first = np.empty_like(path)
-    helper = np.eye(3)[np.argmin(np.abs(tangent[0]))]
-    first[0] = np.cross(tangent[0], helper) / np.linalg.norm(np.cross(tangent[0], helper))
-    for k in range(len(path) - 1):
-        step = path[k + 1] - path[k]
-        square = step @ step
-        normal = first[k] - 2 / square * (step @ first[k]) * step
-        carried = tangent[k] - 2 / square * (step @ tangent[k]) * step
-        mirror = tangent[k + 1] - carried
-        square = mirror @ mirror
-        first[k + 1] = normal - (2 / square * (mirror @ normal) * mirror if square > 0 else 0)
-    second = np.cross(tangent, first)
-    if closed:
-        twist = np.arctan2(first[-1] @ second[0], first[-1] @ first[0])
-        angle = -twist * np.linspace(0, 1, len(path))[:, None]
-        first, second = (
-            np.cos(angle) * first + np.sin(angle) * second,
-            np.cos(angle) * second - np.sin(angle) * first,
-        )
-    return first, second
+
+def _box(half: np.ndarray, height: float, yaw: float) -> Patch:
+    """Return a box of half sides ``half``, (2,), on the ground, with sharp edges."""
+    corners = np.array([(-1, -1), (1, -1), (1, 1), (-1, 1)]) * half
+    low = np.column_stack([corners @ rotation_in_plane(yaw).T, np.zeros(4)])
+    high = low + (0, 0, height)
+    sides = [np.array([low[i], low[i - 3], high[i - 3], high[i]]) for i in range(4)]
+    return join_patches([_quad(each) for each in (*sides, high, low[::-1])])
+
+
+def _quad(corners: np.ndarray) -> Patch:
+    """Return a rectangle, corners counterclockwise from outside, (4, 3)."""
+    normal = np.cross(corners[1] - corners[0], corners[2] - corners[0])
+    normals = np.tile(normal / np.linalg.norm(normal), (4, 1))
+    uvs = np.array([(0, 0), (1, 0), (1, 1), (0, 1)], np.float64)
+    return Patch(corners, np.array([[0, 1, 2], [0, 2, 3]]), normals, uvs)

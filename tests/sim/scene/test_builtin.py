@@ -1,18 +1,21 @@
 """The built-in object: sound geometry, everything that a reconstruction finds hard, always the same."""
 
+import cv2
 import numpy as np
 import pytest
+from builtin_assets.textures import textures
+from builtin_assets.vase import NECK, vase_patches
 
-from digs_warp.sim.scene.builtin.noise import periodic_noise
-from digs_warp.sim.scene.builtin.shapes import revolve, smooth_curve, tube
-from digs_warp.sim.scene.procedural import procedural_scene, procedural_shape
+from digs_warp.sim.scene.builtin import builtin_scene, builtin_shape
+from digs_warp.sim.scene.finishes import periodic_noise
 from digs_warp.sim.scene.scene import Material, Scene
+from digs_warp.sim.scene.shapes import join_patches, revolve
 from reference.scene_checks import check_arrays
 
 
 @pytest.fixture(scope="module")
 def scene() -> Scene:
-    return procedural_scene()
+    return builtin_scene()
 
 
 def material(scene: Scene, name: str) -> Material:
@@ -111,16 +114,6 @@ def test_texels_on_the_cloth_are_nearly_square(scene: Scene) -> None:
     assert np.quantile(stretch, 0.9) < 2.2
 
 
-def test_the_same_object_every_time(scene: Scene) -> None:
-    procedural_scene.cache_clear()
-    again = procedural_scene()
-    assert again is not scene
-    for name in ("vertices", "faces", "face_materials", "normals", "uvs"):
-        np.testing.assert_array_equal(getattr(scene, name), getattr(again, name))
-    for one, two in zip(scene.materials, again.materials, strict=True):
-        np.testing.assert_array_equal(one.texture, two.texture)
-
-
 def test_noise_holds_only_the_asked_wavelengths_and_repeats() -> None:
     noise = periodic_noise(np.random.default_rng(1), (128, 256), (8, 32))
     assert noise.std() == pytest.approx(1, abs=1e-3)
@@ -140,33 +133,26 @@ def test_a_revolved_half_circle_is_a_sphere() -> None:
     assert volume == pytest.approx(4 / 3 * np.pi, rel=5e-3)  # positive: wound outward
 
 
-def test_a_closed_tube_is_a_torus_without_a_twist_at_its_seam() -> None:
-    t = np.linspace(0, 2 * np.pi, 181)
-    # A ring that also goes up and down, so that its frame turns on the way round.
-    path = np.stack([np.cos(t), np.sin(t), 0.3 * np.sin(2 * t)], axis=1)
-    path[-1] = path[0]
-    ring = tube(path, 0.1, 24)
-    rows = ring.vertices.reshape(181, 25, 3)
-    np.testing.assert_allclose(np.linalg.norm(rows - path[:, None], axis=2), 0.1, atol=1e-9)
-    np.testing.assert_allclose(rows[0], rows[-1], atol=1e-3)
-    np.testing.assert_allclose(
-        ring.normals.reshape(181, 25, 3), (rows - path[:, None]) / 0.1, atol=0.05
-    )
-
-
-def test_a_smooth_curve_meets_its_points_at_even_steps() -> None:
-    points = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 2.0], [4.0, 2.5]])
-    curve = smooth_curve(points, 400)
-    distance = np.linalg.norm(curve[None] - points[:, None], axis=2).min(axis=1)
-    assert distance.max() < 0.01
-    steps = np.linalg.norm(np.diff(curve, axis=0), axis=1)
-    np.testing.assert_allclose(steps, steps.mean(), rtol=0.02)
-
-
 def test_the_plain_shape_is_that_of_the_textured_object(scene: Scene) -> None:
-    plain = procedural_shape()
+    plain = builtin_shape()
     np.testing.assert_array_equal(plain.vertices, scene.vertices)
     np.testing.assert_array_equal(plain.faces, scene.faces)
     np.testing.assert_array_equal(plain.face_materials, scene.face_materials)
     check_arrays(plain)
     assert all(material.texture is None for material in plain.materials)
+
+
+def test_the_generator_makes_the_shipped_object(scene: Scene) -> None:
+    patches = vase_patches()
+    whole = join_patches(patches)
+    low, high = whole.vertices.min(axis=0), whole.vertices.max(axis=0)
+    made = (whole.vertices - (low + high) / 2) * 0.5 / (high - low).max()
+    np.testing.assert_allclose(scene.vertices, made, atol=2e-5)
+    np.testing.assert_array_equal(scene.faces, whole.faces)
+    np.testing.assert_allclose(scene.normals, whole.normals, atol=3e-3)
+    np.testing.assert_allclose(scene.uvs, whole.uvs, atol=2e-4)
+    for name, made in textures(patches[NECK]).items():
+        shipped = material(scene, name).texture
+        assert shipped is not None
+        small = cv2.resize(made, shipped.shape[1::-1], interpolation=cv2.INTER_AREA)
+        assert np.abs(shipped.astype(float) - small).mean() < 8  # of 255, lost by the compression
