@@ -11,20 +11,21 @@ from pathlib import Path
 from typing import Any
 
 from digs_warp.checks import CaptureError, DigsError, require_folder
-from digs_warp.data.about import About, read_about
+from digs_warp.data.about import About
 from digs_warp.data.frame import Frame
 from digs_warp.data.frame_reader import path_inside, read_frame
 from digs_warp.data.index_rules import INDEX_NAME, POINTS_KEY, check_section
 from digs_warp.data.layers import Layer
 from digs_warp.data.metric_scale import BY_DEPTH, BY_POSES, UNKNOWN, MetricScale
 from digs_warp.data.point_cloud import PointCloud
-from digs_warp.data.rig import Rig, read_rig
+from digs_warp.data.rig import Rig
 from digs_warp.data.sparse_points import read_points
 from digs_warp.record import layout
 from digs_warp.record.fields import Fields
 from digs_warp.record.files import read_json
 from digs_warp.record.layout import places_of
 from digs_warp.record.run_log import RunRecord
+from digs_warp.record.typed import from_json
 from digs_warp.settings import TEST_EVERY
 from digs_warp.words import counted
 
@@ -133,8 +134,10 @@ def read_capture(folder: Path) -> Capture:
     if not isinstance(ours, dict):
         raise CaptureError(f"{where}: expected a JSON object, found {type(ours).__name__}")
     check_section(ours, where)
-    rig = read_rig(ours, where)
-    about = read_about(ours, where)
+    rig = (
+        from_json(Rig, ours["rig"], f"{where}, rig", error=CaptureError) if "rig" in ours else None
+    )
+    about = from_json(About, ours, where, error=CaptureError)
     frames = tuple(read_frame(folder, index, entry, i) for i, entry in enumerate(entries))
     _check_names_differ(folder, frames)
     return Capture(folder, frames, rig, about, _points_file(folder, index))

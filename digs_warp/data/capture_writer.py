@@ -22,6 +22,7 @@ from digs_warp.data.rig import Rig
 from digs_warp.data.sparse_points import write_points
 from digs_warp.geometry.camera import Camera, Intrinsics
 from digs_warp.geometry.rigid import OPENCV_FROM_OPENGL
+from digs_warp.record import typed
 from digs_warp.record.files import to_json, write_atomically
 from digs_warp.record.manifest import Manifest, is_kept
 
@@ -119,8 +120,8 @@ class CaptureWriter:
             "time": time,
             **self._own_camera(intrinsics),
             **({} if color_gain is None else {"color_gain": list(color_gain)}),
-            **({"objects": [each.as_json() for each in objects]} if objects else {}),
-            **exposure.as_json(),
+            **({"objects": [typed.to_json(each) for each in objects]} if objects else {}),
+            **typed.to_json(exposure),
         }
 
     def _own_camera(self, k: Intrinsics | None) -> dict[str, float]:
@@ -139,13 +140,13 @@ class CaptureWriter:
         k = self.intrinsics
         ours: dict[str, Any] = {"format_version": FORMAT_VERSION, "depth_unit": DEPTH_UNIT}
         if self.rig is not None:
-            ours["rig"] = self.rig.as_json()
+            ours["rig"] = typed.to_json(self.rig)
         index = {
             "camera_model": "PINHOLE",
             **size_keys(k),
             **camera_keys(k),
             **({} if points is None else {POINTS_KEY: POINTS}),
-            "digs_warp": ours | (about or About()).as_json(),
+            "digs_warp": ours | typed.to_json(about or About()),
             "frames": [self._entries[number] for number in sorted(self._entries)],
         }
         write_atomically(self.folder / INDEX_NAME, to_json(index).encode())

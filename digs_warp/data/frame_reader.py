@@ -5,14 +5,15 @@ from pathlib import Path
 from typing import Any
 
 from digs_warp.checks import CaptureError, DigsError
-from digs_warp.data.camera_motion import read_exposure
+from digs_warp.data.camera_motion import Exposure
 from digs_warp.data.frame import Frame
 from digs_warp.data.index_rules import INDEX_NAME, require_metres, require_pinhole
 from digs_warp.data.layers import Layer
-from digs_warp.data.objects import read_object_view
+from digs_warp.data.objects import ObjectView
 from digs_warp.geometry.camera import Camera, Intrinsics
 from digs_warp.geometry.rigid import OPENCV_FROM_OPENGL
 from digs_warp.record.fields import ABOVE_ZERO, Fields, shown
+from digs_warp.record.typed import from_json
 
 
 def read_frame(folder: Path, index: dict[str, Any], entry: Any, number: int) -> Frame:
@@ -40,8 +41,12 @@ def read_frame(folder: Path, index: dict[str, Any], entry: Any, number: int) -> 
     if Layer.IMAGE not in files:
         raise CaptureError(f"{where}: {INDEX_NAME} has no '{Layer.IMAGE.value}'")
     time = own.number("time", default=float(number))
-    objects = tuple(map(read_object_view, own.sections("objects", [])))
-    gain, exposure = _read_color_gain(own), read_exposure(own)
+    objects = tuple(
+        from_json(ObjectView, each.values, each.where, error=CaptureError)
+        for each in own.sections("objects", [])
+    )
+    gain = _read_color_gain(own)
+    exposure = from_json(Exposure, own.values, where, error=CaptureError)
     name = files[Layer.IMAGE].stem
     return Frame(name, camera, time, files, gain, objects, exposure=exposure)
 

@@ -1,11 +1,11 @@
 """The objects of a simulated recording and how its frames see them, as transforms.json holds both."""
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Annotated, ClassVar
 
 import numpy as np
 
-from digs_warp.record.fields import Fields, is_number, is_text
+from digs_warp.record.typed import COUNT, Expect
 
 # Rows of numbers; a tuple, so that facts can be compared.
 Matrix = tuple[tuple[float, ...], ...]
@@ -14,78 +14,48 @@ Matrix = tuple[tuple[float, ...], ...]
 SIMILARITY_TOLERANCE = 1e-6
 
 
+def matrix_rows(matrix: np.ndarray) -> Matrix:
+    """Return a matrix in a form that can be compared."""
+    return tuple(map(tuple, matrix.tolist()))
+
+
+def _is_placement(rows: Matrix) -> bool:
+    """Whether it is a rotation, a scale and a translation, (4, 4)."""
+    if [len(row) for row in rows] != [4] * 4 or rows[3] != (0.0, 0.0, 0.0, 1.0):
+        return False
+    linear = np.array(rows, np.float64)[:3, :3]
+    volume = np.linalg.det(linear)
+    axes = linear / np.cbrt(volume) if volume > 0 else np.zeros((3, 3))
+    return bool(np.abs(axes @ axes.T - np.eye(3)).max() < SIMILARITY_TOLERANCE)
+
+
+PLACEMENT = Expect("4 rows of 4 numbers: a rotation, a scale and a translation", _is_placement)
+SIDES = Expect("3 lengths in metres", lambda sides: min(sides) >= 0)
+
+
 @dataclass(frozen=True)
 class PlacedObject:
     """An object of a recording.
 
     Attributes:
         name: for people; several objects may have the same.
-        mesh: path of its file as the recorder was given it; None: made by code.
         size: sides of its bounding box along x, y and z of the world [m].
         world_from_mesh: rotation, scale and translation from the coordinates of the file to the world [m],
             rows of a (4, 4) matrix; the identity if it was made by code.
+        mesh: path of its file as the recorder was given it; None: made by code.
     """
 
     name: str
-    mesh: str | None
-    size: tuple[float, float, float]
-    world_from_mesh: Matrix
-
-    @staticmethod
-    def from_json(facts: dict[str, Any]) -> "PlacedObject":
-        """Return what `as_json` wrote, checked by `is_list_of_objects`."""
-        width, depth, height = (float(side) for side in facts["size"])
-        placement = matrix_rows(np.array(facts["world_from_mesh"], np.float64))
-        return PlacedObject(facts["name"], facts.get("mesh"), (width, depth, height), placement)
-
-    def as_json(self) -> dict[str, Any]:
-        """Return the object in the form of transforms.json."""
-        mesh = {} if self.mesh is None else {"mesh": self.mesh}
-        rows = [list(row) for row in self.world_from_mesh]
-        return {"name": self.name, **mesh, "size": list(self.size), "world_from_mesh": rows}
-
-
-def matrix_rows(matrix: np.ndarray) -> Matrix:
-    """Return a matrix in a form that can be compared."""
-    return tuple(map(tuple, matrix.tolist()))
-
-
-def is_list_of_objects(value: Any) -> bool:
-    """Whether every entry of a list is an object of a recording."""
-    return isinstance(value, list) and bool(value) and all(map(_is_object, value))
-
-
-def _is_object(value: Any) -> bool:
-    if not isinstance(value, dict) or not is_text(value.get("name")):
-        return False
-    size, mesh = value.get("size"), value.get("mesh")
-    return (
-        (mesh is None or is_text(mesh))
-        and isinstance(size, list)
-        and len(size) == 3
-        and all(is_number(side) and side >= 0 for side in size)
-        and is_placement(value.get("world_from_mesh"))
-    )
-
-
-def is_placement(value: Any) -> bool:
-    """Whether it is a rotation, a scale and a translation, (4, 4)."""
-    is_4x4 = (
-        isinstance(value, list)
-        and [len(row) if isinstance(row, list) else 0 for row in value] == [4] * 4
-    )
-    if not is_4x4 or not all(is_number(x) for row in value for x in row):
-        return False
-    matrix = np.array(value, np.float64)
-    if not np.isfinite(matrix).all() or matrix[3].tolist() != [0.0, 0.0, 0.0, 1.0]:
-        return False
-    volume = np.linalg.det(matrix[:3, :3])
-    axes = matrix[:3, :3] / np.cbrt(volume) if volume > 0 else np.zeros((3, 3))
-    return bool(np.abs(axes @ axes.T - np.eye(3)).max() < SIMILARITY_TOLERANCE)
+    size: Annotated[tuple[float, float, float], SIDES]
+    world_from_mesh: Annotated[Matrix, PLACEMENT]
+    mesh: str | None = None
 
 
 # (x, y, width, height) [px]: the pixels from x to x + width - 1 and from y to y + height - 1.
 Box = tuple[int, int, int, int]
+
+
+POSE = Expect("4 rows of 4 numbers: a rotation with a translation", _is_placement)
 
 
 @dataclass(frozen=True)
@@ -105,58 +75,19 @@ class ObjectView:
             `text_of_mask` writes them; None: they are those that show it.
     """
 
-    number: int
-    cam_from_object: Matrix
-    pixels: int
-    pixels_visible: int
-    box: Box | None
-    box_visible: Box | None
+    number: Annotated[int, Expect("a whole number, 1 or more", lambda value: value >= 1)]
+    cam_from_object: Annotated[Matrix, POSE]
+    pixels: Annotated[int, COUNT]
+    pixels_visible: Annotated[int, COUNT]
+    box: Box | None = None
+    box_visible: Box | None = None
     silhouette: str | None = None
+    DERIVED: ClassVar = ("visible_share",)
 
     @property
     def visible_share(self) -> float:
         """Share of its pixels that show, 0 to 1; 0 where it has none."""
         return self.pixels_visible / self.pixels if self.pixels else 0.0
-
-    def as_json(self) -> dict[str, Any]:
-        """Return the view in the form of transforms.json."""
-        boxes = {"box": self.box, "box_visible": self.box_visible}
-        return {
-            "number": self.number,
-            "cam_from_object": [list(row) for row in self.cam_from_object],
-            "pixels": self.pixels,
-            "pixels_visible": self.pixels_visible,
-            "visible_share": self.visible_share,
-            **{name: list(box) for name, box in boxes.items() if box is not None},
-            **({} if self.silhouette is None else {"silhouette": self.silhouette}),
-        }
-
-
-def read_object_view(own: Fields) -> ObjectView:
-    """Return what `ObjectView.as_json` wrote.
-
-    Args:
-        own: the entry of the object in a frame; its errors name the file.
-    """
-    matrix = own.array("cam_from_object", (4, 4))
-    if not is_placement(matrix.tolist()):
-        raise own.error(f"{own.where}: cam_from_object is no rotation with a translation")
-    return ObjectView(
-        number=own.whole("number", 1),
-        cam_from_object=matrix_rows(matrix),
-        pixels=own.whole("pixels", 0),
-        pixels_visible=own.whole("pixels_visible", 0),
-        box=_read_box(own, "box"),
-        box_visible=_read_box(own, "box_visible"),
-        silhouette=own.text("silhouette", None),
-    )
-
-
-def _read_box(own: Fields, name: str) -> Box | None:
-    if name not in own:
-        return None
-    x, y, width, height = (int(value) for value in own.array(name, (4,)))
-    return x, y, width, height
 
 
 # A mask is stored as lengths of runs, in the compressed text of COCO, which BOP's toolkit and pycocotools

@@ -4,7 +4,8 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Annotated, Literal
 
 from digs_warp.data.point_cloud import PointCloud
-from digs_warp.record.results import ELSEWHERE, Figure
+from digs_warp.record.results import Figure
+from digs_warp.record.typed import NOT_STORED
 
 if TYPE_CHECKING:
     from digs_warp.init.scene_view import SceneView
@@ -59,7 +60,7 @@ class Start:
         because: what they are and why, in words; empty where it is not known.
     """
 
-    points: Annotated[PointCloud, ELSEWHERE]
+    points: Annotated[PointCloud, NOT_STORED]
     sources: Annotated[dict[str, int], Figure("initial points")] = field(default_factory=dict)
     depth: Annotated[DepthReport | None, Figure("used of the depth maps")] = None
     because: Annotated[str, Figure("started from")] = ""

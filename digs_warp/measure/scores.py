@@ -8,7 +8,8 @@ from typing import Annotated, Any
 import numpy as np
 
 from digs_warp.record.fields import Fields
-from digs_warp.record.results import ELSEWHERE, Figure
+from digs_warp.record.results import Figure
+from digs_warp.record.typed import NOT_STORED, from_json, to_json
 from digs_warp.words import counted
 
 
@@ -52,17 +53,7 @@ class Score:
 
     def to_json(self) -> dict[str, float | None]:
         """Return the metrics by name; None for NaN, which JSON lacks."""
-        values = {name: getattr(self, name) for name in METRICS}
-        return {name: None if math.isnan(value) else value for name, value in values.items()}
-
-    @staticmethod
-    def from_json(content: Any) -> "Score":
-        """Return what `to_json` wrote.
-
-        Raises:
-            DigsError: a metric is not a number.
-        """
-        return Score(**_metrics(Fields.of(content, "scores")))
+        return to_json(self)
 
 
 METRICS = tuple(metric.name for metric in fields(Score))
@@ -98,7 +89,7 @@ class Scores:
         surface: how far the surface is from the true one; None where that is not known.
     """
 
-    views: Annotated[tuple[ViewScore, ...], ELSEWHERE] = ()
+    views: Annotated[tuple[ViewScore, ...], NOT_STORED] = ()
     mean: Score = Score()
     surface: Annotated[SurfaceError | None, Figure("surface")] = None
 
@@ -127,7 +118,7 @@ class Scores:
 
     def to_json(self) -> dict[str, Any]:
         """Return the views and their mean, as evaluation.json holds them."""
-        views = [{"name": view.name, **view.to_json()} for view in self.views]
+        views = [{"name": view.name} | view.to_json() for view in self.views]
         return {"views": views, "mean": self.mean.to_json()}
 
     @staticmethod
@@ -138,9 +129,10 @@ class Scores:
             DigsError: it has a different form.
         """
         scores = Fields.of(content, "scores")
-        _metrics(scores.section("mean"))  # stored for other readers; we compute it from the views
+        # The mean is stored for other readers; we compute it from the views.
+        from_json(Score, named_now(scores.section("mean").values), "scores, mean")
         views = scores.sections("views")
-        return Scores.of([ViewScore(name=view.text("name"), **_metrics(view)) for view in views])
+        return Scores.of([from_json(ViewScore, named_now(v.values), v.where) for v in views])
 
 
 def _figures(psnr: float, ssim: float) -> str:
@@ -157,8 +149,3 @@ def mean_score(scores: Sequence[Score]) -> Score:
         values = values[np.isfinite(values)]
         means[name] = float(values.mean()) if len(values) else math.nan
     return Score(**means)
-
-
-def _metrics(fields: Fields) -> dict[str, float]:
-    measured = Fields.of(named_now(fields.values), "scores")
-    return {name: measured.number(name, default=math.nan) for name in METRICS}

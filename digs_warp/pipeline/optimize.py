@@ -20,8 +20,8 @@ from digs_warp.poses.in_training import PoseTraining
 from digs_warp.poses.refine.outcome import PoseRefinement
 from digs_warp.record.layout import GAUSSIANS, RUN_RECORD, TRAINING
 from digs_warp.record.manifest import is_kept
-from digs_warp.record.results import to_json
 from digs_warp.record.run_log import RunLog, RunRecord
+from digs_warp.record.typed import to_json
 from digs_warp.train.config import TrainConfig
 from digs_warp.train.course import read_course
 from digs_warp.train.evaluate import TestView, load_test_views

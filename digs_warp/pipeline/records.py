@@ -17,8 +17,9 @@ from digs_warp.poses.from_images.quality import SfmQuality
 from digs_warp.poses.refine.outcome import PoseRefinement
 from digs_warp.record.fields import Fields
 from digs_warp.record.layout import RUN_RECORD
-from digs_warp.record.results import ELSEWHERE, Figure, from_json, to_json
+from digs_warp.record.results import Figure
 from digs_warp.record.run_log import RunRecord
+from digs_warp.record.typed import NOT_STORED, from_json, to_json
 
 T = TypeVar("T")
 
@@ -38,7 +39,7 @@ class Poses:
         refinement: whether the poses were refined, and why.
     """
 
-    frames: Annotated[PosedFrames | None, ELSEWHERE] = None
+    frames: Annotated[PosedFrames | None, NOT_STORED] = None
     subject: Annotated[Subject, Figure("subject")] = "object"
     metric_scale: Annotated[MetricScale | None, Figure("scale")] = None
     doubts: Annotated[tuple[str, ...], Figure("doubts")] = ()
@@ -67,7 +68,7 @@ def stored(kind: type[T], run: RunRecord | None, folder: Path, **known: Any) -> 
         DigsError: an entry has another form; the message names it.
     """
     found = _results(run, folder).section(kind.__name__.lower(), optional=True)
-    return from_json(kind, found, **known)
+    return from_json(kind, found.values, found.where, remedy=found.remedy, **known)
 
 
 def stored_capture(run: RunRecord | None, folder: Path) -> Path | None:

@@ -122,7 +122,7 @@ def load_pictures(frames: Sequence[Frame], readout_time: float) -> list[Picture]
 def _picture(frame: Frame, readout_time: float) -> Picture:
     image = frame.load_image()
     known = frame.has(Layer.DEPTH)
-    motion = frame.exposure.motion
+    motion = frame.exposure.camera_motion
     found = Picture(
         frame.camera.intrinsics,
         image.astype(np.float32) @ (LUMA / np.float32(255)),

@@ -12,9 +12,9 @@ from pathlib import Path
 from typing import Any
 
 from digs_warp.checks import DigsError
-from digs_warp.record.fields import Fields
 from digs_warp.record.files import read_json, to_json, write_atomically
 from digs_warp.record.layout import RUN_RECORD
+from digs_warp.record.typed import from_json
 
 PACKAGE = Path(__file__).resolve().parents[1]
 REPORTED_PACKAGES = ("digs-warp", "warp-lang", "numpy", "trimesh", "usd-core", "OpenImageIO")
@@ -101,17 +101,7 @@ class RunRecord:
                 f"run record '{path}': not one of digs-warp, which has {', '.join(_NEEDED)}; give a "
                 "folder that a command wrote"
             )
-        record = Fields(content, f"run record '{path}'", remedy="run again")
-        seconds = record.section("seconds", optional=True)
-        return RunRecord(
-            command=record.text("command"),
-            versions=dict(record.section("versions").values),
-            settings=dict(record.section("settings").values),
-            commit=record.text("commit", None),
-            machine=dict(record.section("machine", optional=True).values),
-            seconds={name: seconds.number(name) for name in seconds.values},
-            results=dict(record.section("results", optional=True).values),
-        )
+        return from_json(RunRecord, content, f"run record '{path}'", remedy="run again")
 
     @staticmethod
     def find(folder: Path) -> "RunRecord | None":

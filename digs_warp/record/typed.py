@@ -13,7 +13,7 @@ Fields are numbers, texts, paths, choices (`Literal`), dataclasses, and tuples, 
 these. A None that is the field's default is left out; NaN is null. Reading, null in a field that cannot be
 None counts as missing. Two marks of a dataclass change what is written:
 
-- a field with the metadata `NOT_STORED` is neither written nor read;
+- a field annotated with `NOT_STORED` is neither written nor read;
 - the class attribute ``DERIVED`` names properties that are written, for readers of the file, and not read.
 """
 
@@ -37,13 +37,13 @@ from typing import (
 )
 
 from digs_warp.checks import DigsError
-from digs_warp.record.fields import is_number, is_text, shown
+from digs_warp.record.fields import MOST_DIGITS, is_number, is_text, shown
 from digs_warp.words import did_you_mean
 
 T = TypeVar("T")
 
-NOT_STORED: Final = {"stored": False}
-"""Metadata of a field that is not in the file."""
+NOT_STORED: Final = "not stored"
+"""Annotates a field that is not in the file: another file holds it, or none."""
 
 
 @dataclass(frozen=True)
@@ -52,11 +52,11 @@ class Expect:
 
     Attributes:
         what: for messages, such as "metres, 0 or more".
-        fits: whether a value of the right type is.
+        fits: whether a value of the right type does; default: all do.
     """
 
     what: str
-    fits: Callable[[Any], bool]
+    fits: Callable[[Any], bool] = lambda value: True
 
 
 AT_LEAST_0 = Expect("a number, 0 or more", lambda value: value >= 0)
@@ -135,15 +135,17 @@ def _record(kind: Any, values: Any, where: str, strict: bool, known: Mapping[str
     return kind(**found)
 
 
-def _value(hint: Any, value: Any, name: str, where: str, strict: bool) -> Any:
-    """Return a JSON value as the type of a field."""
+def _value(hint: Any, value: Any, name: str, where: str, strict: bool, what: str = "") -> Any:
+    """Return a JSON value as the type of a field; ``what`` is expected, for messages."""
     origin, inner = get_origin(hint), get_args(hint)
     if origin is Annotated:
-        found = _value(inner[0], value, name, where, strict)
-        _check(inner[1:], found, name, where)
+        expected = next((note for note in inner[1:] if isinstance(note, Expect)), Expect(""))
+        found = _value(inner[0], value, name, where, strict, expected.what)
+        if found is not None and not expected.fits(found):
+            raise _wrong(value, name, where, expected.what)
         return found
     if origin in (Union, UnionType):
-        return _one_of(inner, value, name, where, strict)
+        return _one_of(inner, value, name, where, strict, what)
     if is_dataclass(hint):
         return _record(hint, value, f"{where}, {name}", strict, {})
     if origin is tuple and isinstance(value, list | tuple):
@@ -153,7 +155,7 @@ def _value(hint: Any, value: Any, name: str, where: str, strict: bool) -> Any:
             return tuple(_value(h, v, f"{name} {i}", where, strict) for i, (h, v) in pairs)
     if origin in (dict, Mapping) and isinstance(value, Mapping):
         is_int = inner[0] is int
-        if not is_int or all(str(key).isdecimal() for key in value):
+        if not is_int or all(map(_is_code, value)):
             items = {
                 k: _value(inner[1], v, k, f"{where}, {name}", strict) for k, v in value.items()
             }
@@ -162,27 +164,31 @@ def _value(hint: Any, value: Any, name: str, where: str, strict: bool) -> Any:
         return value
     if hint in _PLAIN and _PLAIN[hint][1](value):
         return value if hint is Any else hint(value)
-    raise DigsError(f"{where}: {name} is {shown(value)}, expected {_words(hint)}")
+    raise _wrong(value, name, where, what or _words(hint))
 
 
-def _one_of(hints: tuple[Any, ...], value: Any, name: str, where: str, strict: bool) -> Any:
+def _one_of(
+    hints: tuple[Any, ...], value: Any, name: str, where: str, strict: bool, what: str
+) -> Any:
     """Return a value as the first of several types that it fits."""
     if value is None and NoneType in hints:
         return None
     options = [each for each in hints if each is not NoneType]
     if len(options) == 1:
-        return _value(options[0], value, name, where, strict)
+        return _value(options[0], value, name, where, strict, what)
     for each in options:
         with suppress(DigsError):
             return _value(each, value, name, where, strict)
-    expected = " or ".join(map(_words, options))
-    raise DigsError(f"{where}: {name} is {shown(value)}, expected {expected}")
+    raise _wrong(value, name, where, what or " or ".join(map(_words, options)))
 
 
-def _check(notes: tuple[Any, ...], value: Any, name: str, where: str) -> None:
-    for note in notes:
-        if isinstance(note, Expect) and value is not None and not note.fits(value):
-            raise DigsError(f"{where}: {name} is {shown(value)}, expected {note.what}")
+def _wrong(value: Any, name: str, where: str, expected: str) -> DigsError:
+    return DigsError(f"{where}: {name} is {shown(value)}, expected {expected}")
+
+
+def _is_code(key: Any) -> bool:
+    """Whether a key stands for a whole number; none that is used has more digits."""
+    return str(key).isdecimal() and len(str(key)) < MOST_DIGITS
 
 
 # Type -> its name in messages, and whether a JSON value is one.
@@ -208,7 +214,8 @@ def _words(hint: Any) -> str:
 
 @cache
 def _stored(kind: Any) -> list[Field[Any]]:
-    return [each for each in fields(kind) if each.metadata.get("stored", True)]
+    hints = _hints(kind)
+    return [each for each in fields(kind) if NOT_STORED not in get_args(hints[each.name])]
 
 
 @cache

@@ -5,12 +5,13 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 from digs_warp.checks import DigsError
 from digs_warp.measure.scores import Score, named_now
 from digs_warp.record.fields import Fields, parse_json
 from digs_warp.record.files import read_text, write_atomically
+from digs_warp.record.typed import COUNT, NOT_STORED, Expect, from_json, to_json
 
 
 @dataclass(frozen=True)
@@ -27,23 +28,16 @@ class CourseRow:
             None where it was not measured.
     """
 
-    iteration: int
-    seconds: float
+    iteration: Annotated[int, COUNT]
+    seconds: Annotated[float, Expect("seconds", lambda value: value >= 0)]
     loss: float | None
-    splats: int
-    score: Score | None = None
-    adherence: float | None = None
+    splats: Annotated[int, COUNT]
+    score: Annotated[Score | None, NOT_STORED] = None
+    adherence: Annotated[float | None, Expect("metres", lambda value: value >= 0)] = None
 
     def to_json(self) -> dict[str, Any]:
         """Return the row as flat JSON values."""
-        return {
-            "iteration": self.iteration,
-            "seconds": self.seconds,
-            "loss": self.loss,
-            "splats": self.splats,
-            **(self.score.to_json() if self.score else {}),
-            **({} if self.adherence is None else {"adherence": self.adherence}),
-        }
+        return to_json(self) | (self.score.to_json() if self.score else {})
 
     @cached_property
     def line(self) -> str:
@@ -57,15 +51,9 @@ class CourseRow:
         Raises:
             DigsError: it has a different form.
         """
-        row = Fields.of(content, "row")
-        return CourseRow(
-            iteration=row.whole("iteration"),
-            seconds=row.number("seconds", 0, what="seconds"),
-            loss=row.number("loss", default=None),
-            splats=row.whole("splats"),
-            score=Score.from_json(content) if "psnr_frame" in named_now(content) else None,
-            adherence=row.number("adherence", 0, default=None, what="metres"),
-        )
+        row = named_now(Fields.of(content, "row").values)
+        score = from_json(Score, row, "row") if "psnr_frame" in row else None
+        return from_json(CourseRow, row, "row", score=score)
 
 
 def write_course(path: Path, rows: Iterable[CourseRow]) -> None:

@@ -15,7 +15,7 @@ from digs_warp.checks import DigsError
 from digs_warp.data.camera_motion import CameraMotion
 from digs_warp.data.frame import Frame
 from digs_warp.geometry.rigid import transform_points
-from digs_warp.record.results import ELSEWHERE
+from digs_warp.record.typed import NOT_STORED
 from digs_warp.splat.blur import Blur
 from digs_warp.splat.row_motion import RowMotion
 from digs_warp.words import counted
@@ -36,7 +36,7 @@ def image_speed(frame: Frame, points: np.ndarray) -> np.ndarray:
         frame: its camera, and the motion of that.
         points: in the world, shape (n, 3).
     """
-    motion = frame.exposure.motion
+    motion = frame.exposure.camera_motion
     if motion is None:
         return np.zeros(0)
     seen = transform_points(frame.camera.cam_from_world, points.astype(np.float64))
@@ -77,7 +77,7 @@ class BlurPlan:
     blur_px: float | None = None
     frames: int = 0
     moments: int = 1
-    blurs: Annotated[Mapping[str, Blur], ELSEWHERE] = field(
+    blurs: Annotated[Mapping[str, Blur], NOT_STORED] = field(
         default_factory=dict, repr=False, compare=False
     )
 
@@ -140,7 +140,7 @@ def plan_blur(
 
 
 def _blur_of(frame: Frame, time: float, speed: float) -> Blur:
-    motion = frame.exposure.motion
+    motion = frame.exposure.camera_motion
     assert motion is not None  # it has a speed
     turn, shift = np.array(motion.angular_velocity), np.array(motion.velocity)
     return Blur(RowMotion(time * turn, time * shift), time * speed)
@@ -153,7 +153,7 @@ def _blur_obstacle(frames: Sequence[Frame], times: Sequence[float | None]) -> st
         if known:
             return "the recording tells an exposure of 0 s, in which nothing blurs"
         return "the recording tells no exposure time; the setting exposure_time gives it"
-    if all(frame.exposure.motion is None for frame in frames):
+    if all(frame.exposure.camera_motion is None for frame in frames):
         return f"nothing tells how the cameras of {counted(len(frames), 'frame')} moved"
     gaps = np.diff(sorted(frame.time for frame in frames))
     if len(gaps) and 0 < gaps.min() < max(known):
@@ -191,14 +191,14 @@ class ShutterPlan:
     because: str
     readout_time: float = 0.0
     skew_px: float | None = None
-    blur: Annotated[BlurPlan, ELSEWHERE] = field(default=NO_BLUR, compare=False)
+    blur: Annotated[BlurPlan, NOT_STORED] = field(default=NO_BLUR, compare=False)
 
     def __str__(self) -> str:
         return f"{'drawn' if self.rolling else 'not drawn'}: {self.because}"
 
     def rows_of(self, frame: Frame) -> RowMotion | None:
         """Return how the camera of a frame moves while its rows are read; None: it is not drawn."""
-        motion = frame.exposure.motion
+        motion = frame.exposure.camera_motion
         if not self.rolling or motion is None:
             return None
         turn, shift = np.array(motion.angular_velocity), np.array(motion.velocity)
@@ -245,9 +245,9 @@ def with_motions(frames: Sequence[Frame]) -> list[Frame]:
     for place, index in enumerate(by_time):
         around = by_time[max(place - 1, 0) : place + 2]
         frame = frames[index]
-        if frame.exposure.motion is None:
+        if frame.exposure.camera_motion is None:
             motion = _motion_between(frames[around[0]], frame, frames[around[-1]])
-            found[index] = replace(frame, exposure=replace(frame.exposure, motion=motion))
+            found[index] = replace(frame, exposure=replace(frame.exposure, camera_motion=motion))
     return found
 
 
@@ -268,7 +268,7 @@ def _rolling_obstacle(frames: Sequence[Frame], readout_time: float) -> str | Non
     """Return why a rolling shutter cannot be drawn; None: it can."""
     if readout_time == 0:
         return "the recording tells no read-out time, or 0; --readout-time gives it"
-    if all(frame.exposure.motion is None for frame in frames):
+    if all(frame.exposure.camera_motion is None for frame in frames):
         return (
             f"{counted(len(frames), 'frame')} tell no camera_motion, and their poses are more than "
             f"{LONGEST_GAP:g} s apart"

@@ -4,7 +4,8 @@ from dataclasses import dataclass
 from typing import Annotated
 
 from digs_warp.init.view_dependence import ViewDependence
-from digs_warp.record.results import ELSEWHERE, Figure
+from digs_warp.record.results import Figure
+from digs_warp.record.typed import NOT_STORED
 from digs_warp.train.course import CourseRow
 from digs_warp.train.shutter import BlurPlan, ShutterPlan
 from digs_warp.train.time_plan import TimePlan
@@ -30,7 +31,7 @@ class Training:
         adherence: median distance of the surface to the measured depth [m]; None where none was measured.
     """
 
-    course: Annotated[tuple[CourseRow, ...], ELSEWHERE] = ()
+    course: Annotated[tuple[CourseRow, ...], NOT_STORED] = ()
     rolling_shutter: Annotated[ShutterPlan | None, Figure("rolling shutter")] = None
     motion_blur: Annotated[BlurPlan | None, Figure("motion blur")] = None
     view_dependence: Annotated[ViewDependence | None, Figure("view-dependent color")] = None

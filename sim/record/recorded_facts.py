@@ -50,7 +50,7 @@ def facts_about(session: Session, plan: SensorPlan) -> About:
 def _placed(each: SceneObject) -> PlacedObject:
     mesh = None if each.mesh is None else str(each.mesh)
     width, depth, height = (float(side) for side in each.size)
-    return PlacedObject(each.name, mesh, (width, depth, height), matrix_rows(each.world_from_mesh))
+    return PlacedObject(each.name, (width, depth, height), matrix_rows(each.world_from_mesh), mesh)
 
 
 def rig_record(rig: StereoRig) -> Rig:

@@ -20,8 +20,8 @@ from digs_warp.data.posed_frames import PosedFrames
 from digs_warp.poses.from_images.config import SfmConfig
 from digs_warp.record.files import copy_folder, digest, read_json, to_json, write_atomically
 from digs_warp.record.lock import taking_turns
-from digs_warp.record.results import to_json as record_json
 from digs_warp.record.run_log import RunRecord, versions
+from digs_warp.record.typed import to_json as record_json
 from digs_warp.sim.config import SimulateConfig
 from digs_warp.study.degraded_masks import write_degraded_masks
 from digs_warp.study.engine.case import Case, with_settings

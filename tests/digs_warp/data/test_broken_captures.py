@@ -200,7 +200,7 @@ def test_a_broken_rig_raises(tmp_path: Path, ours: Any) -> None:
         ({"objects": []}, "objects is \\[\\], expected a list of objects with name"),
         (
             {"objects": [{"name": "mug", "size": [1, 1, 1]}]},
-            "objects is .*, expected a list of objects",
+            "objects 0: has no 'world_from_mesh'",
         ),
         ({"world_from_mesh": "unit"}, "world_from_mesh is .*, expected 4 rows of 4 numbers"),
         ({"effects": "blur"}, "effects is 'blur', expected a list of names"),
@@ -215,7 +215,7 @@ def test_facts_of_the_wrong_type_name_file_and_key(
     write_capture(tmp_path, 1)
     change_index(tmp_path, digs_warp=ours)
     with pytest.raises(
-        CaptureError, match=rf"{tmp_path}', digs_warp in transforms.json: {complaint}"
+        CaptureError, match=rf"{tmp_path}', digs_warp in transforms.json[:,] {complaint}"
     ):
         read_capture(tmp_path)
 

@@ -52,8 +52,8 @@ def test_facts_about_the_recording_come_back(tmp_path: Path) -> None:
                          (0.0, 0.0, 0.0, 1.0)),
         surround_radius=4, ground="table", exposure=1.5, sensor={"baseline": 0.12, "max_depth": None},
         readout_time=0.01, effects=("blur",), cause_labels={0: "ok", 12: "occluded"},
-        objects=(PlacedObject("mug", "a/mug.glb", (0.1, 0.2, 0.3), at_origin),
-                 PlacedObject("made by code", None, (1.0, 1.0, 1.0), at_origin)),
+        objects=(PlacedObject("mug", (0.1, 0.2, 0.3), at_origin, "a/mug.glb"),
+                 PlacedObject("made by code", (1.0, 1.0, 1.0), at_origin)),
     )  # fmt: skip
     writer = CaptureWriter(tmp_path, INTRINSICS)
     writer.write_frame(0, frame_images(0))

@@ -20,7 +20,7 @@ class Lens:
 
 @dataclass(frozen=True, kw_only=True)
 class Shot:
-    count: Annotated[int, Expect("1 or more", lambda value: value >= 1)]
+    count: Annotated[int, Expect("a whole number, 1 or more", lambda value: value >= 1)]
     loss: float | None
     psnr: float = nan
     path: Path | None = None
@@ -34,7 +34,7 @@ class Shot:
     labels: dict[int, str] = field(default_factory=dict)
     limit: float | Literal["auto"] = "auto"
     figures: dict[str, Any] = field(default_factory=dict)
-    images: list[int] = field(default_factory=list, metadata=NOT_STORED)
+    images: Annotated[list[int], NOT_STORED] = field(default_factory=list)
     DERIVED: ClassVar = ("because",)
 
     @property
@@ -82,7 +82,7 @@ def test_defaults_are_kept_and_nan_is_null() -> None:
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        ({"count": 0}, "count is 0, expected 1 or more"),
+        ({"count": 0}, "count is 0, expected a whole number, 1 or more"),
         ({"count": 1.5}, "count is 1.5, expected a whole number"),
         ({"count": True}, "count is True, expected a whole number"),
         ({"count": None}, "has no 'count'"),
@@ -93,7 +93,7 @@ def test_defaults_are_kept_and_nan_is_null() -> None:
         ({"good": 1}, "good is 1, expected true or false"),
         ({"lens": []}, "file, lens: expected a JSON object"),
         ({"lens": {"name": "a"}}, "file, lens: has no 'focal'"),
-        ({"lens": {"focal": 0}}, "file, lens: focal is 0.0, expected a number above 0"),
+        ({"lens": {"focal": 0}}, "file, lens: focal is 0, expected a number above 0"),
         ({"lenses": [{"focal": 1}, 3]}, "file, lenses 1: expected a JSON object"),
         ({"lenses": 3}, "lenses is 3, expected a list"),
         ({"size": [1]}, "size is .*, expected a list of 2"),

@@ -47,7 +47,7 @@ def test_the_image_moves_as_far_as_the_projections_of_the_points() -> None:
 
 
 def test_neighbors_of_a_video_tell_the_motion() -> None:
-    found = with_motions(frames(3, 1 / 30))[1].exposure.motion
+    found = with_motions(frames(3, 1 / 30))[1].exposure.camera_motion
     assert found is not None
     np.testing.assert_allclose(found.angular_velocity, TURN, rtol=1e-3)
     by_then = matrix_from_rotation_vector(TURN / 30).T @ VELOCITY  # in the axes of the second frame
@@ -57,7 +57,7 @@ def test_neighbors_of_a_video_tell_the_motion() -> None:
 def test_a_recorded_motion_counts_more_than_neighbors() -> None:
     some = frames(3, 1 / 30)
     some[1] = replace(some[1], exposure=Exposure(STILL))
-    assert with_motions(some)[1].exposure.motion == STILL
+    assert with_motions(some)[1].exposure.camera_motion == STILL
 
 
 def test_neighbors_may_come_in_any_order() -> None:

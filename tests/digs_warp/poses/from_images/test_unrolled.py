@@ -11,7 +11,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from digs_warp.checks import CaptureError, DigsError
-from digs_warp.data.about import About, read_about
+from digs_warp.data.about import About
 from digs_warp.data.capture import Capture
 from digs_warp.data.frame import Frame
 from digs_warp.data.layers import Layer
@@ -22,6 +22,7 @@ from digs_warp.poses.from_images.config import SfmConfig
 from digs_warp.poses.from_images.model import sfm_model
 from digs_warp.poses.from_images.similarity import pose_errors
 from digs_warp.poses.from_images.unrolled import correct_rolling_shutter
+from digs_warp.record.typed import from_json
 from reference.sfm_views import INTRINSICS, arc
 
 READOUT = 0.02
@@ -141,4 +142,4 @@ def test_a_recording_tells_its_read_out(frames: list[Frame], tmp_path: Path) -> 
     assert replace(capture, about=About()).readout_time == 0.0
     for wrong in ("fast", -1.0, np.nan):
         with pytest.raises(CaptureError, match=r"here: readout_time is"):
-            read_about({"readout_time": wrong}, "here")
+            from_json(About, {"readout_time": wrong}, "here", error=CaptureError)

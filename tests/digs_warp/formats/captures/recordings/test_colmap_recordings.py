@@ -62,7 +62,7 @@ def test_exports_come_back_with_images_masks_poses_and_points(
 def test_photographs_are_not_taken_for_a_film(copy: Path, tmp_path: Path) -> None:
     found = converted("colmap", copy, tmp_path / "capture")
     assert np.diff([frame.time for frame in found.frames]) == pytest.approx(1.0)
-    assert all(frame.exposure.motion is None for frame in with_motions(found.frames))
+    assert all(frame.exposure.camera_motion is None for frame in with_motions(found.frames))
 
 
 @pytest.mark.parametrize(
