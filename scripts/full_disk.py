@@ -2,7 +2,7 @@
 
     python scripts/full_disk.py                   # all commands, in some minutes
     python scripts/full_disk.py --case simulate
-    python scripts/full_disk.py --page            # all, and their rows in docs/stability.md
+    python scripts/full_disk.py --page            # all, and their rows in docs/research/stability.md
 
 Each run has to fail with a message that names a file and says what to do, and to leave nothing truncated
 under a final name. With room, the same command (with --resume where it has it) has to give the files of a
@@ -23,7 +23,7 @@ from page_marks import DOCS, fill
 
 from digs_warp.record.progress import progress, show_progress
 
-PAGE = "stability.md"
+PAGE = "research/stability.md"
 
 
 def table(walked: dict[str, Walked], before: str = "") -> str:
@@ -48,7 +48,7 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("--case", action="append", default=[], help="a row of the table; several")
     parser.add_argument(
-        "--page", action="store_true", help="write their rows into docs/stability.md"
+        "--page", action="store_true", help="write their rows into docs/research/stability.md"
     )
     options = parser.parse_args()
     cases = find_cases(options.case)

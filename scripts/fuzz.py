@@ -3,7 +3,7 @@
     python scripts/fuzz.py --count 100                       # 100 inputs of each kind
     python scripts/fuzz.py --kind "splats: PLY" --count 1000
     python scripts/fuzz.py --again out/fuzz/splats-ply-0-17  # a kept input once more
-    python scripts/fuzz.py --count 556 --page                # 10,000, and the table in docs/stability.md
+    python scripts/fuzz.py --count 556 --page  # 10,000, and the table in docs/research/stability.md
 
 A traceback, a crash, more than 1 GB beyond the start and more than 10 s of the processor are defects; their
 inputs are kept with the command lines that read them. The exit code is 1 if there are any.
@@ -103,7 +103,7 @@ def again(folder: Path) -> Outcome:
 
 
 def publish(tallies: dict[str, Tally], count: int, seed: int) -> None:
-    """Write the table into docs/stability.md."""
+    """Write the table into docs/research/stability.md."""
     found = versions()
     packages = ", ".join(f"{name} {found[name]}" for name in ("digs-warp", *PACKAGES))
     head = (
@@ -111,7 +111,7 @@ def publish(tallies: dict[str, Tally], count: int, seed: int) -> None:
         f"Python {found['python']}, {packages}. Memory is what a process takes beyond what it had before the "
         "input, time is that of the processor."
     )
-    fill("stability.md", "fuzz", f"{head}\n\n{table(tallies).markdown()}")
+    fill("research/stability.md", "fuzz", f"{head}\n\n{table(tallies).markdown()}")
 
 
 def _last_line(outcome: Outcome) -> str:
@@ -145,7 +145,7 @@ def main() -> int:
     )
     parser.add_argument("--again", type=Path, help="run one kept input once more")
     parser.add_argument(
-        "--page", action="store_true", help="write the table into docs/stability.md"
+        "--page", action="store_true", help="write the table into docs/research/stability.md"
     )
     options = parser.parse_args()
     if options.again:

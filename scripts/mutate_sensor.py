@@ -2,7 +2,7 @@
 
     python scripts/mutate_sensor.py                          # all faults, some minutes
     python scripts/mutate_sensor.py --only holes-as-salt
-    python scripts/mutate_sensor.py --page                   # all, and the table in docs/sensor-cost.md
+    python scripts/mutate_sensor.py --page  # all, and the table in docs/research/sensor-cost.md
 
 A fault replaces a function or a constant in the process of the tests; no file changes. The exit code is 1 if
 the test that is there for a fault does not notice it, or if a test fails without any.
@@ -24,7 +24,7 @@ from page_marks import fill
 from digs_warp.record.progress import progress, show_progress
 
 REPOSITORY = Path(__file__).resolve().parent.parent
-PAGE = "sensor-cost.md"
+PAGE = "research/sensor-cost.md"
 
 # Tests of the default sensor and of the images that it reads.
 TESTS = (
@@ -67,15 +67,13 @@ def unnoticed(found: dict[str, list[str]]) -> list[str]:
 
 
 def table(found: dict[str, list[str]]) -> str:
-    """Return the Markdown table: each fault, the test that is there for it, and how many others notice it."""
+    """Return the Markdown table: each fault, whether its test notices it, and how many others do."""
     missed = unnoticed(found)
     rows = []
     for name, tests in found.items():
-        mutation = find_mutation(name)
-        meant = mutation.meant.removeprefix("test_").replace("_", " ")
         seen, others = ("**no**", len(tests)) if name in missed else ("yes", len(tests) - 1)
-        rows.append(f"| {mutation.what} | {meant} | {seen} | {others} |")
-    head = "| fault | test that is there for it | notices it | others that do |\n|---|---|---|--:|"
+        rows.append(f"| {find_mutation(name).what} | {seen} | {others} |")
+    head = "| fault | noticed | other tests that notice it |\n|---|---|--:|"
     return "\n".join([head, *rows])
 
 

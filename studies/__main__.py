@@ -77,7 +77,7 @@ def _run_study(words: Sequence[str]) -> None:
 
 def _write_page(words: Sequence[str]) -> None:
     parser = argparse.ArgumentParser(prog="python -m studies page")
-    names = [*(benchmark.name for benchmark in BENCHMARKS), *pages.PAGES]
+    names = [*(each.name for each in BENCHMARKS if each.pages), *pages.PAGES]
     parser.add_argument("names", nargs="+", choices=names, metavar="NAME", help=", ".join(names))
     parser.add_argument(
         "--results", nargs="+", type=Path, metavar="FILE", help="of one benchmark, measured before"

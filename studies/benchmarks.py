@@ -76,7 +76,7 @@ BENCHMARKS = (
     Benchmark(
         "raster",
         ("raster.bench_raster", "scaling.bench_scaling"),
-        ("performance.md",),
+        ("research/performance.md",),
         chart_function="scaling.scaling_charts",
         picture="scaling.png",
     ),
@@ -102,19 +102,19 @@ BENCHMARKS = (
     # Films at three sizes, meshes at four voxel sizes, files of every format.
     Benchmark("trained", ("trained.bench_trained",), ("results.md", "formats.md")),
     # Every initialization under rising sensor noise.
-    Benchmark("init-noise", ("init_noise.bench_init_noise",), ("initialization.md",)),
+    Benchmark("init-noise", ("init_noise.bench_init_noise",), ()),
     # What poses that nobody knows cost, found in each way.
     Benchmark(
         "poses",
         ("found_poses.bench_found_poses",),
-        ("sfm.md",),
+        (),
         cases=("armchair", "ycb_mustard_bottle", "boot_plain", "sci_fi_case", "flight_helmet"),
     ),
     # Real recordings, poses as recorded and estimated: quality, depth error, what goes wrong.
     Benchmark(
         "recordings",
         ("recordings.bench_recordings",),
-        ("real-recordings.md",),
+        ("recordings.md",),
         cases=(
             *("hololens_room_sequence", "tum_cabinet_orbit", "lund_door_photos"),
             *("euroc_static_stereo", "zed2i_stereo_pair"),
@@ -128,12 +128,12 @@ BENCHMARKS = (
     Benchmark(
         "sim",
         ("simulator.bench_sim",),
-        ("sensor-cost.md",),
+        ("research/sensor-cost.md",),
         chart_function="simulator.sim_charts",
         picture="sim.png",
     ),
     # Where the simulated sensor errs, against real matching.
-    Benchmark("realism", ("realism.bench_realism",), ("sensor-cost.md",)),
+    Benchmark("realism", ("realism.bench_realism",), ("research/sensor-cost.md",)),
     # Known figures of a depth camera found again.
     Benchmark("sensor-fit", ("sensor_fit.bench_sensor_fit",), ("sensor-fit.md",)),
 )

@@ -47,7 +47,7 @@ class ManyScenes(Settings):
 
     randomize: str | None = None
     """What is drawn for --scenes, and from which distributions: indoor, tabletop, wild, or a YAML file
-    (docs/randomization.md has all keys). A flag that differs from its default stays as given. Default:
+    (docs/simulate.md has all keys). A flag that differs from its default stays as given. Default:
     indoor."""
 
     def __post_init__(self) -> None:

@@ -123,7 +123,7 @@ def neighbor_scales(points_world: np.ndarray, largest: float = MAX_SCALE_RATIO) 
 
 
 # Points of a scene start at most this opaque: it has surfaces behind surfaces, and its depth and poses are
-# less exact. Figures: docs/training-tried.md.
+# less exact. Figures: docs/research/training-tried.md.
 SCENE_OPACITY = 0.5
 
 # In a scene, voxels grow with the distance, and the points of the far shell lie metres apart.

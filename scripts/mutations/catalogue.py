@@ -193,7 +193,7 @@ OTHERS = (
         "near-only",
         "disparities far from the true one are not tried",
         "test_repeating_texture_adds_the_disparity_that_a_full_search_might_take",
-        (f"{GUIDED}.coarse:coarse_half_blocks",),
+        (f"{GUIDED}.search:coarse_half_blocks",),
         causes.nothing_far,
     ),
     Mutation(

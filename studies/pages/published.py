@@ -1,5 +1,6 @@
 """Publishes the results of the studies in out/study in docs/study: records, tables, plots, reports."""
 
+import csv
 import json
 from pathlib import Path
 from typing import Any
@@ -9,9 +10,13 @@ from digs_warp.record.files import write_atomically
 from digs_warp.study.catalogue import STUDIES, Study
 from digs_warp.study.engine.case import with_file_names
 from digs_warp.study.engine.store import Store
-from digs_warp.study.page import PAGE
+from digs_warp.study.page import MARKDOWN, PAGE
+from digs_warp.study.table import Table
 from scripts.page_marks import DOCS
 from studies.catalogue import MORE_STUDIES
+
+# Rows; longer tables stand in their files alone.
+LONGEST_TABLE = 12
 
 
 def main() -> None:
@@ -28,6 +33,20 @@ def publish(study: Study, folder: Path) -> None:
     study.report(folder)
     # The documentation shows the Markdown page; the HTML page would repeat its pictures.
     (folder / PAGE).unlink()
+    shorten(folder)
+
+
+def shorten(folder: Path) -> None:
+    """Replace long tables in the Markdown page by links to their files."""
+    page = folder / MARKDOWN
+    text = page.read_text(encoding="utf-8")
+    for path in sorted((folder / "tables").glob("*.csv")):
+        headings, *rows = csv.reader(path.read_text(encoding="utf-8").splitlines())
+        if len(rows) > LONGEST_TABLE:
+            table = Table(path.stem, headings, rows).markdown()
+            link = f"[{len(rows)} rows](tables/{path.name})"
+            text = text.replace(table.strip(), link)
+    write_atomically(page, text.encode())
 
 
 def portable(record: dict[str, Any]) -> dict[str, Any]:

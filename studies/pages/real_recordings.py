@@ -1,4 +1,4 @@
-"""Figures, findings and pictures of docs/real-recordings.md.
+"""Figures, findings and pictures of docs/recordings.md.
 
 Pictures are drawn of recordings whose license clearly allows it.
 """

@@ -1,4 +1,4 @@
-"""Pictures of docs/scenes.md: eight scenes that stand on something, with depth and instance masks."""
+"""Pictures of docs/simulate.md: eight scenes that stand on something, with depth and instance masks."""
 
 from collections.abc import Mapping
 from dataclasses import replace
@@ -89,4 +89,4 @@ def main() -> None:
         capture = record(name, sample_data())
         write_atomically(DOCS / PICTURES / f"{name}.jpg", encode_jpeg(picture(capture)))
         shown.append(f"{', '.join(meshes)} in {surround}\n\n![{name}]({PICTURES}/{name}.jpg)")
-    fill("scenes.md", "pictures", "\n\n".join(shown))
+    fill("simulate.md", "pictures", "\n\n".join(shown))

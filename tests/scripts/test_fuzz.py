@@ -51,7 +51,7 @@ def test_the_start_of_a_process_does_not_count(tmp_path: Path) -> None:
 
 @pytest.mark.long
 def test_damaged_inputs_of_every_kind_are_read_or_refused(tmp_path: Path) -> None:
-    """`python scripts/fuzz.py --count 556` does the same at length; docs/stability.md has its result."""
+    """`python scripts/fuzz.py --count 556` does the same at length; see docs/research/stability.md."""
     tallies = fuzz(KINDS, count=1, seed=2026, keep=tmp_path / "kept")
     assert len(tallies) == 21
     assert not list(tmp_path.glob("kept/*")), table(tallies).text()

@@ -6,7 +6,7 @@ from scripts.page_marks import DOCS
 from studies.pages import real_recordings
 from studies.real_recordings import RECORDINGS
 
-PAGE = DOCS / "real-recordings.md"
+PAGE = DOCS / "recordings.md"
 
 
 def test_the_list_is_that_of_the_code() -> None:

@@ -1,4 +1,4 @@
-// Draws Gaussians and lines with WebGL 2. The projection is that of the rasterizer (docs/rasterizer.md).
+// Draws Gaussians and lines with WebGL 2. The projection is that of the rasterizer (docs/research/rasterizer.md).
 
 const SPLAT_VERTEX = `#version 300 es
 precision highp float;
