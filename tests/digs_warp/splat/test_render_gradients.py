@@ -139,7 +139,9 @@ def test_a_wrong_pose_finds_back() -> None:
 
 
 def test_the_example_of_the_page_runs(tmp_path: Path) -> None:
-    page = (Path(__file__).parents[3] / "docs" / "research" / "rasterizer.md").read_text(encoding="utf-8")
+    page = (Path(__file__).parents[3] / "docs" / "research" / "rasterizer.md").read_text(
+        encoding="utf-8"
+    )
     example = tmp_path / "example.py"
     example.write_text(page.split("```python\n")[1].split("```")[0], encoding="utf-8")
     done = subprocess.run(
