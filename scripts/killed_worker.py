@@ -52,7 +52,7 @@ def trial(folder: Path, count: int = COUNT, iterations: int = STEPS) -> Table:
     captures = cut(folder / "walk", folder / "captures", count)
     one, two = folder / "one", folder / "two"
     reconstruct = [
-        *("reconstruct", *captures, "--iterations", str(iterations), "--case-threads", "1"),
+        *("reconstruct", *captures, "--iterations", str(iterations), "--case-threads", "1")
     ]
     # Kernels are compiled before anything is timed.
     digs_warp(

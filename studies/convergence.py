@@ -159,12 +159,7 @@ def _recorded(size: SceneSize) -> Iterator[_Scene]:
     """Record the built-in object, and initialize from its depth."""
     from digs_warp.sim.record.record import SimulateConfig, simulate
 
-    config = SimulateConfig(
-        frames=size.frames,
-        width=size.width,
-        height=size.height,
-        tier="law",
-    )
+    config = SimulateConfig(frames=size.frames, width=size.width, height=size.height, tier="law")
     with tempfile.TemporaryDirectory() as folder:
         capture = simulate(config, Path(folder) / "capture")
         frames, test_frames = capture.split()

@@ -171,11 +171,7 @@ class Notes:
 
     def figures(self, capture: Capture, poses: Poses, values: dict[str, float]) -> None:
         """Add what was measured; nothing for a reconstruction that failed."""
-        labels = {
-            "recording": self._name,
-            "poses": POSES[poses],
-            "iterations": self.iterations,
-        }
+        labels = {"recording": self._name, "poses": POSES[poses], "iterations": self.iterations}
         self.results.append(Result(labels, {"frames": len(capture)} | values, FIGURES))
 
     def _found(self, stage: str, words: str) -> None:
@@ -203,8 +199,7 @@ def reconstructed(
         sfm=SfmConfig(poses=poses),
         init=InitConfig(strategy=strategy),
         train=TrainConfig(
-            stop=Stop(iterations=iterations),
-            density=Density(strategy=STRATEGIES[strategy].density),
+            stop=Stop(iterations=iterations), density=Density(strategy=STRATEGIES[strategy].density)
         ),
     )
     watch = Stopwatch()

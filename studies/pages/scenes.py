@@ -26,11 +26,7 @@ SCENES: Mapping[str, tuple[tuple[str, ...], str, Mapping[str, Any]]] = {
     "mustard": (("ycb_mustard_bottle",), "potsdamer_platz", {}),
     "stool": (("painted_stool",), "empty_warehouse_01", {}),
     "armchair": (("armchair",), "st_fagans_interior", {"object_size": 0.9}),
-    "breakfast": (
-        ("ycb_cracker_box", "tea_set", "ycb_mustard_bottle"),
-        "st_fagans_interior",
-        {},
-    ),
+    "breakfast": (("ycb_cracker_box", "tea_set", "ycb_mustard_bottle"), "st_fagans_interior", {}),
     "yard": (("painted_stool", "boot_plain", "flight_helmet"), "forest_slope", {}),
     "shelf": (("wooden_bookshelf", "painted_stool"), "empty_warehouse_01", {}),
     "night": (

@@ -11,13 +11,7 @@ from digs_warp.checks import DigsError
 from scripts.page_marks import DOCS
 from studies.benchmarks import BENCHMARKS, Benchmark, find_benchmark
 from studies.pages import PAGES
-from studies.results import (
-    Result,
-    format_number,
-    format_tables,
-    read_json_lines,
-    write_json_lines,
-)
+from studies.results import Result, format_number, format_tables, read_json_lines, write_json_lines
 
 RESULTS = [
     Result({"splats": 1000, "stage": "forward"}, {"time [ms]": 12.345678, "passes": 3}),

@@ -2,13 +2,7 @@
 
 import numpy as np
 
-from studies.convergence import (
-    DENSE,
-    REFERENCE,
-    SceneSize,
-    bench_convergence,
-    convergence_charts,
-)
+from studies.convergence import DENSE, REFERENCE, SceneSize, bench_convergence, convergence_charts
 
 
 def test_both_settings_are_measured_along_the_run() -> None:

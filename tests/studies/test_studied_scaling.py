@@ -9,13 +9,7 @@ from digs_warp.splat.device import DeviceGaussians
 from digs_warp.splat.render import SplatRenderer
 from studies.raster import NEAR, count_work
 from studies.results import Result
-from studies.scaling import (
-    BASE,
-    Case,
-    fit_laws,
-    measure,
-    scaling_charts,
-)
+from studies.scaling import BASE, Case, fit_laws, measure, scaling_charts
 
 SMALL = replace(BASE, width=64, height=48, splats=40)
 

@@ -10,14 +10,7 @@ from digs_warp.study.scenes import BUILT_IN, SAMPLE_OBJECTS
 from reference.optional import open3d_or_skip
 from studies.benchmarks import find_benchmark
 from studies.results import Result, tables
-from studies.surface import (
-    FUSED,
-    MILLIMETERS,
-    RATIO,
-    Scope,
-    bench_surface,
-    with_medians,
-)
+from studies.surface import FUSED, MILLIMETERS, RATIO, Scope, bench_surface, with_medians
 
 
 def test_every_weight_stands_beside_the_fused_depth(

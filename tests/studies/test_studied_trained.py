@@ -12,13 +12,7 @@ from digs_warp.show.film.camera_path import Subject, orbit
 from digs_warp.splat.skin import REACH
 from reference.optional import open3d_or_skip
 from reference.tiny_capture import RADIUS, ball
-from studies.trained import (
-    FORMATS,
-    TrainedObject,
-    measure_films,
-    measure_formats,
-    measure_meshes,
-)
+from studies.trained import FORMATS, TrainedObject, measure_films, measure_formats, measure_meshes
 
 
 def test_frame_rates_by_size_and_threads() -> None:

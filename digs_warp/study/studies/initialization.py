@@ -272,11 +272,7 @@ def _times(records: Sequence[Record]) -> Section:
     for (strategy,), found in group_by(records, "strategy").items():
         rows.append([strategy, *(column.text(found) for column in columns)])
         published = [
-            *(
-                PROCESSING_SECONDS,
-                "",
-                INITIALIZATION_SECONDS[strategy],
-            ),
+            *(PROCESSING_SECONDS, "", INITIALIZATION_SECONDS[strategy]),
             f"{SECONDS_TO_1000[strategy]} (1000 iterations)",
         ]
         rows.append([f"{strategy}, paper", *map(str, published)])

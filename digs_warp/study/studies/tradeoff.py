@@ -5,13 +5,7 @@ from typing import Any
 
 from digs_warp.study.charts import Chart, Curve
 from digs_warp.study.engine.case import Case
-from digs_warp.study.engine.records import (
-    Record,
-    Spread,
-    final_psnr,
-    group_by,
-    pareto_front,
-)
+from digs_warp.study.engine.records import Record, Spread, final_psnr, group_by, pareto_front
 from digs_warp.study.page import Section
 from digs_warp.study.scenes import VOXEL, Objects, voxel_size
 from digs_warp.study.studies import held_surface
