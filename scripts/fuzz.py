@@ -17,21 +17,29 @@ import sys
 import tempfile
 import threading
 import time
+from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
-from fuzzing.inputs import Inputs, kept_job
-from fuzzing.kinds import Kind, find_kinds
+from fuzzing.inputs import Inputs, Kind, kept_job
+from fuzzing.kinds import find_kinds
 from fuzzing.originals import Originals
-from fuzzing.pool import Worker
-from fuzzing.tally import Tally, table
-from fuzzing.worker import Outcome
+from fuzzing.worker import Outcome, Worker
 from page_marks import fill
 
 from digs_warp.record.progress import progress, show_progress
 from digs_warp.record.run_log import versions
+from digs_warp.study.table import Table
 
+PAGE = "research/stability.md"
 PACKAGES = ("numpy", "trimesh", "usd-core", "OpenImageIO")  # that read files
+HEADINGS = (
+    *("kind", "inputs", "read", "refused", "tracebacks", "crashes"),
+    *("above 1 GB", "above 10 s", "most memory [MB]", "longest [s]"),
+)
+
+# The outcomes of each kind of input.
+Tallies = dict[str, list[Outcome]]
 
 
 def fuzz(
@@ -41,28 +49,27 @@ def fuzz(
     keep: Path,
     workers: int = 1,
     minutes: float = math.inf,
-) -> dict[str, Tally]:
+) -> Tallies:
     """Run ``count`` damaged inputs of each kind; write those that show a defect into ``keep``.
 
     After ``minutes`` no more are begun; the kinds take turns, so there are about as many of each.
     """
-    tallies = {kind.name: Tally() for kind in kinds}
+    tallies: Tallies = {kind.name: [] for kind in kinds}
     with tempfile.TemporaryDirectory(prefix="fuzz-") as name:
         inputs = Inputs(Originals(Path(name) / "originals"), Path(name), seed)
         inputs.originals.folder.mkdir()
-        for kind in kinds:
-            kind.prepare(inputs.originals)
+        for folder in dict.fromkeys(each.folder for kind in kinds for each in kind.inputs):
+            inputs.originals.make(folder)
         pool = _Pool(inputs, {kind.name: kind for kind in kinds}, 60 * minutes)
         jobs = [(kind, number) for number in range(count) for kind in kinds]
         with progress(len(jobs), "Fuzzing", "input") as bar, ThreadPoolExecutor(workers) as threads:
             for (kind, number), outcome in zip(jobs, threads.map(pool.run, jobs), strict=True):
                 if outcome is None:
                     continue
-                tallies[kind.name].outcomes.append(outcome)
+                tallies[kind.name].append(outcome)
                 if outcome.is_defect:
-                    _say(
-                        f"{outcome.end}: {inputs.keep(kind, number, outcome, keep)}: {_last_line(outcome)}"
-                    )
+                    last = (outcome.detail.strip().splitlines() or [""])[-1][:300]
+                    _say(f"{outcome.end}: {inputs.keep(kind, number, outcome, keep)}: {last}")
                 bar.update()
         pool.stop()
     return tallies
@@ -79,10 +86,8 @@ class _Pool:
     def run(self, job: tuple[Kind, int]) -> Outcome | None:
         if time.monotonic() > self._end:
             return None
-        thread = threading.get_ident()
-        worker = self._workers.setdefault(
-            thread, Worker(lambda name: self._inputs.healthy(self._kinds[name]))
-        )
+        new = Worker(lambda name: self._inputs.healthy(self._kinds[name]))
+        worker = self._workers.setdefault(threading.get_ident(), new)
         written = self._inputs.write(*job)
         outcome = worker.run(written)
         self._inputs.remove(written)
@@ -102,8 +107,24 @@ def again(folder: Path) -> Outcome:
     return outcome
 
 
-def publish(tallies: dict[str, Tally], count: int, seed: int) -> None:
-    """Write the table into docs/research/stability.md."""
+def table(tallies: Mapping[str, Sequence[Outcome]]) -> Table:
+    """Return one row per kind, and their sum."""
+    everything = [outcome for outcomes in tallies.values() for outcome in outcomes]
+    rows = [_row(*each) for each in [*tallies.items(), ("all", everything)]]
+    return Table("", list(HEADINGS), rows)
+
+
+def _row(name: str, outcomes: Sequence[Outcome]) -> list[str]:
+    ends = [outcome.end for outcome in outcomes]
+    counts = [ends.count(e) for e in ("read", "refused", "traceback", "crash", "memory", "time")]
+    worst = max((outcome.megabytes for outcome in outcomes), default=0.0)
+    longest = max((outcome.seconds for outcome in outcomes), default=0.0)
+    shown = [f"{count:,}" for count in (len(ends), *counts)]
+    return [name, *shown, f"{worst:.0f}", f"{longest:.1f}"]
+
+
+def publish(tallies: Tallies, count: int, seed: int) -> None:
+    """Write the table into the page."""
     found = versions()
     packages = ", ".join(f"{name} {found[name]}" for name in ("digs-warp", *PACKAGES))
     head = (
@@ -111,18 +132,7 @@ def publish(tallies: dict[str, Tally], count: int, seed: int) -> None:
         f"Python {found['python']}, {packages}. Memory is what a process takes beyond what it had before the "
         "input, time is that of the processor."
     )
-    fill("research/stability.md", "fuzz", f"{head}\n\n{table(tallies).markdown()}")
-
-
-def _last_line(outcome: Outcome) -> str:
-    return (outcome.detail.strip().splitlines() or [""])[-1][:300]
-
-
-def _log_progress() -> None:
-    """Show a bar on a terminal, and a line every half minute in a log."""
-    show_progress()
-    logging.basicConfig(level=logging.ERROR, format="%(message)s")
-    logging.getLogger("digs_warp.record.progress").setLevel(logging.INFO)
+    fill(PAGE, "fuzz", f"{head}\n\n{table(tallies).markdown()}")
 
 
 def _say(line: str) -> None:
@@ -133,40 +143,30 @@ def _say(line: str) -> None:
 def main() -> int:
     """Read the command line and run it; return the exit code."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
-    parser.add_argument(
-        "--kind", action="append", default=[], help="part of a kind's name; may be repeated"
-    )
-    parser.add_argument("--count", type=int, default=20, help="inputs of each kind")
-    parser.add_argument("--minutes", type=float, default=math.inf, help="begin no input later")
-    parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--workers", type=int, default=1, help="inputs at the same time")
-    parser.add_argument(
-        "--keep", type=Path, default=Path("out/fuzz"), help="folder for inputs with defects"
-    )
-    parser.add_argument("--again", type=Path, help="run one kept input once more")
-    parser.add_argument(
-        "--page", action="store_true", help="write the table into docs/research/stability.md"
-    )
-    options = parser.parse_args()
-    if options.again:
-        outcome = again(options.again)
-        _say(
-            f"{outcome.detail}\n{outcome.end}, {outcome.seconds:.1f} s, {outcome.megabytes:.0f} MB"
-        )
-        return int(outcome.is_defect)
-    _log_progress()
-    tallies = fuzz(
-        find_kinds(options.kind),
-        options.count,
-        options.seed,
-        options.keep.resolve(),
-        options.workers,
-        options.minutes,
-    )
+    add = parser.add_argument
+    add("--kind", action="append", default=[], help="part of a kind's name; may be repeated")
+    add("--count", type=int, default=20, help="inputs of each kind")
+    add("--minutes", type=float, default=math.inf, help="begin no input later")
+    add("--seed", type=int, default=0)
+    add("--workers", type=int, default=1, help="inputs at the same time")
+    add("--keep", type=Path, default=Path("out/fuzz"), help="folder for inputs with defects")
+    add("--again", type=Path, help="run one kept input once more")
+    add("--page", action="store_true", help=f"write the table into docs/{PAGE}")
+    given = parser.parse_args()
+    if given.again:
+        found = again(given.again)
+        _say(f"{found.detail}\n{found.end}, {found.seconds:.1f} s, {found.megabytes:.0f} MB")
+        return int(found.is_defect)
+    # A bar on a terminal, a line every half minute in a log.
+    show_progress()
+    logging.basicConfig(level=logging.ERROR, format="%(message)s")
+    logging.getLogger("digs_warp.record.progress").setLevel(logging.INFO)
+    kinds, keep = find_kinds(given.kind), given.keep.resolve()
+    tallies = fuzz(kinds, given.count, given.seed, keep, given.workers, given.minutes)
     _say(table(tallies).markdown())
-    if options.page:
-        publish(tallies, options.count, options.seed)
-    return int(any(outcome.is_defect for tally in tallies.values() for outcome in tally.outcomes))
+    if given.page:
+        publish(tallies, given.count, given.seed)
+    return int(any(outcome.is_defect for outcomes in tallies.values() for outcome in outcomes))
 
 
 if __name__ == "__main__":

@@ -17,8 +17,7 @@ from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
-from mutations.catalogue import MUTATIONS, find_mutation
-from mutations.plugin import VARIABLE
+from mutations.catalogue import MUTATIONS, VARIABLE, find_mutation
 from page_marks import fill
 
 from digs_warp.record.progress import progress, show_progress
@@ -28,7 +27,7 @@ PAGE = "research/sensor-cost.md"
 
 # Tests of the default sensor and of the images that it reads.
 TESTS = (
-    "tests/digs_warp/study/test_sensor_realism.py",
+    "tests/sim/sensor/test_sensor_realism.py",
     "tests/sim/sensor/guided",
     "tests/sim/sensor/test_color_path.py",
     "tests/sim/sensor/test_calibration_drift.py",
@@ -43,7 +42,7 @@ def failing(mutation: str, tests: Sequence[str] = TESTS) -> list[str]:
         RuntimeError: pytest did not run the tests.
     """
     # fmt: off
-    command = [sys.executable, "-m", "pytest", "-q", "--tb=no", "-rfE", "-p", "mutations.plugin",
+    command = [sys.executable, "-m", "pytest", "-q", "--tb=no", "-rfE", "-p", "mutations.catalogue",
                "-p", "no:cacheprovider", *tests]
     # fmt: on
     paths = (str(REPOSITORY), str(REPOSITORY / "scripts"), os.environ.get("PYTHONPATH", ""))

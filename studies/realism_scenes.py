@@ -1,4 +1,4 @@
-"""The frames of `python -m studies realism`: every sample mesh, half of them kept aside from tuning."""
+"""Frames that sensors measure over and over: of every sample mesh, half of them kept aside from tuning."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
@@ -13,7 +13,7 @@ from digs_warp.sim.record.sensor_plan import plan_for_facts
 from digs_warp.sim.record.session import prepare_session
 from digs_warp.sim.sensor.color.protocol import PixelEffect
 from digs_warp.sim.sensor.color.recorded import recorded_images
-from digs_warp.sim.sensor.facts import measure_facts
+from digs_warp.sim.sensor.facts import SceneFacts, measure_facts
 from digs_warp.sim.sensor.frame import FrameTruth, Sensed
 from digs_warp.sim.sensor.tiers import sense
 from digs_warp.study.scenes import OBJECT_SIZE
@@ -33,6 +33,7 @@ class Scene:
         tuned: whether the constants of the default sensor were chosen on it, among others.
         truth: of the frame.
         mask: of the object, (height, width), bool.
+        facts: what the planner measures on it.
         effects: on the images.
         fresh: returns the truth with nothing computed yet, so that a sensor pays for what it needs.
     """
@@ -41,6 +42,7 @@ class Scene:
     tuned: bool
     truth: FrameTruth
     mask: np.ndarray
+    facts: SceneFacts
     effects: Sequence[PixelEffect]
     fresh: Callable[[], FrameTruth]
 
@@ -66,30 +68,31 @@ class Place:
         tuned: see `Scene`.
     """
 
-    mesh: Path | None
-    environment: Path | None
-    tuned: bool
+    mesh: Path | None = None
+    environment: Path | None = None
+    tuned: bool = False
 
-    def scene(self, width: int) -> Scene:
-        """Render its frame, ``width`` pixels wide."""
+    def scene(self, width: int, number: int = NUMBER, frames: int = FRAMES) -> Scene:
+        """Render a frame of a walk of so many, ``width`` pixels wide."""
         config = SimulateConfig(
             mesh=self.mesh,
             environment=self.environment,
             object_size=None if self.mesh is None else OBJECT_SIZE,
             width=width,
-            frames=FRAMES,
-            tier="guided",
+            frames=frames,
         )
         session = prepare_session(config, load_inputs(config))
-        truth, objects = session.truth(NUMBER, Shutter())
-        plan = plan_for_facts(measure_facts([truth], truth.rig), session.rig, config)
+        truth, objects = session.truth(number, Shutter())
+        facts = measure_facts([truth], truth.rig)
+        plan = plan_for_facts(facts, session.rig, config)
         name = self.mesh.stem if self.mesh else BUILT_IN
 
         def fresh() -> FrameTruth:
             rays = session.renderer.frame_rays(truth.camera, truth.rig.baseline)
             return replace(truth, rays=rays)
 
-        return Scene(name, self.tuned, truth, objects.mask > 127, plan.pixel_effects, fresh)
+        mask = objects.mask > 127
+        return Scene(name, self.tuned, truth, mask, facts, plan.pixel_effects, fresh)
 
 
 def places(data: Path) -> list[Place]:
@@ -105,4 +108,4 @@ def places(data: Path) -> list[Place]:
         Place(mesh, environments[number % len(environments)], tuned=number % 2 == 0)
         for number, mesh in enumerate(sorted(data.glob("meshes/*/*.glb")))
     ]
-    return found or [Place(None, None, tuned=False)]
+    return found or [Place()]

@@ -14,13 +14,8 @@ from pathlib import Path
 import numpy as np
 
 from digs_warp.record.progress import progress
-from digs_warp.sim.camera.shutter import Shutter
-from digs_warp.sim.config import SimulateConfig, Tier
-from digs_warp.sim.record.inputs import load_inputs
+from digs_warp.sim.config import Tier
 from digs_warp.sim.record.record import frames_at_once
-from digs_warp.sim.record.sensor_plan import plan_for_facts
-from digs_warp.sim.record.session import prepare_session
-from digs_warp.sim.sensor.color.recorded import recorded_images
 from digs_warp.sim.sensor.effects import AFTER_MATCHING
 from digs_warp.sim.sensor.effects.protocol import Choice
 from digs_warp.sim.sensor.facts import measure_facts
@@ -29,8 +24,9 @@ from digs_warp.sim.sensor.planner import plan
 from digs_warp.sim.sensor.scores import Scores, score
 from digs_warp.sim.sensor.tiers import apply_effects, sense
 from digs_warp.study.charts import Chart, Curve
-from digs_warp.study.scenes import OBJECT_SIZE, sample_data
+from digs_warp.study.scenes import sample_data
 from studies.real_pair import load_motorcycle
+from studies.realism_scenes import Place
 from studies.recording_speed import WIDTHS, bench_recording
 from studies.results import Result
 from studies.timing import ms_side_by_side
@@ -52,11 +48,8 @@ TIME, ALONE = "time [ms/MP]", "alone [ms/MP]"
 
 # Scores in the tables and their headings; SHARES are those that the charts show.
 COLUMNS = {
-    "fill": "fill",
-    "bad_1": "bad-1",
-    "rms": "rms [px]",
-    "edge_bad_1": "edge bad-1",
-    "occluded_holes": "occluded holes",
+    **{"fill": "fill", "bad_1": "bad-1", "rms": "rms [px]"},
+    **{"edge_bad_1": "edge bad-1", "occluded_holes": "occluded holes"},
 }
 SHARES = ("fill", "bad-1", "edge bad-1", "occluded holes")
 
@@ -106,8 +99,10 @@ def bench_sim(
     """
     data = data or sample_data()
     results: list[Result] = []
-    scenes = [_rendered(data, mesh, width) for mesh in meshes if (data / "meshes" / mesh).is_dir()]
-    cases = scenes or [_rendered(data, None, width)]
+    environment = data / "envs" / ENVIRONMENT / f"{ENVIRONMENT}_1k.hdr"
+    files = [data / "meshes" / mesh / f"{mesh}.glb" for mesh in meshes]
+    scenes = [Place(file, environment) for file in files if file.is_file()]
+    cases = [_rendered(place, width) for place in scenes or [Place()]]
     with progress(len(cases), "Measuring", "scene") as bar:
         for case in cases:
             results += _tier_results(case)
@@ -118,26 +113,11 @@ def bench_sim(
     return results + bench_recording(recordings)
 
 
-def _rendered(data: Path, mesh: str | None, width: int = WIDTH) -> Case:
-    """Return a rendered frame of a sample mesh; None: of the built-in object in its own room."""
-    config = SimulateConfig(
-        mesh=None if mesh is None else data / "meshes" / mesh / f"{mesh}.glb",
-        environment=None if mesh is None else data / "envs" / ENVIRONMENT / f"{ENVIRONMENT}_1k.hdr",
-        object_size=None if mesh is None else OBJECT_SIZE,
-        width=width,
-        frames=FRAMES,
-    )
-    session = prepare_session(config, load_inputs(config))
-    truth, _ = session.truth(FRAMES // 2, Shutter())
-
-    def fresh() -> FrameTruth:
-        rays = session.renderer.frame_rays(truth.camera, truth.rig.baseline)
-        return replace(truth, rays=rays)
-
-    facts = measure_facts([truth], truth.rig)
-    effects = plan_for_facts(facts, truth.rig, config).pixel_effects
-    recorded = recorded_images(truth, effects)
-    return Case(mesh or "built-in", fresh, plan(facts, truth.rig), recorded)
+def _rendered(place: Place, width: int) -> Case:
+    """Return a rendered frame."""
+    scene = place.scene(width, FRAMES // 2, FRAMES)
+    choices = plan(scene.facts, scene.truth.rig)
+    return Case(scene.name, scene.fresh, choices, scene.images())
 
 
 def _real(folder: Path) -> Case:
@@ -173,14 +153,13 @@ def _effect_results(cases: Sequence[Case]) -> list[Result]:
             row = {ALONE: _timed(apply)[0] / (truth.depth.size / 1e6)}
             row |= {f"changes {name}": after[name] - usual[name] for name in CHANGED}
             measured.setdefault(effect.name, []).append(row)
-    return [
-        Result(
-            {"effect": effect},
-            {name: _rounded([row[name] for row in rows]) for name in rows[0]},
-            "effects",
-        )
-        for effect, rows in measured.items()
-    ]
+    results = []
+    for effect, rows in measured.items():
+        means = {name: float(np.mean([row[name] for row in rows])) for name in rows[0]}
+        # To four decimals, never -0.0: smaller shares are noise.
+        rounded = {name: round(mean, 4) + 0.0 for name, mean in means.items()}
+        results.append(Result({"effect": effect}, rounded, "effects"))
+    return results
 
 
 def _after(matched: Sensed, truth: FrameTruth, effect: str) -> Sensed:
@@ -189,10 +168,6 @@ def _after(matched: Sensed, truth: FrameTruth, effect: str) -> Sensed:
 
 def sim_charts(results: Sequence[Result]) -> list[Chart]:
     """Return the tiers by time and distance to the matcher."""
-    return [_tier_chart(results)]
-
-
-def _tier_chart(results: Sequence[Result]) -> Chart:
     tiers = [r for r in results if r.table == "tiers"]
     yardstick = {r.labels["scene"]: r.values for r in tiers if r.labels["sensor"] == "matcher"}
     curves = []
@@ -202,23 +177,14 @@ def _tier_chart(results: Sequence[Result]) -> Chart:
         ]
         gaps = [float(np.mean([abs(a[n] - b[n]) for n in SHARES])) for a, b in rows]
         curves.append(Curve(tier, [values[TIME] for values, _ in rows], gaps, line=False))
-    return Chart(
-        "sim_tiers",
-        "Tiers: one point per scene",
-        curves,
-        "time of the sensor [ms per megapixel]",
-        "mean gap to the matcher in fill, bad-1,\nbad-1 at edges, holes where hidden",
-        log_x=True,
-    )
+    x_label = "time of the sensor [ms per megapixel]"
+    y_label = "mean gap to the matcher in fill, bad-1,\nbad-1 at edges, holes where hidden"
+    title = "Tiers: one point per scene"
+    return [Chart("sim_tiers", title, curves, x_label, y_label, log_x=True)]
 
 
 def _columns(scores: Scores) -> dict[str, float]:
     return {label: getattr(scores, name) for name, label in COLUMNS.items()}
-
-
-def _rounded(values: Sequence[float]) -> float:
-    """Return the mean to four decimals: smaller shares are noise."""
-    return round(float(np.mean(values)), 4) + 0.0  # never -0.0
 
 
 def _timed(function: Callable[[], object]) -> tuple[float, float]:

@@ -42,107 +42,108 @@ class Walked:
 
 def walk(case: Case, inputs: Path, disk: Path) -> Walked:
     """Run a command on a disk of one page, and then on disks with just the room for what failed before."""
-    expected, needed = _undisturbed(case, inputs, disk)
-    walked = Walked()
+    runs, needed = _undisturbed(case, inputs, disk)
     size, step = PAGE, max(PAGE, needed // UNKNOWN_STEPS)
-    while least := _try(case, inputs, disk, size, expected, walked):
+    while least := runs.on_disk(disk, size):
         size = max(least, size + PAGE) if least > PAGE else size + step
-    return walked
+    return runs.walked
 
 
 def try_sizes(case: Case, inputs: Path, disk: Path, shares: tuple[float, ...]) -> Walked:
     """Run a command on disks of some shares of the room that its result takes."""
-    expected, needed = _undisturbed(case, inputs, disk)
-    walked = Walked()
+    runs, needed = _undisturbed(case, inputs, disk)
     for share in shares:
-        _try(case, inputs, disk, max(PAGE, int(share * needed)), expected, walked)
-    return walked
+        runs.on_disk(disk, max(PAGE, int(share * needed)))
+    return runs.walked
 
 
 def try_limits(case: Case, inputs: Path, disk: Path, shares: tuple[float, ...]) -> Walked:
     """Run a command under limits on the size of its files; for users who may not mount a disk."""
     code, said = run_command(case.command(inputs, disk / "expected"))
     assert code == 0, said
-    expected = _contents(disk / "expected")
-    walked = Walked()
+    runs = _Runs(case, inputs, _contents(disk / "expected"))
     for number, share in enumerate(shares):
         folder = disk / str(number)
-        with largest_file(int(share * max(map(len, expected.values())))):
+        with largest_file(int(share * max(map(len, runs.expected.values())))):
             code, said = run_command(case.command(inputs, folder))
-        _judge_failure(case, folder, code, said, expected, walked)
-        _judge_repeat(case, inputs, folder, expected, walked)
-    return walked
+        runs.judge_failure(folder, code, said)
+        runs.judge_repeat(folder)
+    return runs.walked
 
 
-def _undisturbed(case: Case, inputs: Path, disk: Path) -> tuple[dict[str, bytes], int]:
-    """Return the files of a run with room, and the room that they take [bytes]."""
+def _undisturbed(case: Case, inputs: Path, disk: Path) -> tuple["_Runs", int]:
+    """Run with room; return what other runs are compared with, and the room that the result takes [bytes]."""
     with small_disk(disk, ROOM):
         code, said = run_command(case.command(inputs, disk))
         assert code == 0, said
-        space = os.statvfs(disk)
-        return _contents(disk), (space.f_blocks - space.f_bfree) * space.f_frsize
+        return _Runs(case, inputs, _contents(disk)), _used_pages(disk) * PAGE
 
 
-def _try(
-    case: Case, inputs: Path, disk: Path, size: int, expected: dict[str, bytes], walked: Walked
-) -> int:
-    """Run once on a disk of ``size``.
-
-    Returns:
-        The least room for the next try [bytes], one page where it is not known; 0: there was enough room.
-    """
-    with small_disk(disk, size):
-        code, said = run_command(case.command(inputs, disk))
-        if code == 0:
-            _compare(case, f"with {size} bytes", _contents(disk), expected, walked)
-            return 0
-        _judge_failure(case, disk, code, said, expected, walked)
-        space = os.statvfs(disk)
-        resize(disk, ROOM)
-        _judge_repeat(case, inputs, disk, expected, walked)
-    if (needs := re.search(r"needs ([0-9.]+) (\w+)", said)) is None:
-        return PAGE
-    needed = float(needs[1]) * UNITS[needs[2]]
-    return (space.f_blocks - space.f_bfree + math.ceil(needed / PAGE)) * PAGE
+def _used_pages(disk: Path) -> int:
+    space = os.statvfs(disk)
+    return (space.f_blocks - space.f_bfree) * space.f_frsize // PAGE
 
 
-def _judge_failure(
-    case: Case, disk: Path, code: int, said: str, expected: dict[str, bytes], walked: Walked
-) -> None:
-    walked.runs += 1
-    named = re.search(r"'([^']+)': cannot be written .*Free space", said)
-    if code != 1 or named is None or "Traceback" in said:
-        walked.defects.append(f"{case.name}: exit code {code}, '{said[-300:]}'")
-    else:
-        walked.files.add(Path(named[1]).name)
-    for name, content in _contents(disk).items():
-        if name.endswith(".tmp") or "/.digs-warp.unfinished/" in f"/{name}":
-            continue
-        if not _is_whole(disk / name, content, expected.get(name)):
-            walked.defects.append(f"{case.name}: '{name}' is truncated under its final name")
-    left = list(disk.rglob(".*.tmp"))
-    if left:
-        walked.defects.append(f"{case.name}: {left[0].name} is left behind")
+@dataclass
+class _Runs:
+    """The runs of one command, each compared with the files of one that nothing disturbed."""
 
+    case: Case
+    inputs: Path
+    expected: dict[str, bytes]
+    walked: Walked = field(default_factory=Walked)
 
-def _judge_repeat(
-    case: Case, inputs: Path, disk: Path, expected: dict[str, bytes], walked: Walked
-) -> None:
-    code, said = run_command(case.command(inputs, disk, again=True))
-    if code:
-        walked.defects.append(f"{case.name}: with room again: exit code {code}, {said[-300:]}")
-    else:
-        _compare(case, "with room again", _contents(disk), expected, walked)
+    def on_disk(self, disk: Path, size: int) -> int:
+        """Run once on a disk of ``size``.
 
+        Returns:
+            The least room for the next try [bytes], one page where it is not known; 0: there was enough room.
+        """
+        with small_disk(disk, size):
+            code, said = run_command(self.case.command(self.inputs, disk))
+            if code == 0:
+                self._compare(f"with {size} bytes", _contents(disk))
+                return 0
+            self.judge_failure(disk, code, said)
+            used = _used_pages(disk)
+            resize(disk, ROOM)
+            self.judge_repeat(disk)
+        if (needs := re.search(r"needs ([0-9.]+) (\w+)", said)) is None:
+            return PAGE
+        return (used + math.ceil(float(needs[1]) * UNITS[needs[2]] / PAGE)) * PAGE
 
-def _compare(
-    case: Case, when: str, found: dict[str, bytes], expected: dict[str, bytes], walked: Walked
-) -> None:
-    different = sorted(found.keys() ^ expected.keys())
-    if case.repeats:
-        different += sorted(name for name in found if found[name] != expected.get(name))
-    if different:
-        walked.defects.append(f"{case.name}, {when}: {different[:3]} differ")
+    def judge_failure(self, disk: Path, code: int, said: str) -> None:
+        """Note whether the message is clear, and what it left."""
+        self.walked.runs += 1
+        named = re.search(r"'([^']+)': cannot be written .*Free space", said)
+        if code != 1 or named is None or "Traceback" in said:
+            self._defect(f": exit code {code}, '{said[-300:]}'")
+        else:
+            self.walked.files.add(Path(named[1]).name)
+        for name, content in _contents(disk).items():
+            unfinished = name.endswith(".tmp") or "/.digs-warp.unfinished/" in f"/{name}"
+            if not unfinished and not _is_whole(disk / name, content, self.expected.get(name)):
+                self._defect(f": '{name}' is truncated under its final name")
+        if left := list(disk.rglob(".*.tmp")):
+            self._defect(f": {left[0].name} is left behind")
+
+    def judge_repeat(self, disk: Path) -> None:
+        """Run again, with room, and note what differs."""
+        code, said = run_command(self.case.command(self.inputs, disk, again=True))
+        if code:
+            self._defect(f": with room again: exit code {code}, {said[-300:]}")
+        else:
+            self._compare("with room again", _contents(disk))
+
+    def _compare(self, when: str, found: dict[str, bytes]) -> None:
+        different = sorted(found.keys() ^ self.expected.keys())
+        if self.case.repeats:
+            different += sorted(n for n in found if found[n] != self.expected.get(n))
+        if different:
+            self._defect(f", {when}: {different[:3]} differ")
+
+    def _defect(self, what: str) -> None:
+        self.walked.defects.append(f"{self.case.name}{what}")
 
 
 def _is_whole(path: Path, content: bytes, expected: bytes | None) -> bool:
@@ -150,20 +151,13 @@ def _is_whole(path: Path, content: bytes, expected: bytes | None) -> bool:
     if content == expected or path.name in (RUN_RECORD, MANIFEST) or path.name.startswith("."):
         return True
     if path.suffix == ".json":  # a version of it: half an object is no JSON
-        return _is_json(content)
-    return any(Manifest.read(folder).is_whole(path) for folder in path.parents if _has(folder))
-
-
-def _is_json(content: bytes) -> bool:
-    try:
-        json.loads(content)
-    except ValueError:
-        return False
-    return True
-
-
-def _has(folder: Path) -> bool:
-    return (folder / MANIFEST).is_file()
+        try:
+            json.loads(content)
+        except ValueError:
+            return False
+        return True
+    listing = [folder for folder in path.parents if (folder / MANIFEST).is_file()]
+    return any(Manifest.read(folder).is_whole(path) for folder in listing)
 
 
 def _contents(disk: Path) -> dict[str, bytes]:

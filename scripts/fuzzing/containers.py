@@ -4,15 +4,17 @@ import gzip
 import io
 import random
 import struct
+import tempfile
 import zipfile
 import zlib
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
 from digs_warp.usd.package import PackageWriter
 
 PNG_SIGNATURE = b"\x89PNG\r\n\x1a\n"
+BROKEN = (ValueError, IndexError, OSError, struct.error, zipfile.BadZipFile, zlib.error, EOFError)
 
 
 @dataclass(frozen=True)
@@ -35,15 +37,7 @@ def open_container(name: str, data: bytes, rng: random.Random) -> Container | No
     opener = _OPENERS.get(Path(name).suffix.lower())
     try:
         return opener(data, rng) if opener else None
-    except (
-        ValueError,
-        IndexError,
-        OSError,
-        struct.error,
-        zipfile.BadZipFile,
-        zlib.error,
-        EOFError,
-    ):
+    except BROKEN:
         return None
 
 
@@ -69,39 +63,33 @@ def _open_gzip(data: bytes, rng: random.Random) -> Container:
     return Container("payload.bin", gzip.decompress(data), lambda new: gzip.compress(new, mtime=0))
 
 
-def _open_npz(data: bytes, rng: random.Random) -> Container:
+def _open_zip(
+    data: bytes, rng: random.Random, packed: Callable[[Mapping[str, bytes]], bytes]
+) -> Container:
+    """One member; ``packed`` puts members together."""
     with zipfile.ZipFile(io.BytesIO(data)) as archive:
         members = {name: archive.read(name) for name in archive.namelist()}
     chosen = rng.choice(sorted(members))
-
-    def packed(new: bytes) -> bytes:
-        buffer = io.BytesIO()
-        with zipfile.ZipFile(buffer, "w", zipfile.ZIP_DEFLATED) as archive:
-            for name, content in (members | {chosen: new}).items():
-                archive.writestr(name, content)
-        return buffer.getvalue()
-
-    return Container(chosen, members[chosen], packed)
+    return Container(chosen, members[chosen], lambda new: packed(members | {chosen: new}))
 
 
-def _open_usdz(data: bytes, rng: random.Random) -> Container:
-    with zipfile.ZipFile(io.BytesIO(data)) as archive:
-        members = {name: archive.read(name) for name in archive.namelist()}
-    chosen = rng.choice(sorted(members))
+def _npz(members: Mapping[str, bytes]) -> bytes:
+    buffer = io.BytesIO()
+    with zipfile.ZipFile(buffer, "w", zipfile.ZIP_DEFLATED) as archive:
+        for name, content in members.items():
+            archive.writestr(name, content)
+    return buffer.getvalue()
 
-    def packed(new: bytes) -> bytes:
-        from tempfile import TemporaryDirectory
 
-        with TemporaryDirectory() as folder:
-            target, part = Path(folder, "scene.usdz"), Path(folder, "part")
-            writer = PackageWriter(target, target)
-            for name, content in (members | {chosen: new}).items():
-                part.write_bytes(content)
-                writer.add(part, name)
-            writer.close()
-            return target.read_bytes()
-
-    return Container(chosen, members[chosen], packed)
+def _usdz(members: Mapping[str, bytes]) -> bytes:
+    with tempfile.TemporaryDirectory() as folder:
+        target, part = Path(folder, "scene.usdz"), Path(folder, "part")
+        writer = PackageWriter(target, target)
+        for name, content in members.items():
+            part.write_bytes(content)
+            writer.add(part, name)
+        writer.close()
+        return target.read_bytes()
 
 
 def _open_png(data: bytes, rng: random.Random) -> Container:
@@ -114,15 +102,12 @@ def _open_png(data: bytes, rng: random.Random) -> Container:
     chosen = 0 if rng.random() < 0.5 else rng.randrange(len(chunks))
 
     def packed(new: bytes) -> bytes:
-        contents = [new if i == chosen else content for i, (_, content) in enumerate(chunks)]
-        kinds = [kind for kind, _ in chunks]
-        return PNG_SIGNATURE + b"".join(
-            struct.pack(">I", len(content))
-            + kind
-            + content
-            + struct.pack(">I", zlib.crc32(kind + content))
-            for kind, content in zip(kinds, contents, strict=True)
-        )
+        file = PNG_SIGNATURE
+        for number, (kind, old) in enumerate(chunks):
+            content = new if number == chosen else old
+            file += struct.pack(">I", len(content)) + kind + content
+            file += struct.pack(">I", zlib.crc32(kind + content))
+        return file
 
     return Container("chunk.bin", chunks[chosen][1], packed)
 
@@ -141,8 +126,8 @@ def _open_npy(data: bytes, rng: random.Random) -> Container:
 _OPENERS: dict[str, Callable[[bytes, random.Random], Container]] = {
     ".glb": _open_glb,
     ".spz": _open_gzip,
-    ".npz": _open_npz,
+    ".npz": lambda data, rng: _open_zip(data, rng, _npz),
     ".npy": _open_npy,
-    ".usdz": _open_usdz,
+    ".usdz": lambda data, rng: _open_zip(data, rng, _usdz),
     ".png": _open_png,
 }

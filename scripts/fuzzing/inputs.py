@@ -10,15 +10,41 @@ from pathlib import Path
 
 from digs_warp.record.manifest import Content, Manifest
 from fuzzing.damage import damaged
-from fuzzing.kinds import Input, Kind
 from fuzzing.originals import Originals
-from fuzzing.pool import Job
-from fuzzing.worker import Outcome
+from fuzzing.worker import Job, Outcome
 
 NOTE = "fuzz.json"
 
 # Names of the folder in which an input lies.
 FOLDERS = ("input", "input", "input", "odd {0} %s ünter", "-x 'y'")
+
+
+@dataclass(frozen=True)
+class Input:
+    """One file to damage.
+
+    Attributes:
+        folder: of `Originals`, whose copy is the working folder of the commands.
+        damaged: the file, relative to the folder.
+        lines: what follows ``digs-warp`` on each command line; ``OUT`` is a new file or folder.
+        only: patterns of the files and folders that are copied; empty: all.
+        listed_again: whether the manifest of the folder, which gives damage away, often has the sum of the
+            damaged file. COLMAP's own reader is not safe; the manifest protects it.
+    """
+
+    folder: str
+    damaged: str
+    lines: tuple[str, ...]
+    only: tuple[str, ...] = ()
+    listed_again: bool = True
+
+
+@dataclass(frozen=True)
+class Kind:
+    """Inputs that one row of the table counts."""
+
+    name: str
+    inputs: tuple[Input, ...]
 
 
 @dataclass(frozen=True)

@@ -1,44 +1,7 @@
 """The kinds of inputs: which files are damaged, and the command lines that read them."""
 
-from dataclasses import dataclass
-
-from fuzzing.originals import RECONSTRUCT, Originals
-
-Lines = tuple[str, ...]
-
-
-@dataclass(frozen=True)
-class Input:
-    """One file to damage.
-
-    Attributes:
-        folder: of `Originals`, whose copy is the working folder of the commands.
-        damaged: the file, relative to the folder.
-        lines: what follows ``digs-warp`` on each command line; ``OUT`` is a new file or folder.
-        only: patterns of the files and folders that are copied; empty: all.
-        listed_again: whether the manifest of the folder, which gives damage away, often has the sum of the
-            damaged file. COLMAP's own reader is not safe; the manifest protects it.
-    """
-
-    folder: str
-    damaged: str
-    lines: Lines
-    only: tuple[str, ...] = ()
-    listed_again: bool = True
-
-
-@dataclass(frozen=True)
-class Kind:
-    """Inputs that one row of the table counts."""
-
-    name: str
-    inputs: tuple[Input, ...]
-
-    def prepare(self, originals: Originals) -> None:
-        """Make the healthy files."""
-        for folder in dict.fromkeys(each.folder for each in self.inputs):
-            originals.make(folder)
-
+from fuzzing.inputs import Input, Kind
+from fuzzing.originals import RECONSTRUCT
 
 SIMULATE = "simulate --mesh {mesh} --environment {room} --frames 1 --width 32 --out OUT"
 PLAN = "plan --profile camera.yaml --mesh ball.ply --environment room.png --frames 1 --width 32"
@@ -66,28 +29,15 @@ def _recording(folder: str, *damaged: str, form: str | None = None) -> tuple[Inp
     return tuple(Input(folder, name, (line,)) for name in damaged)
 
 
-def _splats(*names: str) -> tuple[Input, ...]:
+def _splats(*names: str, words: tuple[str, ...] = ("info",)) -> tuple[Input, ...]:
     return tuple(
-        Input("splats", name, (f"info {name}", f"convert {name} --out OUT.npz"), (name,))
+        Input("splats", name, (*(f"{each} {name}" for each in (*words, "convert --out OUT.npz")),), (name,))
         for name in names
-    )
+    )  # fmt: skip
 
 
 def _usd(*names: str) -> tuple[Input, ...]:
-    return tuple(
-        Input(
-            "splats",
-            name,
-            (
-                f"info {name}",
-                f"usd info {name}",
-                f"usd validate {name}",
-                f"convert {name} --out OUT.npz",
-            ),
-            (name,),
-        )
-        for name in names
-    )
+    return _splats(*names, words=("info", "usd info", "usd validate"))
 
 
 def _result(name: str) -> Input:
@@ -101,23 +51,12 @@ def _result(name: str) -> Input:
 
 def _settings(command: str, *words: str) -> tuple[Input, ...]:
     """The settings are only read: extreme ones are legal, and would run for years."""
-    return tuple(
-        Input(
-            "settings",
-            f"{command}.{suffix}",
-            (" ".join((command, *words, "--config", f"{command}.{suffix}", "--help")),),
-        )
-        for suffix in ("yaml", "json")
-    )
+    files = [f"{command}.{suffix}" for suffix in ("yaml", "json")]
+    line = " ".join((command, *words, "--config"))
+    return tuple(Input("settings", file, (f"{line} {file} --help",)) for file in files)
 
 
-LAYERS = (
-    "images/0001.png",
-    "right/0001.png",
-    "masks/0001.png",
-    "confidence/0001.png",
-    "cause/0001.png",
-)
+LAYERS = [f"{name}/0001.png" for name in ("images", "right", "masks", "confidence", "cause")]
 
 KINDS = (
     Kind("mesh: GLB, glTF", (
@@ -200,9 +139,8 @@ def find_kinds(names: list[str]) -> tuple[Kind, ...]:
     Raises:
         ValueError: a name that fits none.
     """
+    known = "; ".join(kind.name for kind in KINDS)
     for name in names:
         if not any(name in kind.name for kind in KINDS):
-            raise ValueError(
-                f"--kind {name}: expected a part of one of: " + "; ".join(k.name for k in KINDS)
-            )
+            raise ValueError(f"--kind {name}: expected a part of one of: {known}")
     return tuple(kind for kind in KINDS if not names or any(name in kind.name for name in names))

@@ -1,8 +1,9 @@
 """Healthy inputs of every kind, made by the package itself; small, so that a reader takes milliseconds."""
 
 import json
+import re
 import shutil
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import redirect_stderr, redirect_stdout
 from importlib import import_module
 from io import StringIO
@@ -13,15 +14,18 @@ from unittest.mock import patch
 import numpy as np
 
 from digs_warp.cli import main
-from digs_warp.data.capture import Capture, read_capture
+from digs_warp.data.capture import read_capture
 from digs_warp.data.gaussians import Gaussians
 from digs_warp.data.images import write_image
 from digs_warp.formats.splats.files import write_splat_file
 from digs_warp.show.film.video import write_video
-from fuzzing.recordings import write_euroc, write_seven_scenes
+from fuzzing.recordings import WRITERS, millimetres, write_sparse_model
 
 PUBLISHED_STUDY = Path(__file__).resolve().parents[2] / "docs/study/tradeoff/results.jsonl"
 RECONSTRUCT = ("--iterations", "4", "--test-every", "3", "--keep-course")
+
+# Folders that `digs-warp convert --to` writes.
+EXPORTED = ("tum", "bop", "redwood", "colmap", "colmap_text")
 
 
 class Originals:
@@ -31,9 +35,17 @@ class Originals:
         self.folder = folder
 
     def make(self, name: str) -> Path:
-        """Return the folder ``name``, one of the methods of this class without its underscore."""
+        """Return a folder: of `EXPORTED`, `WRITERS`, or a method of this class without its underscore."""
         path = self.folder / name
-        if not path.exists():
+        if path.exists():
+            return path
+        if name in EXPORTED:
+            form = name.replace("_", "-")
+            _digs_warp("convert", self.make("capture"), "--to", form, "--out", path)
+        elif name in WRITERS:
+            path.mkdir()
+            WRITERS[name](read_capture(self.make("capture")).frames, path)
+        else:
             getattr(self, f"_{name}")(path)
         return path
 
@@ -47,20 +59,18 @@ class Originals:
         rng = np.random.default_rng(0)
         ball = trimesh.creation.icosphere(subdivisions=1)
         ball.visual.vertex_colors = rng.integers(0, 256, (len(ball.vertices), 4), dtype=np.uint8)
-        ball.export(folder / "ball.ply")
+        for suffix in ("ply", "stl", "glb"):
+            ball.export(folder / f"ball.{suffix}")
         (folder / "ball-text.ply").write_bytes(trimesh.exchange.ply.export_ply(ball, "ascii"))
-        ball.export(folder / "ball.stl")
         (folder / "ball-text.stl").write_text(trimesh.exchange.stl.export_stl_ascii(ball))
-        ball.export(folder / "ball.glb")
         box = trimesh.creation.box()
         picture = Image.fromarray(rng.integers(0, 256, (8, 8, 3), dtype=np.uint8))
         material = trimesh.visual.material.PBRMaterial(
             name="paint", baseColorTexture=picture, metallicFactor=0.1, roughnessFactor=0.6,
             normalTexture=picture, emissiveFactor=[0.1, 0.1, 0.1],
         )  # fmt: skip
-        box.visual = trimesh.visual.TextureVisuals(
-            uv=rng.random((len(box.vertices), 2)), material=material
-        )
+        uv = rng.random((len(box.vertices), 2))
+        box.visual = trimesh.visual.TextureVisuals(uv=uv, material=material)
         box.export(folder / "box.glb")
         box.export(folder / "box.gltf")
         box.visual.material = trimesh.visual.material.SimpleMaterial(image=picture)
@@ -79,30 +89,30 @@ class Originals:
     def _millimetres(self, folder: Path) -> None:
         """A capture with depth as 16-bit PNG."""
         shutil.copytree(self.make("capture"), folder)
-        index = folder / "transforms.json"
         for number, frame in enumerate(read_capture(folder).frames):
-            depth = np.nan_to_num(frame.load_depth(), nan=0, posinf=0, neginf=0)
-            write_image(folder / f"depth/{number:04d}.png", (1000 * depth).astype(np.uint16))
+            write_image(folder / f"depth/{number:04d}.png", millimetres(frame))
         for path in folder.glob("depth/*.exr"):
             path.unlink()
-        content = json.loads(index.read_text())
-        for entry in content["frames"]:
-            entry["depth_file_path"] = entry["depth_file_path"].replace(".exr", ".png")
-        index.write_text(json.dumps(content, indent=2))
+        depth = re.compile(r'("depth_file_path": "[^"]*)\.exr')
+        _edit_index(folder, lambda text: depth.sub(r"\1.png", text))
 
-    def _reconstruction(self, folder: Path) -> None:
+    def _nerfstudio(self, folder: Path) -> None:
+        """The same with lenses."""
+        shutil.copytree(self.make("millimetres"), folder)
+        lens = '"camera_model": "OPENCV", "k1": 0.01, "k2": 0.0, "p1": 0.0, "p2": 0.0'
+        _edit_index(folder, lambda text: text.replace("{", f'{{{lens}, "applied_scale": 1.0,', 1))
+
+    def _reconstruction(self, folder: Path, ends_with: int = 0) -> None:
         """A finished one, with its capture beside it: the folder of 'digs-warp run'."""
         shutil.copytree(self.make("capture"), folder / "capture")
-        _digs_warp(
-            "reconstruct", folder / "capture", "--out", folder / "reconstruction", *RECONSTRUCT
-        )
+        words = ("reconstruct", folder / "capture", "--out", folder / "reconstruction")
+        _digs_warp(*words, *RECONSTRUCT, ends_with=ends_with)
 
     def _interrupted(self, folder: Path) -> None:
         """A reconstruction with a checkpoint."""
         from digs_warp.train import session
         from digs_warp.train.trainer import Trainer
 
-        shutil.copytree(self.make("capture"), folder / "capture")
         step = Trainer.step
 
         def cut_off(trainer: Trainer) -> None:
@@ -110,135 +120,46 @@ class Originals:
                 raise KeyboardInterrupt
             step(trainer)
 
-        with (
-            patch.object(session, "CHECKPOINT_SECONDS", -1.0),
-            patch.object(Trainer, "step", cut_off),
-        ):
-            _digs_warp("reconstruct", folder / "capture", "--out", folder / "reconstruction", *RECONSTRUCT,
-                       ends_with=130)  # fmt: skip
+        at_once = patch.object(session, "CHECKPOINT_SECONDS", -1.0)
+        with at_once, patch.object(Trainer, "step", cut_off):
+            self._reconstruction(folder, ends_with=130)
 
     def _matched(self, folder: Path) -> None:
         """A reconstruction that has its sparse model of structure from motion, and nothing behind it."""
-        from fuzzing.sparse_model import write_sparse_model
-
         shutil.copytree(self.make("reconstruction"), folder)
         write_sparse_model(read_capture(folder / "capture"), folder / "reconstruction" / "sfm")
 
     def _splats(self, folder: Path) -> None:
         """Gaussians in every format."""
         folder.mkdir()
-        self._gaussians().save(folder / "ours.npz")
-        for name, version in {
-            "v2.spz": 2,
-            "v3.spz": 3,
-            "v4.spz": 4,
-            "a.ply": 3,
-            "a.splat": 3,
-        }.items():
-            write_splat_file(folder / name, self._gaussians(), spz_version=version)
-        (folder / "text.ply").write_bytes(_as_text((folder / "a.ply").read_bytes()))
-        for name in ("scene.usda", "scene.usdc", "scene.usdz"):
-            _digs_warp("convert", folder / "ours.npz", "--out", folder / name)
-        _digs_warp("export-usd", self.make("reconstruction") / "reconstruction",
-                   "--capture", self.make("capture"), "--out", folder / "capture.usdz")  # fmt: skip
-
-    def _gaussians(self) -> Gaussians:
         rng = np.random.default_rng(0)
-        return Gaussians(
+        gaussians = Gaussians(
             means=rng.normal(size=(8, 3)),
             log_scales=rng.uniform(-6, 0, (8, 3)),
             quats=rng.normal(size=(8, 4)),
             opacity_logits=rng.normal(size=8),
             sh=rng.uniform(-0.9, 0.9, (8, 4, 3)),
         )
-
-    def _tum(self, folder: Path) -> None:
-        self._export("tum", folder)
-
-    def _bop(self, folder: Path) -> None:
-        self._export("bop", folder)
-
-    def _redwood(self, folder: Path) -> None:
-        self._export("redwood", folder)
-
-    def _colmap(self, folder: Path) -> None:
-        self._export("colmap", folder)
-
-    def _colmap_text(self, folder: Path) -> None:
-        self._export("colmap-text", folder)
-
-    def _7scenes(self, folder: Path) -> None:
-        write_seven_scenes(self.make("capture"), folder)
+        gaussians.save(folder / "ours.npz")
+        for name in ("a.ply", "a.splat"):
+            write_splat_file(folder / name, gaussians)
+        for version in (2, 3, 4):
+            write_splat_file(folder / f"v{version}.spz", gaussians, spz_version=version)
+        (folder / "text.ply").write_bytes(_as_text((folder / "a.ply").read_bytes()))
+        for name in ("scene.usda", "scene.usdc", "scene.usdz"):
+            _digs_warp("convert", folder / "ours.npz", "--out", folder / name)
+        _digs_warp("export-usd", self.make("reconstruction") / "reconstruction",
+                   "--capture", self.make("capture"), "--out", folder / "capture.usdz")  # fmt: skip
 
     def _7scenes_info(self, folder: Path) -> None:
         """Another file for the cameras."""
         shutil.copytree(self.make("7scenes"), folder)
         (folder / "camera-intrinsics.txt").unlink()
 
-    def _euroc(self, folder: Path) -> None:
-        write_euroc(self.make("capture"), folder)
-
     def _film(self, folder: Path) -> None:
         folder.mkdir()
         frames = (frame.load_image() for frame in read_capture(self.make("capture")).frames)
         write_video(folder / "walk.mp4", frames, 10)
-
-    def _export(self, form: str, folder: Path) -> None:
-        _digs_warp("convert", self.make("capture"), "--to", form, "--out", folder)
-
-    def _nerfstudio(self, folder: Path) -> None:
-        shutil.copytree(self.make("millimetres"), folder)
-        index = json.loads((folder / "transforms.json").read_text())
-        index |= {
-            "camera_model": "OPENCV",
-            "k1": 0.01,
-            "k2": 0.0,
-            "p1": 0.0,
-            "p2": 0.0,
-            "applied_scale": 1.0,
-        }
-        (folder / "transforms.json").write_text(json.dumps(index))
-
-    def _zed(self, folder: Path) -> None:
-        capture, k = self._capture_to_copy(folder)
-        for number, frame in enumerate(capture.frames):
-            write_image(folder / f"left{number:06d}.png", frame.load_image())
-            write_image(folder / f"right{number:06d}.png", frame.load_right_image())
-            write_image(folder / f"depth{number:06d}.exr", frame.load_depth())
-            np.save(folder / f"depth{number:06d}.npy", frame.load_depth())
-        (folder / "calibration.json").write_text(json.dumps(k | {"baseline": 0.12}))
-
-    def _record3d(self, folder: Path) -> None:
-        capture, k = self._capture_to_copy(folder)
-        for number, frame in enumerate(capture.frames):
-            write_image(folder / f"rgb/{number}.png", frame.load_image())
-            write_image(folder / f"depth/{number}.exr", frame.load_depth())
-        matrix = [k["fx"], 0, 0, 0, k["fy"], 0, k["cx"], k["cy"], 1]
-        size = capture.frames[0].camera.intrinsics
-        poses = [[0, 0, 0, 1, 0.1 * number, 0, 0] for number in range(len(capture))]
-        content = {"K": matrix, "w": size.width, "h": size.height, "fps": 30, "poses": poses}
-        (folder / "metadata.json").write_text(json.dumps(content))
-
-    def _scannet(self, folder: Path) -> None:
-        capture, k = self._capture_to_copy(folder)
-        matrix = f"{k['fx']} 0 {k['cx']} 0\n0 {k['fy']} {k['cy']} 0\n0 0 1 0\n0 0 0 1\n"
-        for kind in ("color", "depth"):
-            path = folder / f"intrinsic/intrinsic_{kind}.txt"
-            path.parent.mkdir(exist_ok=True)
-            path.write_text(matrix)
-        (folder / "pose").mkdir()
-        for number, frame in enumerate(capture.frames):
-            write_image(folder / f"color/{number}.png", frame.load_image())
-            depth = np.nan_to_num(frame.load_depth(), nan=0, posinf=0, neginf=0)
-            write_image(folder / f"depth/{number}.png", (1000 * depth).astype(np.uint16))
-            rows = [" ".join(map(str, row)) for row in frame.camera.world_from_cam]
-            (folder / f"pose/{number}.txt").write_text("\n".join(rows) + "\n")
-
-    def _capture_to_copy(self, folder: Path) -> tuple[Capture, dict[str, float]]:
-        folder.mkdir()
-        capture = read_capture(self.make("capture"))
-        k = capture.frames[0].camera.intrinsics
-        return capture, {"fx": k.fx, "fy": k.fy, "cx": k.cx, "cy": k.cy}
 
     def _settings(self, folder: Path) -> None:
         """Settings of commands, as JSON and YAML, a profile of a camera, and a scene to plan for."""
@@ -252,8 +173,7 @@ class Originals:
             "reconstruct": self.make("reconstruction") / "reconstruction" / "run.json",
         }
         for name, path in records.items():
-            record = json.loads(path.read_text())
-            content = {"command": name, "settings": record["settings"]}
+            content = {"command": name, "settings": json.loads(path.read_text())["settings"]}
             (folder / f"{name}.yaml").write_text(yaml.safe_dump(content))
             (folder / f"{name}.json").write_text(json.dumps(content))
         figures = {
@@ -273,13 +193,16 @@ class Originals:
 
 def _digs_warp(*words: str | Path, ends_with: int = 0) -> None:
     """Run a command line of the package."""
-    found = StringIO()
+    found, line = StringIO(), [str(word) for word in words]
     with redirect_stdout(found), redirect_stderr(found):
-        code = main([str(word) for word in words])
+        code = main(line)
     if code != ends_with:
-        raise RuntimeError(
-            f"digs-warp {' '.join(map(str, words))}: exit code {code}\n{found.getvalue()}"
-        )
+        raise RuntimeError(f"digs-warp {' '.join(line)}: exit code {code}\n{found.getvalue()}")
+
+
+def _edit_index(folder: Path, change: Callable[[str], str]) -> None:
+    index = folder / "transforms.json"
+    index.write_text(json.dumps(json.loads(change(index.read_text())), indent=2))
 
 
 def _write_hdr(path: Path, linear: np.ndarray) -> None:
@@ -294,10 +217,8 @@ def _write_hdr(path: Path, linear: np.ndarray) -> None:
 def _as_text(ply: bytes) -> bytes:
     """Return a binary PLY file of floats as one with text."""
     header, _, body = ply.partition(b"end_header\n")
-    count = next(
-        int(line.split()[2]) for line in header.splitlines() if line.startswith(b"element vertex")
-    )
-    rows: Sequence[Sequence[float]] = np.frombuffer(body, "<f4").reshape(count, -1).tolist()
+    columns = header.count(b"property")
+    rows: Sequence[Sequence[float]] = np.frombuffer(body, "<f4").reshape(-1, columns).tolist()
     text = "\n".join(" ".join(f"{value:.9g}" for value in row) for row in rows)
     header = header.replace(b"binary_little_endian", b"ascii")
     return header + b"end_header\n" + text.encode() + b"\n"

@@ -6,6 +6,7 @@ every other strategy once (a Williams square), so neither place nor neighbor can
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import product
 from pathlib import Path
 
 from digs_warp.checks import DigsError
@@ -40,19 +41,12 @@ def design(items: Sequence[str], strategies: Sequence[str]) -> list[Question]:
         )
     if not items:
         raise DigsError("preference: no items, expected at least one")
-    return [
-        Question(
-            version + 1,
-            number + 1,
-            item,
-            {
-                letter: strategies[SQUARE[(version + number) % VERSIONS][place]]
-                for place, letter in enumerate(LETTERS)
-            },
-        )
-        for version in range(VERSIONS)
-        for number, item in enumerate(items)
-    ]
+    found = []
+    for version, number in product(range(VERSIONS), range(len(items))):
+        row = SQUARE[(version + number) % VERSIONS]
+        places = {letter: strategies[place] for letter, place in zip(LETTERS, row, strict=True)}
+        found.append(Question(version + 1, number + 1, items[number], places))
+    return found
 
 
 def save_key(questions: Sequence[Question], path: Path) -> None:
@@ -70,10 +64,10 @@ def load_key(path: Path) -> dict[tuple[int, int], dict[str, str]]:
     remedy = f"name the {KEY} that 'python -m studies preference make' wrote"
     content = read_json(path, "key of a preference kit")
     key = Fields(content, f"'{path}': not the key of a preference kit", remedy=remedy)
-    rows = key.sections("questions")
-    return {(row.whole("version"), row.whole("number")): _places(row) for row in rows}
-
-
-def _places(row: Fields) -> dict[str, str]:
-    places = row.section("places")
-    return {letter: places.text(letter) for letter in LETTERS}
+    return {
+        (row.whole("version"), row.whole("number")): {
+            letter: places.text(letter) for letter in LETTERS
+        }
+        for row in key.sections("questions")
+        for places in [row.section("places")]
+    }

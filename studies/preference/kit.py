@@ -7,7 +7,7 @@ import numpy as np
 
 from digs_warp.checks import DigsError
 from digs_warp.data.gaussians import Gaussians
-from digs_warp.geometry.camera import Camera, Intrinsics
+from digs_warp.geometry.camera import Intrinsics
 from digs_warp.record.files import write_atomically
 from digs_warp.record.layout import GAUSSIANS, find_gaussians
 from digs_warp.record.progress import progress
@@ -95,8 +95,9 @@ def make_kit(
             bar.update()
     for version in range(1, VERSIONS + 1):
         mine = [question for question in questions if question.version == version]
+        rows = [",".join(SHEET_COLUMNS), *(f",{version},{question.number}," for question in mine)]
         write_atomically(_version(folder, version) / "sheet.html", sheet_page(mine).encode())
-        write_atomically(_version(folder, version) / "answers.csv", _answers(mine).encode())
+        write_atomically(_version(folder, version) / "answers.csv", "\n".join([*rows, ""]).encode())
     save_key(questions, folder / KEY)
     return questions
 
@@ -109,32 +110,24 @@ def _films(
     results: Mapping[str, Gaussians], size: tuple[int, int], count: int
 ) -> dict[str, list[np.ndarray]]:
     """Return the frames of every strategy, seen by the same cameras."""
-    from digs_warp.show.film.video import shoot
-
-    cameras, center = _cameras(results, size, count)
-    return {
-        name: list(shoot(gaussians, cameras, center_world=center))
-        for name, gaussians in results.items()
-    }
-
-
-def _cameras(
-    results: Mapping[str, Gaussians], size: tuple[int, int], count: int
-) -> tuple[list[Camera], np.ndarray]:
     from digs_warp.show.film.camera_path import find_framed_subject, orbit
+    from digs_warp.show.film.video import shoot
 
     # Far stray Gaussians would make the object look small, so the tightest result defines the view.
     subject = min(map(find_framed_subject, results.values()), key=lambda subject: subject.radius)
-    return orbit(subject, Intrinsics.from_fov(*size, FOV_DEG), count), subject.center_world
+    cameras = orbit(subject, Intrinsics.from_fov(*size, FOV_DEG), count)
+    return {
+        name: list(shoot(gaussians, cameras, center_world=subject.center_world))
+        for name, gaussians in results.items()
+    }
 
 
 def _arranged(
     films: Mapping[str, Sequence[np.ndarray]], question: Question
 ) -> Iterator[np.ndarray]:
     """Yield the frames of a question's video: four pictures with their letters."""
-    pictures = [films[question.places[letter]] for letter in LETTERS]
-    for quarter in zip(*pictures, strict=True):
-        a, b, c, d = map(_lettered, quarter, LETTERS)
+    for pictures in zip(*(films[question.places[letter]] for letter in LETTERS), strict=True):
+        a, b, c, d = map(_lettered, pictures, LETTERS)
         height, width = a.shape[:2]
         grid = np.full((2 * height + GAP, 2 * width + GAP, 3), 128, np.uint8)
         grid[:height, :width], grid[:height, -width:] = a, b
@@ -152,10 +145,3 @@ def _lettered(frame: np.ndarray, letter: str) -> np.ndarray:
         marked, letter, place, cv2.FONT_HERSHEY_SIMPLEX, size, (60, 60, 60), round(2 * size)
     )
     return marked
-
-
-def _answers(questions: Sequence[Question]) -> str:
-    """Return the answer sheet as CSV with empty choices."""
-    lines = [",".join(SHEET_COLUMNS)]
-    lines += [f",{question.version},{question.number}," for question in questions]
-    return "\n".join(lines) + "\n"

@@ -3,15 +3,12 @@
 import numpy as np
 import pytest
 
+from reference.error_shapes import autocorrelation, failure_runs, reliability, small_error_rms
 from studies.realism_scores import (
     agreement,
-    autocorrelation,
     bad_share,
-    failure_runs,
     median_where_most,
-    reliability,
     repeated_bad,
-    small_error_rms,
     small_hole_share,
     temporal_share,
 )
