@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from statistics import median
 
-SOURCES = ("digs_warp", "sim", "usd", "scripts", "examples")
+SOURCES = ("digs_warp", "sim", "usd", "scripts", "studies", "examples")
 LONGEST_HOST_FUNCTION = 60
 MOST_KERNEL_PARAMETERS = 12
 FunctionNode = ast.FunctionDef | ast.AsyncFunctionDef

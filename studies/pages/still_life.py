@@ -6,6 +6,7 @@ a black card, a bead close to the lens, and a surround beyond the camera's range
 """
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 
@@ -33,6 +34,7 @@ EYE, TARGET = np.array([0.0, -1.25, 0.28]), np.array([0.02, 0.1, 0.02])
 MOTION = Motion((0.25, 0.0, 0.0), (0.0, 0.6, 0.0))
 
 Part = tuple[Patch, Material]
+Color = tuple[float, float, float]
 
 
 def still_life() -> tuple[Scene, Environment]:
@@ -42,36 +44,22 @@ def still_life() -> tuple[Scene, Environment]:
         (card((0.1, 0.75, 0.15), (1.05, 0, 0), (0, 0, 0.62)), _noise(rng, "wall", 42, (2, 60))),
         (card((0, 0.0, -0.3), (1.3, 0, 0), (0, 0.75, 0)), _noise(rng, "table", 36, (2, 40))),
         (card((-0.47, 0.35, 0.16), (0.17, 0.03, 0), (0, 0.02, 0.2)), _plain("plain card", 0.62)),
-        (
-            card((-0.55, 0.1, -0.16), (0.15, 0.04, 0), (0, 0.02, 0.1)),
-            _noise(rng, "faint card", 1.2, (3, 12)),
-        ),
-        (card((0.62, 0.3, 0.1), (0.15, -0.1, 0), (0, 0, 0.25)), _metal("mirror")),
-        (
-            card((0.3, -0.25, -0.12), (0.12, 0.02, 0), (0, 0, 0.16)),
-            Material(
-                "glass", np.array((0.78, 0.93, 0.88), np.float32), roughness=0.02, transmission=0.93
-            ),
-        ),
-        (ball((-0.1, 0.05, -0.16), 0.14), _plain("glossy ball", 0.12, roughness=0.15)),
+        (card((-0.55, 0.1, -0.16), (0.15, 0.04, 0), (0, 0.02, 0.1)), _noise(rng, "faint card", 1.2, (3, 12))),
+        (card((0.62, 0.3, 0.1), (0.15, -0.1, 0), (0, 0, 0.25)), _plain("mirror", 0.95, 0.02, metallic=1.0)),
+        (card((0.3, -0.25, -0.12), (0.12, 0.02, 0), (0, 0, 0.16)),
+         _plain("glass", (0.78, 0.93, 0.88), 0.02, transmission=0.93)),
+        (ball((-0.1, 0.05, -0.16), 0.14), _plain("glossy ball", 0.12, 0.15)),
         (card((0.03, -0.08, -0.295), (0.12, 0.01, 0), (-0.01, 0.06, 0)), _plain("tile", 0.05, 0.1)),
-        (
-            card((-0.325, -0.075, -0.17), (-0.025, 0.225, 0), (0, 0, 0.13)),
-            _noise(rng, "board", 45, (3, 40), tint=(0.6, 0.75, 1.0)),
-        ),
-        (ball((0.36, 0.45, 0.42), 0.07), _lamp("lamp")),
+        (card((-0.325, -0.075, -0.17), (-0.025, 0.225, 0), (0, 0, 0.13)),
+         _noise(rng, "board", 45, (3, 40), tint=(0.6, 0.75, 1.0))),
+        (ball((0.36, 0.45, 0.42), 0.07), _plain("lamp", 0.9, 1.0, emission=(2.0, 2.0, 1.9))),
         (card((0.02, 0.6, 0.36), (0.13, 0, 0), (0, 0, 0.11)), _plain("black card", 0.0003)),
-        (
-            card((0.13, -0.45, 0.1), (0.012, 0, 0), (0, 0, 0.45)),
-            _noise(rng, "pole", 60, (4, 60), tint=(1.0, 0.75, 0.4)),
-        ),
-        (
-            ball((-0.115, -1.045, 0.155), 0.022),
-            _noise(rng, "near bead", 50, (8, 120), tint=(0.5, 0.9, 0.6)),
-        ),
-    ]
-    environment = builtin_environment()
-    return _join(parts), Environment(environment.radiance, SURROUND_RADIUS)
+        (card((0.13, -0.45, 0.1), (0.012, 0, 0), (0, 0, 0.45)),
+         _noise(rng, "pole", 60, (4, 60), tint=(1.0, 0.75, 0.4))),
+        (ball((-0.115, -1.045, 0.155), 0.022),
+         _noise(rng, "near bead", 50, (8, 120), tint=(0.5, 0.9, 0.6))),
+    ]  # fmt: skip
+    return _join(parts), Environment(builtin_environment().radiance, SURROUND_RADIUS)
 
 
 def still_life_rig() -> StereoRig:
@@ -139,7 +127,7 @@ def _noise(
     name: str,
     contrast: float,
     wavelengths: tuple[float, float],
-    tint: tuple[float, float, float] = (0.9, 0.85, 0.8),
+    tint: Color = (0.9, 0.85, 0.8),
 ) -> Material:
     """Return a matte material with a random texture of the given contrast [DN]."""
     shape = (TEXTURE_SIZE, TEXTURE_SIZE)
@@ -148,28 +136,25 @@ def _noise(
     return Material(name, np.ones(3, np.float32), texture, roughness=0.95)
 
 
-def _plain(name: str, level: float, roughness: float = 0.95) -> Material:
-    return Material(name, np.full(3, level, np.float32), roughness=roughness)
-
-
-def _metal(name: str) -> Material:
-    return Material(name, np.full(3, 0.95, np.float32), roughness=0.02, metallic=1.0)
-
-
-def _lamp(name: str) -> Material:
-    return Material(name, np.full(3, 0.9, np.float32), emission=(2.0, 2.0, 1.9))
+def _plain(name: str, level: float | Color, roughness: float = 0.95, **kind: Any) -> Material:
+    """Return a material of one gray level or color, and of another kind than matte."""
+    return Material(name, np.full(3, level, np.float32), roughness=roughness, **kind)
 
 
 def _join(parts: Sequence[Part]) -> Scene:
-    starts = np.cumsum([0, *(len(patch.vertices) for patch, _ in parts)])
-    faces = [patch.faces + start for (patch, _), start in zip(parts, starts[:-1], strict=True)]
-    vertices = np.concatenate([patch.vertices for patch, _ in parts]).astype(np.float32)
+    patches = [patch for patch, _ in parts]
+    starts = np.cumsum([0, *(len(patch.vertices) for patch in patches)])
+    faces = [patch.faces + start for patch, start in zip(patches, starts[:-1], strict=True)]
+    vertices, normals, uvs = (
+        np.concatenate([getattr(patch, name) for patch in patches]).astype(np.float32)
+        for name in ("vertices", "normals", "uvs")
+    )
     return Scene(
         vertices=vertices,
         faces=np.concatenate(faces).astype(np.int32),
         face_materials=np.repeat(np.arange(len(parts)), [len(f) for f in faces]).astype(np.int32),
-        normals=np.concatenate([patch.normals for patch, _ in parts]).astype(np.float32),
-        uvs=np.concatenate([patch.uvs for patch, _ in parts]).astype(np.float32),
+        normals=normals,
+        uvs=uvs,
         vertex_colors=np.ones_like(vertices),
         materials=tuple(material for _, material in parts),
     )
