@@ -76,9 +76,8 @@ def cabinet_as_tum(source: Path, folder: Path) -> Path:
         _write(folder / f"{name}.txt", "\n".join(rows))
     _write(folder / "groundtruth.txt", "\n".join(lines))
     camera = read_json(source / "intrinsics.json", "calibration")
-    _write(
-        folder / "calibration.txt", " ".join(str(camera[key]) for key in ("fx", "fy", "cx", "cy"))
-    )
+    figures = [str(camera[key]) for key in ("fx", "fy", "cx", "cy")]
+    _write(folder / "calibration.txt", " ".join(figures))
     return folder
 
 

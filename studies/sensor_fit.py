@@ -62,10 +62,9 @@ def _law() -> Iterator[Result]:
 
 
 def _row(seed: int | str, name: str, value: float, found: Estimate | None) -> Result:
-    if found is None:
-        return Result(
-            {"seed": seed, "figure": name, "fitted": "not known"}, {"known": value}, "walls"
-        )
-    labels = {"seed": seed, "figure": name, "fitted": text(found)}
-    off = abs(found.value - value) / found.error if found.error else 0.0
-    return Result(labels, {"known": value, "off by standard errors": off}, "walls")
+    labels = {"seed": seed, "figure": name, "fitted": text(found) if found else "not known"}
+    values = {"known": value}
+    if found is not None:
+        off = abs(found.value - value) / found.error if found.error else 0.0
+        values["off by standard errors"] = off
+    return Result(labels, values, "walls")
