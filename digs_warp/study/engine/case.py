@@ -20,12 +20,12 @@ class Case:
         labels: what the study varies, for its tables: ``{"object": "avocado", "strategy": "fusion"}``.
         recording: settings of `digs_warp.sim.config.SimulateConfig` that differ from the default.
         reconstruction: dotted settings of `digs_warp.pipeline.reconstruct.ReconstructConfig` that differ.
-        mask_error: size of the errors put into the masks (`digs_warp.study.degraded_masks`); None: the masks
-            of the recording.
+        mask_error: size of the errors put into the masks (`engine.input_errors`); None: the masks of the
+            recording.
         effort: estimated time relative to the other cases of the study, for the time budget.
         threads: CPU threads; None: those of the runner.
         finishes: also measure the choices after the training (`engine.scores`).
-        perturbed: whether the recording's poses get a random error (`engine.perturb`).
+        perturbed: whether the recording's poses get a random error (`engine.input_errors`).
     """
 
     labels: Mapping[str, Any]

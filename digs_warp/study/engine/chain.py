@@ -23,9 +23,8 @@ from digs_warp.record.lock import taking_turns
 from digs_warp.record.run_log import RunRecord, versions
 from digs_warp.record.typed import to_json as record_json
 from digs_warp.sim.config import SimulateConfig
-from digs_warp.study.degraded_masks import write_degraded_masks
 from digs_warp.study.engine.case import Case, with_settings
-from digs_warp.study.engine.perturb import perturbed_capture
+from digs_warp.study.engine.input_errors import perturbed_capture, write_degraded_masks
 from digs_warp.study.engine.placement import mesh_in_place, motion_to_truth, pose_pixels
 from digs_warp.study.engine.scores import (
     YARDSTICK,

@@ -1,15 +1,15 @@
-"""What accuracy costs in time: each knob of the chain alone, and the Pareto front of all settings."""
+"""What accuracy costs in time: each knob of the chain alone, the Pareto front, and choices after training."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from digs_warp.splat.config import TILE_SIZE
 from digs_warp.study.charts import Chart, Curve
 from digs_warp.study.engine.case import Case
 from digs_warp.study.engine.records import Record, Spread, final_psnr, group_by, pareto_front
 from digs_warp.study.page import Section
 from digs_warp.study.scenes import VOXEL, Objects, voxel_size
 from digs_warp.study.studies import held_surface
-from digs_warp.study.studies.finishes import finish_sections
 from digs_warp.study.table import Table
 
 # The point that every knob starts from.
@@ -256,3 +256,44 @@ def _usual_value(knob: str) -> Any:
 def name_of(key: tuple[Any, ...]) -> str:
     """Return what was turned, in words, for a (knob, value)."""
     return USUAL if key[0] == USUAL else f"{key[0].split(' [')[0]} {key[1]}"
+
+
+def finish_sections(usual: Sequence[Record]) -> list[Section]:
+    """Return the choices after the training, measured on results of the usual settings."""
+    found = [r["finishes"] for r in usual if r.get("finishes")]
+    if not found:
+        return []
+    cuts = _finish_rows([f["alpha_cuts"] for f in found], "seconds", 1e3, 2)
+    stored = _finish_rows([f["precisions"] for f in found], "megabytes", 1.0, 2)
+    cut_text = (
+        "The faintest alpha that is still drawn. A higher cut makes splats smaller and views faster, but "
+        "soft edges suffer. The training uses the first value."
+    )
+    stored_text = (
+        "The precision of the numbers in the USD scene (--precision). 'mixed' keeps the positions exact. The "
+        "loss is rarely visible; the gain is disk space and loading time."
+    )
+    tiles = (
+        f"{TILE_SIZE} x {TILE_SIZE} pixels, not adjustable: the kernels hold a row of a tile in vector "
+        "registers, so another size would need another kernel."
+    )
+    cut = Table("alpha_cut", ["alpha cut", "ms per view", "PSNR [dB]"], cuts)
+    precision = Table("precision", ["precision", "MB", "PSNR [dB]"], stored)
+    return [
+        Section("Alpha cut", cut_text, [cut]),
+        Section("Export precision", stored_text, [precision]),
+        Section("Tile size", tiles),
+    ]
+
+
+def _finish_rows(
+    measured: Sequence[Sequence[Mapping[str, Any]]], cost: str, factor: float, decimals: int
+) -> list[list[str]]:
+    """Return value, mean cost and mean PSNR of each choice; every result has the same choices."""
+    rows = []
+    for same in zip(*measured, strict=True):
+        paid = Spread.of(factor * choice[cost] for choice in same)
+        quality = Spread.of(choice["psnr"] for choice in same)
+        assert paid and quality
+        rows.append([str(same[0]["value"]), paid.text(decimals), quality.text(2)])
+    return rows

@@ -1,14 +1,21 @@
-"""Spoilt masks: worse with strength, the same for the same seed, and harmless on masks without a border."""
+"""Spoilt masks are worse with strength, and the same for the same seed; pose errors have the stated size."""
 
 from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from digs_warp.data.images import read_image
+from digs_warp.geometry.rigid import is_rigid, look_at
 from digs_warp.masks.config import SegmentConfig
 from digs_warp.masks.masks import intersection_over_union, segment
-from digs_warp.study.degraded_masks import degrade_mask, smooth_noise, write_degraded_masks
+from digs_warp.study.engine.input_errors import (
+    degrade_mask,
+    perturbed_poses,
+    smooth_noise,
+    write_degraded_masks,
+)
 from reference.tiny_capture import write_tiny_capture
 
 V, U = np.mgrid[:150, :200]
@@ -81,3 +88,33 @@ def test_every_frame_of_a_capture_gets_other_errors(tmp_path: Path) -> None:
     ]
     assert all(0.3 < overlap < 0.98 for overlap in overlaps)
     assert len(set(overlaps)) == len(overlaps)
+
+
+POSES = [look_at(np.array([0.9, 0.1, 0.2]), np.zeros(3), np.array([0.0, 0.0, 1.0]))] * 3000
+
+
+def test_rotation_and_position_get_the_stated_deviation() -> None:
+    wrong = perturbed_poses(POSES, rotation_error_deg=0.5, translation_error=0.004, seed=1)
+    assert all(is_rigid(pose) for pose in wrong)
+    shifts = np.array([w[:3, 3] - p[:3, 3] for w, p in zip(wrong, POSES, strict=True)])
+    turns = [
+        Rotation.from_matrix(p[:3, :3].T @ w[:3, :3]).as_rotvec(degrees=True)
+        for w, p in zip(wrong, POSES, strict=True)
+    ]
+    np.testing.assert_allclose(shifts.std(axis=0), 0.004, rtol=0.06)
+    np.testing.assert_allclose(np.std(turns, axis=0), 0.5, rtol=0.06)
+    assert abs(shifts.mean()) < 0.0003
+
+
+def test_no_error_leaves_the_poses_alone_and_any_number_will_do() -> None:
+    assert [len(perturbed_poses(POSES[:count], 1.0, 1.0, seed=0)) for count in (0, 1)] == [0, 1]
+    for wrong, pose in zip(perturbed_poses(POSES[:5], 0.0, 0.0, seed=3), POSES, strict=False):
+        np.testing.assert_allclose(wrong, pose, atol=1e-15)
+
+
+def test_the_seed_gives_directions_the_size_only_scales() -> None:
+    small = perturbed_poses(POSES[:5], 0.0, 0.001, seed=4)
+    large = perturbed_poses(POSES[:5], 0.0, 0.003, seed=4)
+    for pose, a, b in zip(POSES, small, large, strict=False):
+        np.testing.assert_allclose(3 * (a - pose), b - pose, atol=1e-12)
+    assert not np.allclose(perturbed_poses(POSES[:5], 0.0, 0.001, seed=5)[0], small[0])

@@ -1,16 +1,20 @@
-"""Masks with the errors that segmentation makes: wrong borders, leaks into the surround, missing pieces.
+"""Errors put into masks and poses, of a stated size: how much does everything after them depend on them?
 
-The paper shows such failures in its figure 6. Sizes are shares of the object's size in the image (the root of
-its area), so that an error means the same at every resolution.
+Masks get the errors that segmentation makes, as the paper shows in its figure 6: wrong borders, leaks into
+the surround, missing pieces. Their sizes are shares of the object's size in the image (the root of its area),
+so that an error means the same at every resolution.
 """
 
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
+from digs_warp.data.capture import Capture
 from digs_warp.data.frame import Frame
 from digs_warp.data.images import write_image
+from digs_warp.geometry.rigid import rigid
 
 # At strength 1: displacement of the border (RMS), and radius of a leak or a missing piece.
 BORDER_SHIFT = 0.012
@@ -77,3 +81,46 @@ def smooth_noise(shape: tuple[int, ...], length: float, rng: np.random.Generator
     nodes = tuple(int(np.ceil(side / max(length, 2.0))) + 3 for side in (height, width))
     coarse = rng.normal(size=nodes).astype(np.float32)
     return cv2.resize(coarse, (width, height), interpolation=cv2.INTER_CUBIC)
+
+
+def perturbed_poses(
+    world_from_cams: Sequence[np.ndarray],
+    rotation_error_deg: float,
+    translation_error: float,
+    seed: int,
+) -> list[np.ndarray]:
+    """Return the poses (4, 4), each turned and moved by an independent normal error.
+
+    Args:
+        world_from_cams: the poses, (4, 4) each.
+        rotation_error_deg: standard deviation of the rotation vector's components, about the camera's
+            center [degree].
+        translation_error: standard deviation of the center along each axis [m].
+        seed: the same seed gives the same directions at every size of the error.
+    """
+    from scipy.spatial.transform import Rotation
+
+    rng = np.random.default_rng(seed)
+    turns = rng.normal(size=(len(world_from_cams), 3)) * np.deg2rad(rotation_error_deg)
+    shifts = rng.normal(size=(len(world_from_cams), 3)) * translation_error
+    rotations = Rotation.from_rotvec(turns).as_matrix()
+    return [
+        rigid(pose[:3, :3] @ turn, pose[:3, 3] + shift)
+        for pose, turn, shift in zip(world_from_cams, rotations, shifts, strict=True)
+    ]
+
+
+def perturbed_capture(
+    capture: Capture,
+    rotation_error_deg: float = 0.5,
+    translation_error: float = 0.005,
+    seed: int = 0,
+) -> Capture:
+    """Return the recording with `perturbed_poses`."""
+    given = [frame.camera.world_from_cam for frame in capture.frames]
+    wrong = perturbed_poses(given, rotation_error_deg, translation_error, seed)
+    frames = tuple(
+        replace(frame, camera=replace(frame.camera, world_from_cam=pose))
+        for frame, pose in zip(capture.frames, wrong, strict=True)
+    )
+    return replace(capture, frames=frames)
