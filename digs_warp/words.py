@@ -1,6 +1,6 @@
-"""Words of messages: counted things, what a misspelled name may have meant, and facts in two columns."""
+"""Words of messages: counted things, the first of many names, what a misspelled one may have meant, facts."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from difflib import get_close_matches
 
 # Beside a suggestion, more known names than these are not worth reading.
@@ -10,6 +10,12 @@ MOST_BESIDE_A_SUGGESTION = 30
 def counted(count: int, thing: str, things: str = "") -> str:
     """Return "1 view", "2 views", "1,000 views"; ``things`` is the plural where it is not made with an s."""
     return f"{count:,} {thing if count == 1 else things or f'{thing}s'}"
+
+
+def first_few(names: Sequence[str], most: int = 5) -> str:
+    """Return "a, b, c and 4 more": at most ``most`` of the names."""
+    more = f" and {len(names) - most:,} more" if len(names) > most else ""
+    return ", ".join(names[:most]) + more
 
 
 def did_you_mean(word: str, known: Iterable[str]) -> str:

@@ -36,9 +36,6 @@ TOO_FAR = 25.0
 # Points looked at in each frame of a pair.
 SAMPLES = 500
 
-# More names than this make no list.
-NAMED = 6
-
 # Photographs store about the 2.2th root of the light.
 GAMMA = 2.2
 
@@ -108,11 +105,6 @@ class Evidence:
     def agreement(self) -> Agreement | None:
         """How well the pairs agree; None without poses or depth."""
         return agreement(self.frames, self.pairs) if self.pairs else None
-
-
-def first_few(names: Sequence[str]) -> str:
-    """Return the first names, and whether there are more."""
-    return ", ".join([*names[:NAMED], *(["..."] if len(names) > NAMED else [])])
 
 
 def neighbors(frames: Sequence[Frame]) -> list[tuple[int, int]]:

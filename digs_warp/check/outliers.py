@@ -19,15 +19,16 @@ from typing import Any
 import numpy as np
 
 from digs_warp.check import thresholds as limits
-from digs_warp.check.evidence import Evidence, first_few, same_depth_share, shared_points
+from digs_warp.check.evidence import Evidence, same_depth_share, shared_points
 from digs_warp.check.thresholds import Threshold
 from digs_warp.data.frame import Frame
 from digs_warp.data.layers import Layer
 from digs_warp.device.parallel import default_threads
 from digs_warp.geometry.camera import Camera
 from digs_warp.geometry.rigid import invert_rigid
+from digs_warp.measure.sift import alike, sift
 from digs_warp.measure.thumbnails import SmallFrame, small_frames
-from digs_warp.words import counted
+from digs_warp.words import counted, first_few
 
 # Longer recordings are thinned evenly; frames up to this far apart are compared.
 MOST_FRAMES, REACH = 300, 2
@@ -184,21 +185,18 @@ def _features_of(frame: Frame) -> Features:
     gray = cv2.cvtColor(image, cv2.COLOR_RGB2GRAY)
     if factor < 1.0:
         gray = cv2.resize(gray, None, fx=factor, fy=factor, interpolation=cv2.INTER_AREA)
-    keys, found = cv2.SIFT.create(nfeatures=FEATURES).detectAndCompute(gray, None)  # pyright: ignore[reportArgumentType, reportCallIssue]
-    if not keys:
-        return Features(np.zeros((0, 2)), np.zeros((0, 128), np.float32), k.fx * factor)
-    # OpenCV puts integers at the centers of pixels.
-    px = (np.array([key.pt for key in keys]) + 0.5) / factor
-    return Features((px - [k.cx, k.cy]) / [k.fx, k.fy], found, k.fx * factor)
+    px, descriptors = sift(gray, FEATURES)
+    px = px / factor
+    return Features((px - [k.cx, k.cy]) / [k.fx, k.fy], descriptors, k.fx * factor)
 
 
 def _match_share(first: Features, second: Features, here: Camera, there: Camera) -> float | None:
     import cv2
 
-    matches = _matched(first, second)
-    if len(matches) < limits.LEAST_MATCHES:
+    in_first, in_second = alike(first.descriptors, second.descriptors, RATIO)
+    if len(in_first) < limits.LEAST_MATCHES:
         return None
-    x, y = first.rays[matches[:, 0]], second.rays[matches[:, 1]]
+    x, y = first.rays[in_first], second.rays[in_second]
     limit = WITHIN / min(first.focal, second.focal)
     cv2.setRNGSeed(0)
     free, _ = cv2.findEssentialMat(x, y, np.eye(3), cv2.RANSAC, 0.999, limit)
@@ -211,19 +209,6 @@ def _match_share(first: Features, second: Features, here: Camera, there: Camera)
     if recorded is None:
         return None
     return float(np.mean(_distances(x[sure], y[sure], recorded) < 2 * limit))
-
-
-def _matched(first: Features, second: Features) -> np.ndarray:
-    """Return the numbers of features that are each other's nearest, (n, 2)."""
-    import cv2
-
-    if min(len(first.rays), len(second.rays)) < limits.LEAST_MATCHES:
-        return np.zeros((0, 2), np.intp)
-    found = cv2.BFMatcher().knnMatch(first.descriptors, second.descriptors, k=2)
-    clear = [(a.queryIdx, a.trainIdx) for a, b in found if a.distance < RATIO * b.distance]
-    numbers = np.array(clear, np.intp).reshape(-1, 2)
-    _, once = np.unique(numbers[:, 1], return_index=True)
-    return numbers[once]
 
 
 def essential(first: Camera, second: Camera) -> np.ndarray | None:

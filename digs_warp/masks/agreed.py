@@ -12,12 +12,9 @@ from digs_warp.data.layers import Layer
 from digs_warp.masks.from_depth import cut_out, cut_size
 from digs_warp.masks.votes import MaskVotes, contradicted, mask_votes
 from digs_warp.measure.thumbnails import small_depths
-from digs_warp.words import counted
+from digs_warp.words import counted, first_few
 
 logger = logging.getLogger(__name__)
-
-# Names in a message.
-MOST_NAMED = 5
 
 
 def agreed_masks(frames: Sequence[Frame], folder: Path) -> tuple[list[Frame], str | None]:
@@ -39,11 +36,10 @@ def agreed_masks(frames: Sequence[Frame], folder: Path) -> tuple[list[Frame], st
         path = folder / f"{frames[number].name}.png"
         write_image(path, _mended(frames[number], votes[number]))
         mended[number] = frames[number].with_layer(Layer.MASK, path)
-    names = ", ".join(frames[number].name for number in odd[:MOST_NAMED])
-    more = f" and {len(odd) - MOST_NAMED} more" if len(odd) > MOST_NAMED else ""
+    names = first_few([frames[number].name for number in odd])
     sentence = (
         f"{counted(len(odd), 'mask')} of {len(frames)} contradicted most other views and "
-        f"{'was' if len(odd) == 1 else 'were'} mended: {names}{more}."
+        f"{'was' if len(odd) == 1 else 'were'} mended: {names}."
     )
     logger.warning("masks: %s The setting mask_agreement: off keeps them.", sentence)
     return mended, sentence

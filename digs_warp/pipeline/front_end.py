@@ -35,8 +35,8 @@ from digs_warp.pipeline.poses import (
 )
 from digs_warp.pipeline.records import Poses, store, stored
 from digs_warp.pipeline.refine_poses import only_registered, refined, with_held_out
-from digs_warp.poses.from_depth.quality import Tracking
 from digs_warp.poses.from_images.config import SfmConfig
+from digs_warp.poses.outcome import Tracking
 from digs_warp.record.layout import INITIAL_POINTS, MASKS, RUN_RECORD
 from digs_warp.record.manifest import is_kept
 from digs_warp.record.run_log import RunLog, RunRecord

@@ -17,7 +17,7 @@ from digs_warp.pipeline.config import ReconstructConfig
 from digs_warp.pipeline.records import Poses, stored
 from digs_warp.pipeline.refine_poses import with_trained_poses
 from digs_warp.poses.in_training import PoseTraining
-from digs_warp.poses.refine.outcome import PoseRefinement
+from digs_warp.poses.outcome import PoseRefinement
 from digs_warp.record.layout import GAUSSIANS, RUN_RECORD, TRAINING
 from digs_warp.record.manifest import is_kept
 from digs_warp.record.run_log import RunLog, RunRecord

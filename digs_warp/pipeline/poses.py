@@ -21,8 +21,8 @@ from digs_warp.device.libraries import MissingLibraryError
 from digs_warp.init.config import InitConfig
 from digs_warp.init.local_scales import local_scales
 from digs_warp.init.scale import ScaleEstimate, estimate_scale
-from digs_warp.poses.from_depth.quality import Tracking
 from digs_warp.poses.from_images.config import SfmConfig
+from digs_warp.poses.outcome import Tracking
 from digs_warp.words import counted
 
 if TYPE_CHECKING:

@@ -12,9 +12,8 @@ from digs_warp.data.metric_scale import MetricScale
 from digs_warp.data.posed_frames import PosedFrames
 from digs_warp.init.scale import ScaleEstimate
 from digs_warp.init.start import Subject
-from digs_warp.poses.from_depth.quality import Tracking
 from digs_warp.poses.from_images.quality import SfmQuality
-from digs_warp.poses.refine.outcome import PoseRefinement
+from digs_warp.poses.outcome import PoseRefinement, Tracking
 from digs_warp.record.fields import Fields
 from digs_warp.record.layout import RUN_RECORD
 from digs_warp.record.results import Figure

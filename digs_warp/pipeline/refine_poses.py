@@ -11,11 +11,10 @@ from digs_warp.data.capture import Capture
 from digs_warp.data.frame import Frame
 from digs_warp.data.layers import Layer
 from digs_warp.data.posed_frames import PosedFrames
-from digs_warp.poses.from_depth.quality import some_of
 from digs_warp.poses.from_images.config import SfmConfig
-from digs_warp.poses.refine.outcome import PoseRefinement
+from digs_warp.poses.outcome import PoseRefinement
 from digs_warp.train.evaluate import TestView
-from digs_warp.words import counted
+from digs_warp.words import counted, first_few
 
 logger = logging.getLogger(__name__)
 
@@ -27,7 +26,9 @@ def only_registered(
     lost = [frame.name for frame, _ in frames.by_time if frame.name not in names]
     if not lost:
         return frames
-    logger.warning("not registered and left out: %s (%s)", counted(len(lost), "frame"), lost[:5])
+    logger.warning(
+        "not registered and left out: %s (%s)", counted(len(lost), "frame"), first_few(lost)
+    )
     training, held_out = (
         tuple(frame for frame in group if frame.name in names)
         for group in (frames.training, frames.held_out)
@@ -55,7 +56,7 @@ def with_held_out(frames: PosedFrames, capture: Capture, test_every: int) -> Pos
     chosen = [frame.name for frame in again.held_out]
     logger.warning(
         "left-out frames left no others to train on or to measure the result; now held out: %s",
-        some_of(chosen),
+        first_few(chosen),
     )
     recorded = {frame.name: frame for frame in capture.frames}
     aside = tuple(_with_its_mask(frame, recorded[frame.name]) for frame in again.held_out)
@@ -101,7 +102,7 @@ def refined(
     if lost:
         logger.warning(
             "poses contradicted by color and depth, and left out: %s (%s)",
-            *(counted(len(lost), "frame"), some_of(lost)),
+            *(counted(len(lost), "frame"), first_few(lost)),
         )
     # Estimated poses are never exact; those of a recording may be, and then moving only adds noise.
     wanted = config.refine_poses == "on" or estimated

@@ -7,6 +7,7 @@ import numpy as np
 from digs_warp.geometry.camera import Intrinsics
 from digs_warp.geometry.reproject import project, unproject
 from digs_warp.geometry.rigid import rigid, transform_points
+from digs_warp.measure.sift import alike, sift
 from digs_warp.poses import thresholds
 from digs_warp.poses.views import Picture
 
@@ -24,7 +25,7 @@ class Features:
     Attributes:
         px: places, pixel centers at +0.5, (n, 2), float64.
         points: in the axes of the camera [m], (n, 3); NaN without depth.
-        descriptors: (n, 128), float32, SIFT's as square roots (Arandjelovic and Zisserman, CVPR 2012).
+        descriptors: (n, 128), float32.
     """
 
     px: np.ndarray
@@ -83,42 +84,20 @@ def reprojection_errors(
 
 def features_of(picture: Picture) -> Features:
     """Return the SIFT features of a picture."""
-    import cv2
-
     gray = (255 * picture.brightness).clip(0, 255).astype(np.uint8)
-    sift = cv2.SIFT.create(nfeatures=FEATURES, contrastThreshold=CONTRAST, edgeThreshold=EDGE)
-    keys, found = sift.detectAndCompute(gray, None)  # pyright: ignore[reportArgumentType, reportCallIssue]
-    if not keys:
-        return Features(np.zeros((0, 2)), np.zeros((0, 3)), np.zeros((0, 128), np.float32))
-    # OpenCV puts integers at the centers of pixels.
-    px = np.array([key.pt for key in keys]) + 0.5
+    px, descriptors = sift(gray, FEATURES, contrastThreshold=CONTRAST, edgeThreshold=EDGE)
     k = picture.intrinsics
     column, row = np.minimum(px, [k.width - 1, k.height - 1]).astype(np.intp).T
     z = picture.depth[row, column].astype(np.float64)
     points = unproject(px[:, 0], px[:, 1], z, k)
-    shares = found / np.maximum(found.sum(axis=1, keepdims=True), 1e-6)
-    return Features(px, points, np.sqrt(shares).astype(np.float32))
+    return Features(px, points, descriptors)
 
 
 def matched(first: Features, second: Features, target: Intrinsics) -> Matches:
     """Return the matches of two frames: of the second, with intrinsics ``target``, only the pixels count."""
-    here, there = _alike(first, second)
-    return Matches(first.points[here], second.px[there], target)
-
-
-def _alike(first: Features, second: Features) -> tuple[np.ndarray, np.ndarray]:
-    """Return the numbers of features that are each other's nearest; those of the first have depth."""
-    nothing = np.zeros(0, np.intp)
     deep = np.flatnonzero(np.isfinite(first.points[:, 2]))
     if len(deep) < thresholds.MIN_INLIERS or len(second.px) < thresholds.MIN_INLIERS:
-        return nothing, nothing
-    # Descriptors of length 1: the larger the product, the nearer.
-    alike = first.descriptors[deep] @ second.descriptors.T
-    order = np.argpartition(-alike, 1, axis=1)[:, :2]
-    two = np.take_along_axis(alike, order, axis=1)
-    best = np.where(two[:, 0] >= two[:, 1], order[:, 0], order[:, 1])
-    distances = np.sqrt(np.maximum(2 - 2 * two, 0.0))
-    clear = distances.min(axis=1) < thresholds.MAX_DESCRIPTOR_RATIO * distances.max(axis=1)
-    mutual = alike.argmax(axis=0)[best] == np.arange(len(deep))
-    kept = clear & mutual
-    return deep[kept], best[kept]
+        return Matches(np.zeros((0, 3)), np.zeros((0, 2)), target)
+    ratio = thresholds.MAX_DESCRIPTOR_RATIO
+    here, there = alike(first.descriptors[deep], second.descriptors, ratio)
+    return Matches(first.points[deep[here]], second.px[there], target)

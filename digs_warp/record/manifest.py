@@ -21,6 +21,7 @@ from digs_warp.checks import DigsError
 from digs_warp.record.disk import append, put, reported
 from digs_warp.record.fields import parse_json
 from digs_warp.record.layout import MANIFEST, RUN_RECORD
+from digs_warp.words import first_few
 
 logger = logging.getLogger(__name__)
 
@@ -28,9 +29,6 @@ NOT_LISTED = (MANIFEST, RUN_RECORD)
 
 # Bytes hashed at a time.
 _PIECE = 1 << 20
-
-# Names in a message about damaged files.
-_NAMED = 5
 
 
 @dataclass(frozen=True)
@@ -124,11 +122,10 @@ class Manifest:
             (self.folder / name).unlink(missing_ok=True)
             self.forget(self.folder / name)
         if lost:
-            more = f" and {len(lost) - _NAMED} more" if len(lost) > _NAMED else ""
             logger.warning(
-                "'%s': %s damaged or missing and made again: %s%s",
+                "'%s': %s damaged or missing and made again: %s",
                 *(self.folder, "1 file is" if len(lost) == 1 else f"{len(lost)} files are"),
-                *(", ".join(lost[:_NAMED]), more),
+                first_few(lost),
             )
         return lost
 

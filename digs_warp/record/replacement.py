@@ -23,12 +23,10 @@ from digs_warp.record.interruption import deferred_interrupt
 from digs_warp.record.layout import LOCK, MANIFEST, REPLACING, RUN_RECORD, UNFINISHED
 from digs_warp.record.manifest import Content, Manifest, recorded_files
 from digs_warp.record.run_log import RunRecord
+from digs_warp.words import first_few
 
 # What a run needs while it writes; no part of a result.
 _TOOLS = (LOCK, REPLACING)
-
-# Names in a message about files in the way.
-_NAMED = 3
 
 
 def our_files(folder: Path) -> set[str]:
@@ -199,9 +197,7 @@ def _is_our_record(folder: Path) -> bool:
 def _refuse(folder: Path, in_the_way: Collection[str]) -> None:
     if not in_the_way:
         return
-    names = sorted(in_the_way)
-    more = f" and {len(names) - _NAMED} more" if len(names) > _NAMED else ""
     raise DigsError(
-        f"'{folder}': the new result needs the names {', '.join(names[:_NAMED])}{more}, but those files were "
-        "not written by a run, or were changed since; move them away or name another folder"
+        f"'{folder}': the new result needs the names {first_few(sorted(in_the_way), 3)}, but those files "
+        "were not written by a run, or were changed since; move them away or name another folder"
     )

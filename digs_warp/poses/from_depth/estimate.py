@@ -29,11 +29,11 @@ from digs_warp.poses.from_depth.odometry_chain import (
 )
 from digs_warp.poses.from_depth.pair_motion import Edge, FrameFeatures, usual_distance
 from digs_warp.poses.from_depth.pose_graph import edge_residuals, loop_edges, optimized_poses
-from digs_warp.poses.from_depth.quality import Tracking, check_depth, some_of
+from digs_warp.poses.outcome import Tracking, check_depth
 from digs_warp.poses.refine.bundle_adjustment import adjusted_where_better
 from digs_warp.poses.refine.photometric_alignment import align
 from digs_warp.poses.views import Picture, load_pictures
-from digs_warp.words import counted
+from digs_warp.words import counted, first_few
 
 logger = logging.getLogger(__name__)
 
@@ -120,7 +120,7 @@ def _check_measured(frames: Sequence[Frame], pictures: Sequence[Picture]) -> Non
     ]
     if blind:
         raise DigsError(
-            f"--poses rgbd: the depth of {counted(len(blind), 'frame')} ({some_of(blind)}) is empty; leave "
+            f"--poses rgbd: the depth of {counted(len(blind), 'frame')} ({first_few(blind)}) is empty; leave "
             "them out, or use --poses sfm"
         )
 
@@ -137,7 +137,7 @@ def _check_whole(frames: Sequence[Frame], chain: Sequence[Edge]) -> None:
     )
     raise DigsError(
         f"--poses rgbd: tracking broke at {len(broken)} of {counted(len(chain), 'step')}, between frames "
-        f"{some_of(names)}: color and depth do not show the same; {hint}, or use --poses sfm"
+        f"{first_few(names)}: color and depth do not show the same; {hint}, or use --poses sfm"
     )
 
 

@@ -10,13 +10,12 @@ from digs_warp.data.frame import Frame
 from digs_warp.data.layers import Layer
 from digs_warp.poses import thresholds
 from digs_warp.poses.agreement import got_worse, reduced
-from digs_warp.poses.from_depth.quality import some_of
+from digs_warp.poses.outcome import PoseRefinement
 from digs_warp.poses.refine.bundle_adjustment import adjusted_where_better, in_likely_scale
-from digs_warp.poses.refine.outcome import PoseRefinement
 from digs_warp.poses.refine.photometric_alignment import align
 from digs_warp.poses.refine.relocalization import RelocatedFrames, relocated
 from digs_warp.poses.views import load_pictures
-from digs_warp.words import counted
+from digs_warp.words import counted, first_few
 
 
 def refine(
@@ -89,7 +88,7 @@ def _said_of_outliers(frames: Sequence[Frame], relocation: RelocatedFrames) -> s
     """Return what is said of misplaced frames."""
     parts = (("registered again", relocation.moved), ("left out", relocation.lost))
     return "".join(
-        f"; {what}: {some_of([frames[each].name for each in which])}"
+        f"; {what}: {first_few([frames[each].name for each in which])}"
         for what, which in parts
         if which
     )

@@ -15,7 +15,7 @@ from digs_warp.poses.agreement import disagreement
 from digs_warp.poses.from_depth.estimate import track
 from digs_warp.poses.from_depth.odometry_chain import holds, measured_chain
 from digs_warp.poses.from_depth.pair_motion import FrameFeatures, FramePair, edge_between
-from digs_warp.poses.from_depth.quality import check_depth
+from digs_warp.poses.outcome import check_depth
 from digs_warp.poses.refine.photometric_alignment import in_place
 from digs_warp.poses.views import Picture
 from reference.optional import open3d_or_skip

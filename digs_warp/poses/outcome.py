@@ -1,4 +1,4 @@
-"""What became of poses found by color and depth. Imports nothing heavy: results and commands read it."""
+"""How well poses were found and refined. Imports nothing heavy: results and commands read it."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -6,10 +6,7 @@ from dataclasses import dataclass
 from digs_warp.checks import DigsError
 from digs_warp.data.frame import Frame
 from digs_warp.data.layers import Layer
-from digs_warp.words import counted
-
-# Names of frames that a message lists.
-NAMED = 6
+from digs_warp.words import counted, first_few
 
 
 @dataclass(frozen=True)
@@ -56,10 +53,32 @@ def check_depth(frames: Sequence[Frame]) -> None:
     if without:
         raise DigsError(
             f"--poses rgbd: {len(without)} of {counted(len(frames), 'frame')} have no depth "
-            f"({some_of(without)}), expected depth in all; leave them out, or use --poses sfm"
+            f"({first_few(without)}), expected depth in all; leave them out, or use --poses sfm"
         )
 
 
-def some_of(names: Sequence[str]) -> str:
-    """Return the first of some names, and whether there are more, for a message."""
-    return ", ".join(names[:NAMED]) + (", ..." if len(names) > NAMED else "")
+@dataclass(frozen=True)
+class PoseRefinement:
+    """Whether poses were refined, and why.
+
+    Attributes:
+        refined: whether they were.
+        because: the reason, in words.
+        moved_mm: root mean square motion of the cameras [mm]; 0 if they were not refined.
+        turned_deg: the same of their rotation [degree].
+        in_training: whether the cameras move further while the Gaussians are trained.
+        adjusted: whether a bundle adjustment found the centers: the training then only turns the cameras.
+    """
+
+    refined: bool
+    because: str
+    moved_mm: float = 0.0
+    turned_deg: float = 0.0
+    in_training: bool = False
+    adjusted: bool = False
+
+    def __str__(self) -> str:
+        if not self.refined:
+            return f"not refined: {self.because}"
+        moved = f"moved {self.moved_mm:.2f} mm and turned {self.turned_deg:.3f}°"
+        return f"refined: {self.because}; {moved} (root mean square)"
