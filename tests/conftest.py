@@ -23,7 +23,7 @@ REPOSITORY = Path(__file__).resolve().parent.parent
 def sample_data() -> Path:
     """The folder of other people's meshes, environments and recordings; skips where it is missing."""
     folder = Path(os.environ.get("DIGS_WARP_SAMPLE_DATA", REPOSITORY / "../shared/data")).resolve()
-    if not folder.is_dir():
+    if not folder.is_dir() or not any(folder.iterdir()):
         pytest.skip(f"no sample data in '{folder}' (set DIGS_WARP_SAMPLE_DATA)")
     return folder
 

@@ -55,6 +55,7 @@ def test_the_built_in_object_ends_as_a_usd_scene(tmp_path: Path) -> None:
     check_results(tmp_path / "out")
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("mesh", "floor"), [("ycb_mustard_bottle", 27.0), ("avocado", 23.0)])
 def test_a_real_mesh_ends_as_a_usd_scene(
     tmp_path: Path, sample_data: Path, mesh: str, floor: float

@@ -15,6 +15,7 @@ import subprocess
 import sys
 import tempfile
 from collections import Counter
+from collections.abc import Sequence
 from pathlib import Path
 
 REPOSITORY = Path(__file__).resolve().parents[2]
@@ -122,8 +123,8 @@ def make_originals(folder: Path) -> list[Path]:
     return [*paths, folder / "library.usdc", folder / "capture.usdz"]
 
 
-def work(folder: Path, first: int, count: int) -> None:
-    """Read mutated files ``first`` to ``count``; print a line before and after each."""
+def work(folder: Path, numbers: list[int]) -> None:
+    """Read the mutated files of these numbers; print a line before and after each."""
     from digs_warp.checks import DigsError
     from digs_warp.usd.reader import describe, read_fields
     from digs_warp.usd.validate import validate
@@ -133,7 +134,7 @@ def work(folder: Path, first: int, count: int) -> None:
     for original in originals:  # what is refused below, is refused for its faults
         read_fields(original)
         assert validate(original).ok
-    for number in range(first, count):
+    for number in numbers:
         original = originals[number % len(originals)]
         path = folder / f"mutated{number}{original.suffix}"
         path.write_bytes(mutate(original.read_bytes(), number))
@@ -168,13 +169,14 @@ def _peak_megabytes() -> int:
     return int(status.split("VmHWM:")[1].split()[0]) // 1024
 
 
-def run(count: int, first: int = 0) -> tuple[Counter[str], list[str]]:
+def run(numbers: Sequence[int]) -> tuple[Counter[str], list[str]]:
     """Return how often each outcome came, and a line for each file that ended badly."""
     outcomes: Counter[str] = Counter()
     bad: list[str] = []
-    while first < count:
+    left = list(numbers)
+    while left:
         with tempfile.TemporaryDirectory() as folder:
-            command = [sys.executable, __file__, "--work", folder, str(first), str(count)]
+            command = [sys.executable, __file__, "--work", folder, json.dumps(left)]
             done = subprocess.run(
                 command, capture_output=True, text=True, errors="replace", check=False
             )
@@ -191,7 +193,7 @@ def run(count: int, first: int = 0) -> tuple[Counter[str], list[str]]:
             why = "hang" if done.returncode == -signal.SIGALRM else f"died ({done.returncode})"
             outcomes[why.split()[0]] += 1
             bad.append(f"file {started[-1]}: {why}: {done.stderr[-300:]}")
-        first = started[-1] + 1
+        left = left[left.index(started[-1]) + 1 :]
     return outcomes, bad
 
 
@@ -199,13 +201,13 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--count", type=int, default=5000)
     parser.add_argument("--first", type=int, default=0)
-    parser.add_argument("--work", nargs=3, metavar=("FOLDER", "FIRST", "COUNT"))
+    parser.add_argument("--work", nargs=2, metavar=("FOLDER", "NUMBERS"))
     arguments = parser.parse_args()
     if arguments.work:
-        folder, first, count = arguments.work
-        work(Path(folder), int(first), int(count))
+        folder, numbers = arguments.work
+        work(Path(folder), json.loads(numbers))
         return
-    outcomes, bad = run(arguments.count, arguments.first)
+    outcomes, bad = run(range(arguments.first, arguments.count))
     _say("\n".join([str(dict(outcomes)), *bad]))
 
 

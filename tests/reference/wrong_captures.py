@@ -77,12 +77,6 @@ def poses_of(capture: Capture, numbers: list[int]) -> Capture:
     return replace(capture, frames=tuple(replace(f, camera=cameras[n]) for f, n in frames))
 
 
-def depth_of_next(capture: Capture) -> Capture:
-    depths = [frame.load_depth() for frame in capture.frames]
-    frames = zip(capture.frames, [*depths[1:], depths[-1]], strict=True)
-    return replace(capture, frames=tuple(f.with_layer(Layer.DEPTH, d) for f, d in frames))
-
-
 def inverted_masks(capture: Capture) -> Capture:
     return each_frame(capture, lambda f: f.with_layer(Layer.MASK, 255 - f.load_mask()))
 

@@ -19,27 +19,17 @@ from reference import usd_mutator
 from reference.capture_scenes import splats
 from reference.usd_files import error_of_a_full_disk
 
+# Values of another type than the schema's; children that a layer lists but does not hold.
+ONCE_BAD = (1362, 2379, 2845, 4367, 6988, 7466)
+
 
 def test_mutated_files_are_read_or_refused_but_never_hang_or_take_the_memory():
     # `python tests/reference/usd_mutator.py --count 10000` does the same at length.
-    outcomes, bad = usd_mutator.run(250)
+    outcomes, bad = usd_mutator.run([*range(100), *ONCE_BAD])
     assert bad == []
-    assert outcomes["read"] + outcomes["refused"] == 250
-    assert outcomes["read"] > 15
-    assert outcomes["refused"] > 150
-
-
-@pytest.mark.parametrize("number", [1362, 2379, 2845, 4367, 6988, 7466])
-def test_files_that_once_ended_badly_are_read_or_refused(number: int):
-    """Values of another type than the schema's; children that a layer lists but does not hold."""
-    outcomes, bad = usd_mutator.run(number + 1, first=number)
-    assert (bad, outcomes.total()) == ([], 1)
-
-
-def test_mutations_differ_by_seed_and_repeat():
-    data = bytes(range(256)) * 4
-    assert usd_mutator.mutate(data, 7) == usd_mutator.mutate(data, 7)
-    assert len({usd_mutator.mutate(data, seed) for seed in range(50)}) > 40
+    assert outcomes["read"] + outcomes["refused"] == 100 + len(ONCE_BAD)
+    assert outcomes["read"] > 6
+    assert outcomes["refused"] > 60
 
 
 def write_one(path: Path, gaussians: Gaussians) -> None:

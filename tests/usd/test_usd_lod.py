@@ -25,8 +25,7 @@ def test_full_is_everything_and_comes_first():
     assert level_of_detail(gaussians, 1.0) is gaussians
 
 
-@pytest.mark.parametrize("count", [2, 20, 500, 3000])
-@pytest.mark.parametrize("share", [0.5, 0.1])
+@pytest.mark.parametrize(("count", "share"), [(2, 0.5), (20, 0.1), (500, 0.5), (3000, 0.1)])
 def test_levels_hold_at_most_their_share_and_about_as_many(count: int, share: float):
     level = level_of_detail(splats(count), share)
     wanted = max(1, int(share * count))

@@ -247,8 +247,17 @@ def test_values_that_are_not_activated_or_not_finite_are_refused(
         read_gaussians(scene(tmp_path, field(f"point3f[] positions = [(0, 0, 0)]\n{attribute}")))
 
 
-@pytest.mark.parametrize("suffix", [".usda", ".usdc", ".usdz"])
-@pytest.mark.parametrize("keep", [0.0, 0.02, 0.5, 0.9])
+@pytest.mark.parametrize(
+    ("suffix", "keep"),
+    [
+        (".usda", 0.0),
+        (".usda", 0.5),
+        (".usdc", 0.02),
+        (".usdc", 0.9),
+        (".usdz", 0.5),
+        (".usdz", 0.9),
+    ],
+)
 def test_truncated_files_are_an_error_that_names_them(
     tmp_path: Path, random_gaussians, suffix: str, keep: float
 ):

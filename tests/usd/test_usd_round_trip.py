@@ -16,9 +16,6 @@ from reference.usd_files import SUFFIXES
 # Half a step of float32 at 1, relative.
 EPS = 2.0**-24
 
-# Numbers of splats, and degrees of their colors.
-COUNTS = [(0, 0), (0, 3), (1, 1), (1000, 0), (1000, 2), (1000, 3)]
-
 
 def assert_same(read: Gaussians, written: Gaussians) -> None:
     assert len(read) == len(written)
@@ -37,8 +34,17 @@ def assert_same(read: Gaussians, written: Gaussians) -> None:
     assert_allclose(read.sh, written.sh, rtol=0, atol=32 * EPS)
 
 
-@pytest.mark.parametrize("suffix", SUFFIXES)
-@pytest.mark.parametrize(("count", "degree"), COUNTS)
+@pytest.mark.parametrize(
+    ("suffix", "count", "degree"),
+    [
+        (".usda", 0, 0),
+        (".usda", 1000, 2),
+        (".usdc", 0, 3),
+        (".usdc", 1000, 3),
+        (".usdz", 1, 1),
+        (".usdz", 1000, 0),
+    ],
+)
 def test_what_is_written_is_read(
     tmp_path: Path, random_gaussians, suffix: str, degree: int, count: int
 ):
@@ -46,14 +52,6 @@ def test_what_is_written_is_read(
     path = tmp_path / f"scene{suffix}"
     write_gaussians(path, gaussians)
     assert_same(read_gaussians(path), gaussians)
-
-
-def test_a_second_round_trip_changes_nothing_but_rounding(tmp_path: Path, random_gaussians):
-    first, second = tmp_path / "first.usdc", tmp_path / "second.usdc"
-    write_gaussians(first, random_gaussians(100))
-    once = read_gaussians(first)
-    write_gaussians(second, once)
-    assert_same(read_gaussians(second), once)
 
 
 def test_a_zero_quaternion_is_no_rotation_in_our_world(tmp_path: Path, random_gaussians):
@@ -126,8 +124,10 @@ def test_metadata_comes_back_as_it_was(tmp_path: Path, random_gaussians, suffix:
 HALF_EPS = 2.0**-11
 
 
-@pytest.mark.parametrize("precision", ["mixed", "half"])
-@pytest.mark.parametrize(("count", "degree"), COUNTS)
+@pytest.mark.parametrize(
+    ("precision", "count", "degree"),
+    [("mixed", 0, 0), ("mixed", 1000, 3), ("half", 1, 1), ("half", 1000, 0), ("half", 1000, 2)],
+)
 def test_halves_are_read_to_their_rounding(
     tmp_path: Path, random_gaussians, precision: Precision, degree: int, count: int
 ):

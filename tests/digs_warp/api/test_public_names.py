@@ -21,12 +21,12 @@ def test_type_checkers_see_the_names_that_are_loaded() -> None:
     assert seen == digs_warp._HOMES
 
 
-@pytest.mark.parametrize("name", digs_warp.__all__)
-def test_every_public_name_is_there_and_documented(name: str) -> None:
-    value = getattr(digs_warp, name)
-    assert value.__module__ == digs_warp._HOMES[name]
-    assert inspect.getdoc(value)
-    assert name in dir(digs_warp)
+def test_every_public_name_is_there_and_documented() -> None:
+    for name in digs_warp.__all__:
+        value = getattr(digs_warp, name)
+        assert value.__module__ == digs_warp._HOMES[name]
+        assert inspect.getdoc(value)
+        assert name in dir(digs_warp)
 
 
 def test_no_module_has_a_public_name() -> None:

@@ -10,20 +10,7 @@ from digs_warp.cli import EXIT_BAD_INPUT, EXIT_OK, EXIT_WRONG_USAGE, main
 from digs_warp.commands.reconstruct import Reconstruct
 from digs_warp.commands.run import Run
 from digs_warp.poses.from_images.config import SfmConfig
-from digs_warp.record.run_log import RunLog
 from digs_warp.train.config import Stop, TrainConfig
-
-
-def test_info_describes_a_capture(capture_folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["info", str(capture_folder)]) == EXIT_OK
-    facts = dict(line.split("  ", 1) for line in capsys.readouterr().out.splitlines())
-    facts = {name: value.strip() for name, value in facts.items()}
-    assert facts["length"] == "3 frames in 1.0 s"
-    assert facts["image size"] == "32 x 24"
-    assert facts["baseline"] == "120.0 mm"
-    assert facts["layers"] == "left image, depth, mask"
-    assert facts["object"].startswith("50.0%")
-    assert facts["depth"].startswith("known at 75.0%")
 
 
 def test_export_and_info_agree_on_the_number_of_gaussians(
@@ -62,13 +49,6 @@ def test_reconstruct_then_info_and_export_work_on_its_folder(
     assert main(["info", str(folder)]) == EXIT_OK
     assert "PSNR" in capsys.readouterr().out
     assert main(["export-usd", str(folder), "--out", str(tmp_path / "scene.usdz")]) == EXIT_OK
-
-
-def test_reconstruct_never_deletes_its_capture(capture_folder: Path, tmp_path: Path) -> None:
-    RunLog("run", {}).save(tmp_path / "run.json")  # the folder of a whole run
-    arguments = ["reconstruct", str(capture_folder), "--out", str(tmp_path), "--overwrite"]
-    assert main(arguments) == EXIT_BAD_INPUT
-    assert (capture_folder / "transforms.json").exists()
 
 
 TINY = ["--frames", "2", "--width", "32", "--height", "18", "--samples-per-pixel", "1"]

@@ -66,26 +66,23 @@ ALL = sorted(
 )
 
 
-@pytest.mark.parametrize("kind", ALL, ids=lambda kind: kind.__name__)
-def test_every_number_has_a_range_and_is_refused_by_name_outside(kind: type) -> None:
-    for field in fields(kind):
-        if not has_numbers(field.type):
-            continue
-        ends = range_of(field.type)
-        notes = field.type.__metadata__  # pyright: ignore
-        names = [note.name for note in notes if getattr(note, "name", None)]
-        flag = f"--{(names or [field.name])[0].replace('_', '-')}"
-        name = field.name if NO_FLAG in notes else flag
-        parts = get_args(alternatives(field.type)[0])
-        for bad in (float("nan"), ends.low - 1, ends.high * 2):
-            value = (bad,) * (1 if ... in parts else len(parts)) if parts else bad
-            with pytest.raises(DigsError) as error:
-                made(kind, **{field.name: value})
-            assert str(error.value).startswith(f"{name}: {bad!r}, expected "), field.name
-
-
-def test_there_are_settings_to_check() -> None:
+def test_every_number_has_a_range_and_is_refused_by_name_outside() -> None:
     assert {"SimulateConfig", "_TrainOptions", "Rates"} <= {kind.__name__ for kind in ALL}
+    for kind in ALL:
+        for field in fields(kind):
+            if not has_numbers(field.type):
+                continue
+            ends = range_of(field.type)
+            notes = field.type.__metadata__  # pyright: ignore
+            names = [note.name for note in notes if getattr(note, "name", None)]
+            flag = f"--{(names or [field.name])[0].replace('_', '-')}"
+            name = field.name if NO_FLAG in notes else flag
+            parts = get_args(alternatives(field.type)[0])
+            for bad in (float("nan"), ends.low - 1, ends.high * 2):
+                value = (bad,) * (1 if ... in parts else len(parts)) if parts else bad
+                with pytest.raises(DigsError) as error:
+                    made(kind, **{field.name: value})
+                assert str(error.value).startswith(f"{name}: {bad!r}, expected "), field.name
 
 
 @pytest.mark.parametrize(

@@ -69,9 +69,16 @@ def test_a_failed_resume_leaves_a_foreign_record(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    "record", [None, "", "{", "[]", '{"command": "train"}', '{"frames": [], "h": 3}']
+    ("name", "record"),
+    [
+        ("run.json", None),
+        ("transforms.json", ""),
+        ("run.json", "{"),
+        ("transforms.json", "[]"),
+        ("run.json", '{"command": "train"}'),
+        ("transforms.json", '{"frames": [], "h": 3}'),
+    ],
 )
-@pytest.mark.parametrize("name", ["run.json", "transforms.json"])
 def test_overwrite_refuses_a_folder_that_we_did_not_write(
     record: str | None, name: str, tmp_path: Path
 ) -> None:

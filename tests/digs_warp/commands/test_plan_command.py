@@ -35,26 +35,6 @@ def test_a_list_of_effects_overrides_what_the_scene_calls_for(
     assert on == {"mirror", "shot-noise"}
 
 
-def test_filters_are_listed_with_their_cost(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    path = tmp_path / "plan.json"
-    config = tmp_path / "settings.yaml"
-    config.write_text("settings: {confidence_threshold: 0.5}\n")
-    asked = ["--filters", "temporal,dense", "--config", str(config)]
-    assert main(["plan", *TINY, *asked, "--json", str(path)]) == EXIT_OK
-    _, *table = capsys.readouterr().out.partition("After matching:\n")[2].splitlines()
-    assert [row.split()[:2] for row in table] == [
-        ["confidence-threshold", "on"],
-        ["dense", "on"],
-        ["temporal", "on"],
-    ]
-    assert "ms/MP" in table[1] and "stands for" in table[1]
-    assert "3 more frames to render" in table[2]
-    listed = json.loads(path.read_text())["after"]
-    assert [choice["effect"] for choice in listed] == ["confidence-threshold", "dense", "temporal"]
-
-
 @pytest.mark.parametrize(
     ("arguments", "code", "word"),
     [

@@ -9,7 +9,6 @@ from threading import Event
 import numpy as np
 import pytest
 
-from digs_warp.checks import DigsError
 from digs_warp.data import decoded as module
 from digs_warp.data.decoded import decoded, decoded_once, kept_for_later, room_left
 from digs_warp.data.images import read_image, write_image
@@ -74,11 +73,6 @@ def test_no_more_is_kept_than_there_is_memory(path: Path, monkeypatch: pytest.Mo
         for each in (path, other, path, other):
             decoded(each, read)
     assert files == [path, other, other]
-
-
-def test_a_missing_file_is_named(tmp_path: Path) -> None:
-    with decoded_once(), pytest.raises(DigsError, match=r"none\.png"):
-        decoded(tmp_path / "none.png", read_image)
 
 
 def test_what_is_kept_for_later_is_there_until_the_next_block_ends(path: Path) -> None:

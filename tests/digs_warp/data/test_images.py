@@ -26,8 +26,17 @@ def random_pixels(dtype: str, shape: tuple[int, ...]) -> np.ndarray:
     return rng.integers(0, np.iinfo(dtype).max + 1, shape).astype(dtype)
 
 
-@pytest.mark.parametrize("dtype", ["uint8", "uint16", "float32"])
-@pytest.mark.parametrize("shape", [(1, 1), (7, 5), (7, 5, 3), (16, 33, 4)])
+@pytest.mark.parametrize(
+    ("dtype", "shape"),
+    [
+        ("uint8", (1, 1)),
+        ("uint8", (16, 33, 4)),
+        ("uint16", (7, 5)),
+        ("uint16", (7, 5, 3)),
+        ("float32", (7, 5)),
+        ("float32", (16, 33, 4)),
+    ],
+)
 def test_what_is_written_is_read(tmp_path: Path, dtype: str, shape: tuple[int, ...]) -> None:
     pixels = random_pixels(dtype, shape)
     path = tmp_path / "new_folder" / ("x.exr" if dtype == "float32" else "x.png")
@@ -74,8 +83,10 @@ def test_color_of_transparent_pixels_survives(tmp_path: Path) -> None:
     np.testing.assert_array_equal(read_image(tmp_path / "rgba.png"), pixels)
 
 
-@pytest.mark.parametrize("name", ["x.png", "x.exr"])
-@pytest.mark.parametrize("share", [0.1, 0.5, 0.9])
+@pytest.mark.parametrize(
+    ("name", "share"),
+    [("x.png", 0.1), ("x.png", 0.9), ("x.exr", 0.1), ("x.exr", 0.5), ("x.exr", 0.9)],
+)
 def test_a_truncated_file_is_named(tmp_path: Path, name: str, share: float) -> None:
     path = tmp_path / name
     write_image(path, random_pixels("uint8" if name == "x.png" else "float32", (64, 64, 3)))

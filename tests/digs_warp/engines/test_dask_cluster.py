@@ -67,6 +67,7 @@ def of_one_process(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
     return numbers(folder)
 
 
+@pytest.mark.long
 def test_a_worker_that_is_killed_changes_nothing(
     tmp_path: Path, of_one_process: dict[str, Any], caplog: pytest.LogCaptureFixture
 ) -> None:
@@ -119,6 +120,7 @@ def cluster(folder: Path) -> Iterator[tuple[str, int]]:
         yield json.loads(address_file.read_text())["address"], scheduler
 
 
+@pytest.mark.long
 def test_a_scheduler_that_is_killed_loses_nothing(
     tmp_path: Path, of_one_process: dict[str, Any]
 ) -> None:

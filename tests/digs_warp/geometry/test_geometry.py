@@ -32,11 +32,6 @@ def test_inverse_undoes_and_chains_cancel():
     assert_allclose(invert_rigid(b_from_a), np.linalg.inv(b_from_a), atol=1e-12)
 
 
-def test_transform_moves_points_as_written():
-    quarter_about_z = rigid(np.array([[0, -1, 0], [1, 0, 0], [0, 0, 1]]), np.array([10, 20, 30]))
-    assert_array_equal(transform_points(quarter_about_z, np.array([1.0, 2.0, 3.0])), [8, 21, 33])
-
-
 def test_opencv_and_opengl_axes_flip_each_other_back():
     assert_array_equal(OPENCV_FROM_OPENGL @ OPENCV_FROM_OPENGL, np.eye(4))
     assert is_rigid(OPENCV_FROM_OPENGL)

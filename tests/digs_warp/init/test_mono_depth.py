@@ -159,7 +159,7 @@ def test_a_map_without_any_relation_gives_no_depth(truth: Capture, photographs: 
 def test_photographs_start_from_depth_by_the_network(photographs: Capture, tmp_path: Path) -> None:
     network = write_network(tmp_path / "net.onnx")
     settings: dict[str, Any] = {"mono_depth": network, "mono_depth_kind": "inverse"}
-    result = dw.reconstruct(photographs, iterations=3, sh_degree=0, edge_filter=False, **settings)
+    result = dw.reconstruct(photographs, iterations=3, sh_degree=0, **settings)
     assert result.strategy == "highdepth" and result.start is not None
     assert result.start.because == "points from the depth maps, guessed by net.onnx"
     radii = np.linalg.norm(result.start.points.points_world, axis=1)

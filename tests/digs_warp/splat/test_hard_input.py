@@ -60,8 +60,7 @@ def check_finite_view(renderer: SplatRenderer) -> None:
     assert np.isfinite(np.concatenate([motion.rotation, motion.translation, motion.focal])).all()
 
 
-@pytest.mark.parametrize("antialias", [False, True])
-@pytest.mark.parametrize("seed", range(12))
+@pytest.mark.parametrize(("seed", "antialias"), [(seed, seed % 2 == 1) for seed in range(8)])
 def test_a_device_array_full_of_nonsense_gives_a_finite_view(seed: int, antialias: bool) -> None:
     """Behind the door: values that an optimizer might produce, in a third of all Gaussians."""
     rng = np.random.default_rng(seed)
@@ -76,8 +75,9 @@ def test_a_device_array_full_of_nonsense_gives_a_finite_view(seed: int, antialia
     check_finite_view(renderer)
 
 
-@pytest.mark.parametrize("field", FIELDS)
-@pytest.mark.parametrize("value", [np.nan, np.inf, 1e30])
+@pytest.mark.parametrize(
+    ("field", "value"), [(field, value) for field in FIELDS for value in (np.nan, 1e30)]
+)
 def test_a_broken_gaussian_hurts_nobody_else(field: str, value: float) -> None:
     renderer = renderer_of(MANY, options=ALL, camera_gradient=True)
     values = getattr(renderer.gaussians, field).numpy().copy()
@@ -141,8 +141,10 @@ def test_a_view_of_one_by_four_thousand_pixels() -> None:
         assert whole.image.shape == (k.height, k.width, 3)
 
 
-@pytest.mark.parametrize("focal", [1e-30, 1e-3, 1e6, 1e30])
-@pytest.mark.parametrize("center", [-1e30, -5000.0, 1e7])
+@pytest.mark.parametrize(
+    ("focal", "center"),
+    [(1e-30, -5000.0), (1e-3, -1e30), (1e-3, 1e7), (1e6, -5000.0), (1e30, 1e7), (1e30, -1e30)],
+)
 def test_any_camera_that_can_be_made_gives_a_finite_view(focal: float, center: float) -> None:
     k = Intrinsics(*SIZE, focal, focal, center, 35.0)
     view = type(VIEW)(k, VIEW.world_from_cam)

@@ -51,8 +51,16 @@ def twin(gaussians: Gaussians) -> float:
     return float((distance - REACH * deviation) * (ray @ CAMERA.world_from_cam[:3, 2]))
 
 
-@pytest.mark.parametrize("opacity", [0.3, 0.5, 0.51, 0.8, 0.99])
-@pytest.mark.parametrize("scales", [(0.1, 0.1, 0.1), (0.12, 0.05, 0.01)])
+@pytest.mark.parametrize(
+    ("opacity", "scales"),
+    [
+        (0.3, (0.1, 0.1, 0.1)),
+        (0.5, (0.12, 0.05, 0.01)),
+        (0.51, (0.1, 0.1, 0.1)),
+        (0.8, (0.12, 0.05, 0.01)),
+        (0.99, (0.12, 0.05, 0.01)),
+    ],
+)
 def test_depth_is_that_of_the_skin_whatever_the_opacity(
     opacity: float, scales: tuple[float, float, float]
 ) -> None:

@@ -16,8 +16,10 @@ POSE = look_at(np.array([0.4, -3.0, 0.5]), np.zeros(3), np.array([0.0, 0.0, 1.0]
 CAMERA = Camera(Intrinsics.from_fov(200, 150, 60.0), POSE)
 
 
-@pytest.mark.parametrize("count", [1, 16, 1003])
-@pytest.mark.parametrize("window", [None, (50, 40, 120, 100)])
+@pytest.mark.parametrize(
+    ("count", "window"),
+    [(1, None), (16, (50, 40, 120, 100)), (1003, None), (1003, (50, 40, 120, 100))],
+)
 def test_a_group_has_the_spans_of_its_members(count: int, window: PixelBox | None) -> None:
     gaussians = random_gaussians(count, seed=1)
     # From less than a pixel to larger than the image, and some that are not drawn between them.

@@ -7,6 +7,8 @@ from pathlib import Path
 
 import pytest
 
+pytestmark = pytest.mark.long
+
 COMPILE = """
 import warp as wp
 wp.config.kernel_cache_dir = {cache!r}

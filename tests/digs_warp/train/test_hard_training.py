@@ -59,8 +59,7 @@ def assert_finite(gaussians: Gaussians) -> None:
         assert np.isfinite(getattr(gaussians, name)).all(), name
 
 
-@pytest.mark.parametrize("color", [0, 127, 255])
-@pytest.mark.parametrize("background", ["random", "white", "black"])
+@pytest.mark.parametrize(("color", "background"), [(0, "white"), (127, "random"), (255, "black")])
 def test_images_of_one_color(color: int, background: str) -> None:
     """SSIM of constants: no variance, and for black no mean either."""
     config = TrainConfig(stop=Stop(iterations=25), background=background)  # pyright: ignore[reportArgumentType]
@@ -145,8 +144,7 @@ def test_the_crop_changes_no_gradient(stray: bool) -> None:
         assert np.abs(one).max() > 0
 
 
-@pytest.mark.parametrize("left", [0, 63, 190, 310])
-@pytest.mark.parametrize("drawn", [True, False], ids=["splats", "no splats"])
+@pytest.mark.parametrize(("left", "drawn"), [(0, True), (63, True), (190, False), (310, True)])
 def test_the_loss_reads_nothing_that_is_not_drawn(left: int, drawn: bool) -> None:
     """Tiles far from the object and from splats are left alone: whatever they hold, the loss is the same."""
     width, height = 600, 260
@@ -198,6 +196,7 @@ def degenerate() -> Gaussians:
     return Gaussians(means, log_scales, quats, logits, sh)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("density", ["fixed", "adaptive", "mcmc"])
 def test_ten_thousand_steps_with_degenerate_gaussians(
     density: DensityStrategy, monkeypatch: pytest.MonkeyPatch

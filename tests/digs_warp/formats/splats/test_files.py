@@ -32,8 +32,10 @@ def test_turned_gaussians_look_the_same_from_the_turned_side(up: str) -> None:
     )
 
 
-@pytest.mark.parametrize(("up", "axis"), [("z", 2), ("y", 1), ("-y", 1)])
-@pytest.mark.parametrize("suffix", [".ply", ".splat"])
+@pytest.mark.parametrize(
+    ("suffix", "up", "axis"),
+    [(".ply", "z", 2), (".ply", "-y", 1), (".splat", "y", 1), (".splat", "-y", 1)],
+)
 def test_up_is_the_axis_that_the_caller_names(tmp_path: Path, suffix: str, up, axis: int) -> None:
     g = random_gaussians(3, 0)
     g.means[:] = (0, 0, 1)

@@ -68,8 +68,15 @@ def rewritten(path: Path, encoding: str, kind: str) -> Path:
     return target
 
 
-@pytest.mark.parametrize("kind", ["float", "double"])
-@pytest.mark.parametrize("encoding", ["ascii", "binary_little_endian", "binary_big_endian"])
+@pytest.mark.parametrize(
+    ("encoding", "kind"),
+    [
+        ("ascii", "float"),
+        ("binary_little_endian", "double"),
+        ("binary_big_endian", "float"),
+        ("binary_big_endian", "double"),
+    ],
+)
 def test_other_encodings_say_the_same(tmp_path: Path, encoding: str, kind: str) -> None:
     gaussians = random_gaussians(5, 2)
     write_ply(tmp_path / "a.ply", gaussians)

@@ -18,7 +18,6 @@ from digs_warp.formats.splats.spz import read_spz, write_spz
 from digs_warp.formats.splats.spz_container import (
     PackedSplats,
     read_spz_container,
-    stream_sizes,
     write_spz_container,
 )
 from digs_warp.geometry.sh import C0, rgb_from_sh
@@ -39,8 +38,10 @@ def assert_within_precision(read: Gaussians, g: Gaussians, version: int) -> None
     assert len(g) < 100 or np.median(np.abs(shapes(read) - shapes(g))) < 0.05
 
 
-@pytest.mark.parametrize("version", VERSIONS)
-@pytest.mark.parametrize(("count", "degree"), [(0, 3), (1, 0), (300, 1), (300, 2), (300, 3)])
+@pytest.mark.parametrize(
+    ("version", "count", "degree"),
+    [(2, 300, 3), (3, 300, 2), (3, 0, 3), (4, 1, 0), (4, 300, 1), (4, 300, 3)],
+)
 def test_values_come_back_to_the_precision_of_the_format(
     tmp_path: Path, version: int, degree: int, count: int
 ) -> None:
@@ -66,13 +67,6 @@ def test_reading_and_writing_again_changes_nothing(tmp_path: Path, version: int)
     a, b = (read_spz_container(tmp_path / f"{name}.spz") for name in "ab")
     for name in ("positions", "alphas", "colors", "scales", "sh"):
         assert a.streams[name] == b.streams[name], name
-
-
-def test_same_input_same_bytes(tmp_path: Path) -> None:
-    for version in VERSIONS:
-        for name in "ab":
-            write_spz(tmp_path / f"{name}.spz", random_gaussians(50, 2), version)
-        assert (tmp_path / "a.spz").read_bytes() == (tmp_path / "b.spz").read_bytes()
 
 
 def test_up_is_y_in_the_file(tmp_path: Path) -> None:
@@ -302,11 +296,6 @@ def test_a_gzip_bomb_is_not_unpacked(tmp_path: Path) -> None:
         assert tracemalloc.get_traced_memory()[1] < 20e6
     finally:
         tracemalloc.stop()
-
-
-def test_stream_sizes() -> None:
-    assert sum(stream_sizes(2, 10, 3).values()) == 10 * (9 + 1 + 3 + 3 + 3 + 45)
-    assert sum(stream_sizes(3, 10, 0).values()) == 10 * 20
 
 
 def test_gsply_reads_the_same_values(tmp_path: Path) -> None:

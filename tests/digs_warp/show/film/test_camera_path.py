@@ -20,8 +20,10 @@ SUBJECT = Subject(np.array([1.0, 2.0, 3.0]), 0.25)
 UP = np.array([0.0, 0.0, 1.0])
 
 
-@pytest.mark.parametrize(("width", "height"), [(320, 180), (180, 320), (1, 1)])
-@pytest.mark.parametrize("elevation", [-80.0, 0.0, 20.0, 89.0])
+@pytest.mark.parametrize(
+    ("width", "height", "elevation"),
+    [(320, 180, -80.0), (180, 320, 20.0), (320, 180, 89.0), (180, 320, 0.0), (1, 1, 20.0)],
+)
 def test_an_orbit_shows_the_whole_ball_as_large_as_it_fits(width, height, elevation) -> None:
     k = Intrinsics.from_fov(width, height, 40.0)
     cameras = orbit(SUBJECT, k, 8, elevation)

@@ -9,10 +9,10 @@ from full_disks.disk import largest_file
 from PIL import Image
 
 from digs_warp.checks import DigsError
-from digs_warp.data.images import read_image, to_uint8
+from digs_warp.data.images import to_uint8
 from digs_warp.geometry.camera import Intrinsics
 from digs_warp.show.film.camera_path import find_subject, orbit
-from digs_warp.show.film.video import Clock, shoot, write_frames, write_video
+from digs_warp.show.film.video import Clock, shoot, write_video
 from digs_warp.splat.footprint import near_plane
 from digs_warp.splat.render import render
 from reference.tiny_capture import ball
@@ -75,13 +75,6 @@ def test_a_gif_shows_the_frames_and_repeats(tmp_path: Path, frames) -> None:
             assert np.abs(difference).mean() < 6  # 256 colors for a ball of all colors
             with pytest.raises(EOFError):
                 film.seek(6)
-
-
-def test_frames_become_files(tmp_path: Path, frames) -> None:
-    assert write_frames(tmp_path / "film", iter(frames)) == 6
-    names = sorted(path.name for path in (tmp_path / "film").iterdir())
-    assert names == [f"{i:04d}.png" for i in range(6)]
-    np.testing.assert_array_equal(read_image(tmp_path / "film/0004.png"), frames[4])
 
 
 @pytest.mark.parametrize("name", ["a.mp4", "a.gif"])

@@ -2,13 +2,12 @@
 
 from dataclasses import replace
 from pathlib import Path
-from typing import get_args
 
 import numpy as np
 import pytest
 
 from digs_warp.checks import CaptureError, DigsError
-from digs_warp.commands.convert import CaptureFormat, Convert
+from digs_warp.commands.convert import Convert
 from digs_warp.data.capture import Capture
 from digs_warp.data.capture_writer import CaptureWriter, FrameImages
 from digs_warp.data.images import encode_jpeg, read_image
@@ -109,10 +108,6 @@ def test_unknown_formats_are_refused(capture: Capture, tmp_path: Path) -> None:
         DigsError, match="'ply': unknown; expected one of colmap, colmap-text, nerfstudio"
     ):
         export_capture(capture, "ply", tmp_path)
-
-
-def test_the_command_offers_every_format() -> None:
-    assert set(get_args(CaptureFormat)) == EXPORTERS.keys()
 
 
 def test_the_command_leaves_a_complete_folder_or_none(capture: Capture, tmp_path: Path) -> None:
