@@ -35,7 +35,7 @@ if TYPE_CHECKING:
     from digs_warp.geometry.rigid import look_at as look_at
     from digs_warp.pipeline.reconstruction import Reconstruction as Reconstruction
     from digs_warp.sim.record.stream import StereoFrame as StereoFrame
-    from digs_warp.sim.sensor.cause import Cause as Cause
+    from digs_warp.sim.sensor.frame import Cause as Cause
     from digs_warp.splat.config import RasterOptions as RasterOptions
     from digs_warp.splat.render import RenderGradients as RenderGradients
     from digs_warp.splat.render import RenderOutput as RenderOutput
@@ -48,7 +48,7 @@ _HOMES = {
     "Camera": "digs_warp.geometry.camera",
     "Capture": "digs_warp.data.capture",
     "CaptureWriter": "digs_warp.data.capture_writer",
-    "Cause": "digs_warp.sim.sensor.cause",
+    "Cause": "digs_warp.sim.sensor.frame",
     "DigsError": "digs_warp.checks",
     "Frame": "digs_warp.data.frame",
     "FrameImages": "digs_warp.data.capture_writer",

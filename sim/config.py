@@ -10,8 +10,8 @@ from digs_warp.checks import DigsError
 from digs_warp.settings import ANGLE, FRAMES, NO_FLAG, SEED, SIDE, Range, Settings
 from digs_warp.sim.camera.walk.settings import WalkSettings, kept_count
 from digs_warp.sim.record.labels.names import labels_named
-from digs_warp.sim.scene.appearance_settings import LookSettings
-from digs_warp.sim.scene.ground import Ground
+from digs_warp.sim.scene.appearance import LookSettings
+from digs_warp.sim.scene.environment import Ground
 from digs_warp.sim.scene.mesh.placement import Unit
 from digs_warp.sim.sensor.post_filters.names import filters_named
 

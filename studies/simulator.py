@@ -21,7 +21,6 @@ from digs_warp.sim.sensor.effects.protocol import Choice
 from digs_warp.sim.sensor.facts import measure_facts
 from digs_warp.sim.sensor.frame import FrameTruth, Sensed
 from digs_warp.sim.sensor.planner import plan
-from digs_warp.sim.sensor.scores import Scores, score
 from digs_warp.sim.sensor.tiers import apply_effects, sense
 from digs_warp.study.charts import Chart, Curve
 from digs_warp.study.scenes import sample_data
@@ -29,6 +28,7 @@ from studies.real_pair import load_motorcycle
 from studies.realism_scenes import Place
 from studies.recording_speed import WIDTHS, bench_recording
 from studies.results import Result
+from studies.stereo_scores import Scores, score
 from studies.timing import ms_side_by_side
 
 MESHES = (

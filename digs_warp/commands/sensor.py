@@ -123,7 +123,7 @@ class RecordWall(Command):
         from digs_warp.sim.camera.profiles import load_profile
         from digs_warp.sim.fit.textured_wall import record_wall
         from digs_warp.sim.record.recorded_facts import rig_record
-        from digs_warp.sim.sensor.color.calibration_drift import CalibrationDrift
+        from digs_warp.sim.sensor.color.rendering import CalibrationDrift
 
         rig = load_profile(self.profile).rig(self.width)
         drift = CalibrationDrift().draw(rig, self.seed)

@@ -12,9 +12,8 @@ from digs_warp.sim.scene.scene import Material
 from digs_warp.sim.sensor.color.image_noise import ReadNoise, ShotNoise
 from digs_warp.sim.sensor.color.recorded import recorded_images
 from digs_warp.sim.sensor.drift import NO_DRIFT, Drift
+from digs_warp.sim.sensor.effects.disparity_errors import Quantum, StaticField
 from digs_warp.sim.sensor.effects.protocol import Choice
-from digs_warp.sim.sensor.effects.quantum import Quantum
-from digs_warp.sim.sensor.effects.static_field import StaticField
 from digs_warp.sim.sensor.filters import sampled
 from digs_warp.sim.sensor.frame import FrameTruth, Motion, Sensed
 from digs_warp.sim.sensor.infrared.pair import in_three_channels, one_channel

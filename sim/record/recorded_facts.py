@@ -13,7 +13,7 @@ from digs_warp.sim.camera.walk.imu import imu_facts
 from digs_warp.sim.record.sensor_plan import SensorPlan
 from digs_warp.sim.record.session import Session
 from digs_warp.sim.scene.scene import Scene, SceneObject
-from digs_warp.sim.sensor.cause import Cause
+from digs_warp.sim.sensor.frame import Cause
 
 
 def facts_about(session: Session, plan: SensorPlan) -> About:

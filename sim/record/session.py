@@ -18,8 +18,7 @@ from digs_warp.sim.record.inputs import Inputs
 from digs_warp.sim.render.protocol import Renderer
 from digs_warp.sim.scene.appearance import with_table_top
 from digs_warp.sim.scene.distractors import add_distractors
-from digs_warp.sim.scene.environment import Environment, warn_if_soft
-from digs_warp.sim.scene.ground import Ground, set_up
+from digs_warp.sim.scene.environment import Environment, Ground, set_up, warn_if_soft
 from digs_warp.sim.scene.scene import Scene
 from digs_warp.sim.sensor.drift import NO_DRIFT, Drift
 from digs_warp.sim.sensor.frame import FrameTruth, Motion

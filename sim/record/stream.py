@@ -24,7 +24,7 @@ class StereoFrame:
         depth: sensed planar depth [m], shape (height, width), float32, NaN where unknown.
         depth_true: true planar depth [m], the same.
         mask: the object, 0 to 255, shape (height, width), uint8.
-        cause: why depth is missing or wrong (`digs_warp.sim.sensor.cause.Cause`), (height, width), uint8;
+        cause: why depth is missing or wrong (`digs_warp.sim.sensor.frame.Cause`), (height, width), uint8;
             None for the tiers 'truth' and 'law', which do not know.
         infrared: left and right infrared image, each (height, width), uint8; None without such a pair.
     """

@@ -10,11 +10,11 @@ from digs_warp.device.kernel_options import vector_module_options
 from digs_warp.device.parallel import launch_parallel, packed
 from digs_warp.device.warp_start import start_warp
 from digs_warp.sim.sensor.arrays import shared
-from digs_warp.sim.sensor.cause import Cause
 from digs_warp.sim.sensor.drift import NO_DRIFT
 from digs_warp.sim.sensor.facts import DARK, SATURATED, STEP
 from digs_warp.sim.sensor.frame import (
     MATCHABLE_SNR,
+    Cause,
     FrameTruth,
     is_glossy,
     is_mirror,

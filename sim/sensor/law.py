@@ -13,8 +13,7 @@ import numpy as np
 
 from digs_warp.checks import check_shape
 from digs_warp.sim.camera.rig import StereoRig
-from digs_warp.sim.sensor.cause import Cause
-from digs_warp.sim.sensor.frame import Sensed
+from digs_warp.sim.sensor.frame import Cause, Sensed
 
 # A depth right at the end is in range, however it is rounded.
 ROUNDING = 5e-7

@@ -10,14 +10,13 @@ from dataclasses import replace
 import numpy as np
 
 from digs_warp.sim.camera.rig import StereoRig
-from digs_warp.sim.sensor.cause import Cause
 from digs_warp.sim.sensor.color import AUTO_EXPOSURE, PIXEL_EFFECTS, WHITE_BALANCE
 from digs_warp.sim.sensor.color.encoding import decode
 from digs_warp.sim.sensor.color.protocol import EyeImages
 from digs_warp.sim.sensor.color.recorded import after_effects
 from digs_warp.sim.sensor.effects import AFTER_MATCHING
 from digs_warp.sim.sensor.facts import STEP
-from digs_warp.sim.sensor.frame import Sensed
+from digs_warp.sim.sensor.frame import Cause, Sensed
 from digs_warp.sim.sensor.law import ROUNDING, sense_depth, within_range
 from digs_warp.sim.sensor.steps import near_steps
 from digs_warp.sim.sensor.tiers import apply_effects

@@ -10,12 +10,11 @@ import numpy as np
 from digs_warp.checks import DigsError
 from digs_warp.sim.camera.rig import StereoRig
 from digs_warp.sim.config import Tier
-from digs_warp.sim.sensor.cause import Cause
 from digs_warp.sim.sensor.effects import AFTER_MATCHING
 from digs_warp.sim.sensor.effects.protocol import Choice
 from digs_warp.sim.sensor.error_attribution import attribute_errors
 from digs_warp.sim.sensor.filters import gray_of
-from digs_warp.sim.sensor.frame import FrameTruth, Sensed
+from digs_warp.sim.sensor.frame import Cause, FrameTruth, Sensed
 from digs_warp.sim.sensor.law import round_into_range, sense_depth, within_range
 
 

@@ -1,7 +1,7 @@
 """Reads the marker ``sensor_noise`` of a test: what its captures are made of, and at which strengths."""
 
 from collections.abc import Mapping
-from dataclasses import fields
+from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -9,11 +9,26 @@ import pytest
 
 from digs_warp.checks import DigsError
 from digs_warp.record.fields import shown
-from digs_warp.sim.testing.effects import EachEffect
 from digs_warp.words import did_you_mean
 
 if TYPE_CHECKING:
     from digs_warp.sim.testing.sources import NoiseSource, SimulatedWalk, WorseRecording
+
+
+@dataclass(frozen=True)
+class EachEffect:
+    """Effects of which every test sees one; made by `each`."""
+
+    names: tuple[str, ...]
+
+
+def each(*effects: str) -> EachEffect:
+    """Make one test for each effect: ``@pytest.mark.sensor_noise(effects=each("shot-noise", "quantum"))``.
+
+    The names are those that `digs-warp plan` and docs/sensor.md give; the ids of the tests end with them.
+    """
+    return EachEffect(effects)
+
 
 DEFAULT_STRENGTHS = (0, 1, 2, 4)
 

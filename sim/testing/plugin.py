@@ -14,8 +14,7 @@ import pytest
 
 from digs_warp.checks import DigsError
 from digs_warp.sim.testing.curve import MARKER, SummaryWriter
-from digs_warp.sim.testing.effects import EachEffect
-from digs_warp.sim.testing.marker import DEFAULT_STRENGTHS, read_marker
+from digs_warp.sim.testing.marker import DEFAULT_STRENGTHS, EachEffect, read_marker
 
 if TYPE_CHECKING:
     from digs_warp.sim.testing.series import NoiseSeries

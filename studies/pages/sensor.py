@@ -4,11 +4,11 @@ import sys
 from inspect import getdoc
 
 from digs_warp.sim.camera.profiles import IMAGE_FIGURES, PROFILES, RIG_FIGURES
-from digs_warp.sim.sensor.cause import Cause
 from digs_warp.sim.sensor.color import COLOR_EFFECTS
 from digs_warp.sim.sensor.effects import EFFECTS
 from digs_warp.sim.sensor.effects.protocol import Choice, SensorEffect
 from digs_warp.sim.sensor.facts import SceneFacts
+from digs_warp.sim.sensor.frame import Cause
 from digs_warp.study.table import Table
 from scripts.page_marks import DOCS, fill
 from studies.pages.sensor_pictures import SensorStudio, draw_all

@@ -26,11 +26,10 @@ from digs_warp.sim.sensor.color import (
 )
 from digs_warp.sim.sensor.color.adaptation import Adaptation, targets
 from digs_warp.sim.sensor.color.encoding import decode, encode
-from digs_warp.sim.sensor.color.image_blur import ImageBlur
 from digs_warp.sim.sensor.color.image_noise import ReadNoise, ShotNoise
 from digs_warp.sim.sensor.color.protocol import EyeImages, PixelEffect
 from digs_warp.sim.sensor.color.recorded import recorded_images
-from digs_warp.sim.sensor.color.rolling_shutter import RollingShutter
+from digs_warp.sim.sensor.color.rendering import ImageBlur, RollingShutter
 from digs_warp.sim.sensor.effects import AFTER_MATCHING, SECOND_SURFACES
 from digs_warp.sim.sensor.effects.protocol import Choice, DepthEffect, SensorEffect
 from digs_warp.sim.sensor.facts import measure_facts

@@ -2,12 +2,12 @@
 
 import numpy as np
 
-from digs_warp.sim.sensor.cause import Cause
 from digs_warp.sim.sensor.drift import NO_DRIFT
 from digs_warp.sim.sensor.error_attribution import WRONG
 from digs_warp.sim.sensor.facts import DARK, SATURATED, STEP
 from digs_warp.sim.sensor.frame import (
     MATCHABLE_SNR,
+    Cause,
     FrameTruth,
     is_glossy,
     is_mirror,

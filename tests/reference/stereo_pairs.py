@@ -9,9 +9,9 @@ from digs_warp.sim.camera.rig import StereoRig
 from digs_warp.sim.sensor.error_attribution import WRONG
 from digs_warp.sim.sensor.facts import STEP
 from digs_warp.sim.sensor.frame import FrameTruth
-from digs_warp.sim.sensor.scores import share_of
 from digs_warp.sim.sensor.steps import near_steps
 from reference.stereo_frames import CountedRays, broadband, make_frame, make_rig
+from studies.stereo_scores import share_of
 
 
 class HiddenRays(CountedRays):

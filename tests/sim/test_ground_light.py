@@ -11,8 +11,7 @@ from digs_warp.geometry.camera import Camera, Intrinsics, pixel_centers
 from digs_warp.geometry.rigid import look_at
 from digs_warp.sim.render.ground_light import measure_plane, planes_of
 from digs_warp.sim.render.raycast import RaycastRenderer
-from digs_warp.sim.scene.environment import Environment, panorama_directions
-from digs_warp.sim.scene.ground import set_up
+from digs_warp.sim.scene.environment import Environment, panorama_directions, set_up
 from digs_warp.sim.scene.scene import Material, Scene
 
 RADIUS = 0.1

@@ -19,7 +19,7 @@ from digs_warp.sim.record.inputs import load_inputs
 from digs_warp.sim.record.record import simulate
 from digs_warp.sim.record.sensor_plan import make_plan
 from digs_warp.sim.record.session import FRAME_RATE, Session, number_before, prepare_session
-from digs_warp.sim.sensor.cause import Cause
+from digs_warp.sim.sensor.frame import Cause
 from digs_warp.sim.sensor.post_filters.chain import COSTS, AfterMatching, Shot, choices_of
 from digs_warp.sim.sensor.post_filters.names import FILTERS
 from reference.file_hashes import file_hashes

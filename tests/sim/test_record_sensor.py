@@ -19,8 +19,8 @@ from digs_warp.sim.record.inputs import load_inputs
 from digs_warp.sim.record.record import simulate
 from digs_warp.sim.record.sensor_plan import SensorPlan, make_plan, plan_for_facts
 from digs_warp.sim.record.session import Session, prepare_session
-from digs_warp.sim.sensor.cause import Cause
 from digs_warp.sim.sensor.filters import gray_of
+from digs_warp.sim.sensor.frame import Cause
 from digs_warp.sim.sensor.matcher import match, search_range
 from reference.file_hashes import file_hashes, listed_hashes
 

@@ -102,7 +102,7 @@ def _name(capture: Capture, code: int) -> str:
 
 def _meaning(capture: Capture, code: int) -> str:
     """Return what a cause of our simulator means, after a colon; nothing for causes of other programs."""
-    from digs_warp.sim.sensor.cause import Cause
+    from digs_warp.sim.sensor.frame import Cause
 
     name = _label(capture, code).upper()
     return f": {Cause[name].meaning}" if name in Cause.__members__ else ""

@@ -1,14 +1,15 @@
 """Effects on the images, in the order in which light meets them; see CONTRIBUTING.md to add one."""
 
-from digs_warp.sim.sensor.color.auto_exposure import AutoExposure
-from digs_warp.sim.sensor.color.calibration_drift import CalibrationDrift
-from digs_warp.sim.sensor.color.image_blur import ImageBlur
+from digs_warp.sim.sensor.color.auto_exposure import AutoExposure, WhiteBalance
 from digs_warp.sim.sensor.color.image_noise import ReadNoise, ShotNoise
-from digs_warp.sim.sensor.color.projector import Projector
 from digs_warp.sim.sensor.color.protocol import ColorEffect, PixelEffect
-from digs_warp.sim.sensor.color.rolling_shutter import RollingShutter
+from digs_warp.sim.sensor.color.rendering import (
+    CalibrationDrift,
+    ImageBlur,
+    Projector,
+    RollingShutter,
+)
 from digs_warp.sim.sensor.color.vignetting import Vignetting
-from digs_warp.sim.sensor.color.white_balance import WhiteBalance
 
 PROJECTOR = Projector()
 ROLLING_SHUTTER = RollingShutter()

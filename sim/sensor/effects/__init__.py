@@ -4,11 +4,9 @@ Whatever the images show is not here: the search errs on them by itself. To add 
 (`protocol.py`), and add a line to SECOND_SURFACES or AFTER_MATCHING. CONTRIBUTING.md has the rest.
 """
 
-from digs_warp.sim.sensor.effects.mirror import Mirror
+from digs_warp.sim.sensor.effects.disparity_errors import Quantum, StaticField
 from digs_warp.sim.sensor.effects.protocol import DepthEffect, SensorEffect
-from digs_warp.sim.sensor.effects.quantum import Quantum
-from digs_warp.sim.sensor.effects.static_field import StaticField
-from digs_warp.sim.sensor.effects.transparency import Transparency
+from digs_warp.sim.sensor.effects.second_surfaces import Mirror, Transparency
 
 # Surfaces behind or in front of the first one, which the images show, too.
 SECOND_SURFACES: tuple[SensorEffect, ...] = (Transparency(), Mirror())

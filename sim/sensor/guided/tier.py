@@ -5,8 +5,7 @@ from collections.abc import Collection
 import numpy as np
 
 from digs_warp.sim.sensor.effects import SECOND_SURFACE_NAMES
-from digs_warp.sim.sensor.effects.mirror import Mirror
-from digs_warp.sim.sensor.effects.transparency import Transparency
+from digs_warp.sim.sensor.effects.second_surfaces import Mirror, Transparency
 from digs_warp.sim.sensor.error_attribution import attribute_errors
 from digs_warp.sim.sensor.filters import gray_of
 from digs_warp.sim.sensor.frame import FrameTruth, Sensed, is_mirror, is_thin_glass

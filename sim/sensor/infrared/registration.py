@@ -17,9 +17,8 @@ from digs_warp.checks import check_shape
 from digs_warp.geometry.camera import Camera
 from digs_warp.sim.camera.rig import StereoRig
 from digs_warp.sim.sensor.arrays import launch_rows
-from digs_warp.sim.sensor.cause import Cause
 from digs_warp.sim.sensor.error_attribution import WRONG
-from digs_warp.sim.sensor.frame import FrameTruth, Sensed
+from digs_warp.sim.sensor.frame import Cause, FrameTruth, Sensed
 from digs_warp.sim.sensor.highlights import Highlights
 from digs_warp.sim.sensor.tiers import code_missing, depth_of
 

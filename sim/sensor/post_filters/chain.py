@@ -1,4 +1,10 @@
-"""The threshold and the filters of a device, one after the other, and the labels of what they changed."""
+"""The threshold and the filters of a device, one after the other, and the labels of what they changed.
+
+The temporal filter is written from Intel's description ("Depth Post-Processing for Intel RealSense Depth
+Camera D400 Series", Grunnet-Jepsen and Tong, and the documentation of the post-processing filters): the
+exponential moving average of `spatial`, from frame to frame. A hole takes the last value of its pixel if that
+had one in two of the last four frames, so that three earlier frames are all it needs.
+"""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -6,15 +12,53 @@ from dataclasses import dataclass
 import numpy as np
 
 from digs_warp.sim.config import SimulateConfig
-from digs_warp.sim.sensor.cause import Cause
 from digs_warp.sim.sensor.effects.protocol import Choice
 from digs_warp.sim.sensor.error_attribution import WRONG
-from digs_warp.sim.sensor.frame import Sensed
+from digs_warp.sim.sensor.frame import Cause, Sensed
 from digs_warp.sim.sensor.post_filters.dense import smooth_densely
 from digs_warp.sim.sensor.post_filters.hole_filling import Way, sources_of_holes
 from digs_warp.sim.sensor.post_filters.names import FILTERS, filters_named
 from digs_warp.sim.sensor.post_filters.spatial import smooth_spatially
-from digs_warp.sim.sensor.post_filters.temporal import EARLIER_FRAMES, smooth_over_time
+
+# Defaults of librealsense; its delta of 20 counts 32nds of a pixel.
+TEMPORAL_ALPHA = 0.4
+TEMPORAL_DELTA = 20 / 32
+
+# A hole is filled if its pixel had a value in this many of the last frames.
+PERSISTENCY = 2
+
+# Frames before the one that is recorded: with it, the four that persistency looks at. What still earlier
+# ones would add has a weight of 0.13.
+EARLIER_FRAMES = 3
+
+
+def smooth_over_time(
+    frames: Sequence[tuple[np.ndarray, np.ndarray]],
+    alpha: float = TEMPORAL_ALPHA,
+    delta: float = TEMPORAL_DELTA,
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return disparity and confidence of the last frame after the filter, each (height, width), float32.
+
+    The confidence stays; filled holes have that of the last match.
+
+    Args:
+        frames: disparity [px], (height, width), float32, NaN where there is none, and confidence; the
+            earliest first.
+        alpha: weight of the newer frame, 0 to 1; 1 averages nothing.
+        delta: larger differences are changes, which the newer frame decides [px].
+    """
+    average, trust = frames[0]
+    seen = (~np.isnan(average)).astype(np.uint8)
+    for disparity, confidence in frames[1:]:
+        known = ~np.isnan(disparity)
+        change = disparity - average
+        smooth = np.where(np.abs(change) < delta, average + np.float32(alpha) * change, disparity)
+        average = np.where(known, smooth, average)
+        trust = np.where(known, confidence, trust)
+        seen += known
+    lost = np.isnan(frames[-1][0]) & (seen < PERSISTENCY)
+    return np.where(lost, np.float32(np.nan), average), np.where(lost, np.float32(0), trust)
+
 
 # Disparity [px], confidence and the gray left image -> disparity and confidence.
 Filter = Callable[[np.ndarray, np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray]]

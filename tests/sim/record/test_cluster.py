@@ -14,7 +14,7 @@ from digs_warp.sim.config import SimulateConfig
 from digs_warp.sim.record.inputs import load_inputs
 from digs_warp.sim.record.session import prepare_session
 from digs_warp.sim.scene.arrange import GAPS, arrange, load_objects, plan_of
-from digs_warp.sim.scene.ground import TABLE_HEIGHT, Ground
+from digs_warp.sim.scene.environment import TABLE_HEIGHT, Ground
 from digs_warp.sim.scene.scene import FURNITURE
 from reference.mesh_files import save
 

@@ -15,8 +15,13 @@ from digs_warp.sim.config import SimulateConfig
 from digs_warp.sim.record.record import simulate_in_memory
 from digs_warp.sim.render.raycast import RaycastRenderer
 from digs_warp.sim.scene.builtin import builtin_scene
-from digs_warp.sim.scene.environment import SOFT, Environment, pixels_per_texel, warn_if_soft
-from digs_warp.sim.scene.ground import Ground
+from digs_warp.sim.scene.environment import (
+    SOFT,
+    Environment,
+    Ground,
+    pixels_per_texel,
+    warn_if_soft,
+)
 
 DISTANCE = 1.0
 RIG = load_profile("zed2-720").rig(320, 180)

@@ -6,8 +6,13 @@ import numpy as np
 import pytest
 
 from digs_warp.checks import DigsError
-from digs_warp.sim.scene.appearance import refinished, tint_color, with_table_top
-from digs_warp.sim.scene.appearance_settings import LookSettings, of_object
+from digs_warp.sim.scene.appearance import (
+    LookSettings,
+    of_object,
+    refinished,
+    tint_color,
+    with_table_top,
+)
 from digs_warp.sim.scene.builtin import builtin_scene
 from digs_warp.sim.scene.join import join_scenes
 from digs_warp.sim.scene.table import TABLE_TOP, table_scene

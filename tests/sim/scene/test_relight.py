@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from digs_warp.sim.render.environment_light import prepare_light
-from digs_warp.sim.scene.appearance import LUMINANCE, relit, temperature_color, turned
-from digs_warp.sim.scene.appearance_settings import LookSettings
+from digs_warp.sim.scene.appearance import LUMINANCE, LookSettings, relit, temperature_color, turned
 from digs_warp.sim.scene.environment import Environment, panorama_directions, solid_angles
 
 RNG = np.random.default_rng(5)

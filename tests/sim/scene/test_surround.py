@@ -13,8 +13,7 @@ from digs_warp.sim.config import SimulateConfig
 from digs_warp.sim.record.inputs import load_inputs
 from digs_warp.sim.record.session import prepare_session
 from digs_warp.sim.render.raycast import RaycastRenderer
-from digs_warp.sim.scene.environment import Environment, panorama_directions
-from digs_warp.sim.scene.ground import set_up
+from digs_warp.sim.scene.environment import Environment, panorama_directions, set_up
 from digs_warp.sim.scene.scene import Material
 from reference.plates import plate
 from reference.surround_twin import exits, normals, panorama_directions_of

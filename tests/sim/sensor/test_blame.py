@@ -6,10 +6,9 @@ import numpy as np
 import pytest
 
 from digs_warp.sim.scene.scene import Material
-from digs_warp.sim.sensor.cause import Cause
 from digs_warp.sim.sensor.drift import NO_DRIFT, Drift
 from digs_warp.sim.sensor.error_attribution import attribute_errors
-from digs_warp.sim.sensor.frame import FrameTruth
+from digs_warp.sim.sensor.frame import Cause, FrameTruth
 from reference.blame_twin import blame_twin
 from reference.stereo_frames import PLAIN, make_frame, make_rig
 

@@ -22,13 +22,12 @@ from digs_warp.sim.record.inputs import load_inputs
 from digs_warp.sim.record.record import simulate
 from digs_warp.sim.record.sensor_plan import make_plan
 from digs_warp.sim.record.session import prepare_session
-from digs_warp.sim.sensor.cause import Cause
 from digs_warp.sim.sensor.color import CALIBRATION_DRIFT
-from digs_warp.sim.sensor.color.calibration_drift import corner_shift
+from digs_warp.sim.sensor.color.rendering import corner_shift
 from digs_warp.sim.sensor.drift import NO_DRIFT, Drift
 from digs_warp.sim.sensor.error_attribution import attribute_errors
 from digs_warp.sim.sensor.facts import measure_facts
-from digs_warp.sim.sensor.frame import FrameTruth
+from digs_warp.sim.sensor.frame import Cause, FrameTruth
 from digs_warp.sim.sensor.tiers import depth_of, sense
 from reference.stereo_frames import broadband, make_frame, make_rig
 

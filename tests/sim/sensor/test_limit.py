@@ -9,10 +9,9 @@ from digs_warp.sim.camera.profiles import PROFILES, load_profile
 from digs_warp.sim.config import SimulateConfig, Tier
 from digs_warp.sim.record.frame_maker import FrameMaker
 from digs_warp.sim.scene.scene import Material
-from digs_warp.sim.sensor.cause import Cause
 from digs_warp.sim.sensor.effects import EFFECTS
 from digs_warp.sim.sensor.effects.protocol import Choice
-from digs_warp.sim.sensor.frame import FrameTruth, Motion
+from digs_warp.sim.sensor.frame import Cause, FrameTruth, Motion
 from digs_warp.sim.sensor.tiers import depth_of, sense
 from reference.stereo_frames import broadband, make_frame
 

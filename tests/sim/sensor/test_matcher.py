@@ -6,14 +6,12 @@ import numpy as np
 import pytest
 
 from digs_warp.checks import DigsError
-from digs_warp.sim.sensor.cause import Cause
 from digs_warp.sim.sensor.color.image_noise import ReadNoise, ShotNoise
 from digs_warp.sim.sensor.color.recorded import recorded_images
 from digs_warp.sim.sensor.error_attribution import attribute_errors
 from digs_warp.sim.sensor.filters import gray_of
-from digs_warp.sim.sensor.frame import noise_of
+from digs_warp.sim.sensor.frame import Cause, noise_of
 from digs_warp.sim.sensor.matcher import match, search_range
-from digs_warp.sim.sensor.scores import score
 from digs_warp.sim.sensor.steps import near_steps
 from digs_warp.sim.sensor.tiers import sense, sense_by_matching
 from reference.stereo_frames import broadband, flat, make_frame, make_rig
@@ -24,6 +22,7 @@ from reference.stereo_pairs import (
     plane_pair,
     shifted_right_eye,
 )
+from studies.stereo_scores import score
 
 
 @pytest.mark.parametrize("disparity", [7.0, 20.25, 40.5, 100.75])

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from digs_warp.sim.sensor.effects.static_field import unit_field
+from digs_warp.sim.sensor.effects.disparity_errors import unit_field
 from digs_warp.sim.sensor.on_recordings import (
     DISPARITY_NOISE,
     EFFECTS_ON_RECORDINGS,

@@ -12,7 +12,6 @@ import pytest
 
 from digs_warp.sim.fit.known_frame import WarpedRays
 from digs_warp.sim.sensor.frame import FrameTruth
-from digs_warp.sim.sensor.scores import score
 from digs_warp.sim.sensor.tiers import sense
 from reference.error_shapes import (
     Trust,
@@ -33,6 +32,7 @@ from studies.realism_scores import (
     small_hole_share,
     temporal_share,
 )
+from studies.stereo_scores import score
 
 # Object and surround of the sample data: wood on a tiled floor, a painted cow in the woods.
 SAMPLES = {"painted_stool": "st_fagans_interior", "spot": "forest_slope"}

@@ -7,10 +7,9 @@ import pytest
 
 from digs_warp.checks import DigsError
 from digs_warp.sim.camera.profiles import load_profile
-from digs_warp.sim.sensor.cause import Cause
 from digs_warp.sim.sensor.effects import AFTER_MATCHING, EFFECTS
 from digs_warp.sim.sensor.effects.protocol import Choice
-from digs_warp.sim.sensor.frame import FrameTruth, Motion, Sensed
+from digs_warp.sim.sensor.frame import Cause, FrameTruth, Motion, Sensed
 from digs_warp.sim.sensor.law import sense_depth
 from digs_warp.sim.sensor.tiers import apply_effects, depth_of, effect_rng, sense
 from reference.stereo_frames import CountedRays, broadband, make_frame, make_rig

@@ -14,7 +14,7 @@ from digs_warp.sim.config import SimulateConfig
 from digs_warp.sim.record.randomize.distributions import Fixed, LogUniform, Uniform, UniformWhole
 from digs_warp.sim.record.randomize.draws import DrawnScene, draw_scenes, share_of
 from digs_warp.sim.record.randomize.settings_file import Randomization, load_randomization
-from digs_warp.sim.scene.appearance_settings import LookSettings
+from digs_warp.sim.scene.appearance import LookSettings
 
 CONFIG = SimulateConfig(frames=4, seed=11)
 MINE = Randomization(

@@ -5,9 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from digs_warp.sim.sensor.cause import Cause
-from digs_warp.sim.sensor.effects.static_field import unit_field
-from digs_warp.sim.sensor.frame import FrameTruth, Sensed
+from digs_warp.sim.sensor.effects.disparity_errors import unit_field
+from digs_warp.sim.sensor.frame import Cause, FrameTruth, Sensed
 from digs_warp.sim.sensor.tiers import apply_effects
 from reference.stereo_frames import make_frame, make_rig
 

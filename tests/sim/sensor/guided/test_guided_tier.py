@@ -17,8 +17,8 @@ from digs_warp.sim.sensor.effects import EFFECTS
 from digs_warp.sim.sensor.facts import measure_facts
 from digs_warp.sim.sensor.frame import FrameTruth
 from digs_warp.sim.sensor.guided.tier import sense_by_guided_matching
-from digs_warp.sim.sensor.scores import score
 from digs_warp.sim.sensor.tiers import Tier, sense
+from studies.stereo_scores import score
 
 BLOCK = 20  # pixels; failures are compared per block
 

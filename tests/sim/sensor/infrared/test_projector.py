@@ -12,11 +12,10 @@ from digs_warp.sim.camera.shutter import Shutter
 from digs_warp.sim.render.raycast import RaycastRenderer
 from digs_warp.sim.scene.join import join_scenes
 from digs_warp.sim.scene.scene import Material, Scene
-from digs_warp.sim.sensor.cause import Cause
 from digs_warp.sim.sensor.color import COLOR_EFFECTS, PIXEL_EFFECTS, PROJECTOR
 from digs_warp.sim.sensor.color.recorded import recorded_images
 from digs_warp.sim.sensor.facts import measure_facts
-from digs_warp.sim.sensor.frame import FrameTruth, Sensed
+from digs_warp.sim.sensor.frame import Cause, FrameTruth, Sensed
 from digs_warp.sim.sensor.infrared.pair import (
     DENSITY,
     FIELD_DEG,

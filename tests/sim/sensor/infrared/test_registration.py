@@ -9,8 +9,7 @@ from digs_warp.geometry.camera import Camera
 from digs_warp.sim.camera.shutter import Shutter
 from digs_warp.sim.scene.join import join_scenes
 from digs_warp.sim.scene.scene import Scene
-from digs_warp.sim.sensor.cause import Cause
-from digs_warp.sim.sensor.frame import FrameTruth, Sensed
+from digs_warp.sim.sensor.frame import Cause, FrameTruth, Sensed
 from digs_warp.sim.sensor.infrared.registration import ColorView, registered, sources_of
 from reference.infrared_scenes import WHITE, infrared_rig, still_session, wall
 from reference.plates import plate

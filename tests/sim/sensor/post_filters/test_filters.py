@@ -6,15 +6,18 @@ import numpy as np
 import pytest
 
 from digs_warp.checks import DigsError
-from digs_warp.sim.sensor.cause import Cause
 from digs_warp.sim.sensor.filters import gray_of
-from digs_warp.sim.sensor.frame import Sensed
-from digs_warp.sim.sensor.post_filters.chain import AfterMatching, Shot
+from digs_warp.sim.sensor.frame import Cause, Sensed
+from digs_warp.sim.sensor.post_filters.chain import (
+    EARLIER_FRAMES,
+    AfterMatching,
+    Shot,
+    smooth_over_time,
+)
 from digs_warp.sim.sensor.post_filters.dense import Smoothing, smooth_densely
 from digs_warp.sim.sensor.post_filters.hole_filling import sources_of_holes
 from digs_warp.sim.sensor.post_filters.names import FILTERS, filters_named
 from digs_warp.sim.sensor.post_filters.spatial import ALPHA, DELTA, ITERATIONS, smooth_spatially
-from digs_warp.sim.sensor.post_filters.temporal import EARLIER_FRAMES, smooth_over_time
 from reference.filter_twins import twin_dense, twin_filled, twin_spatial, twin_temporal
 from reference.stereo_frames import broadband
 

@@ -1,4 +1,4 @@
-"""Transparency: the images show the background behind glass; the search has to try its disparity, too."""
+"""Mirrors and glass: the images show another surface; the search has to try its disparity, too."""
 
 from dataclasses import dataclass
 from typing import ClassVar
@@ -8,7 +8,7 @@ from digs_warp.sim.sensor.effects.protocol import Choice, choose_by_share
 from digs_warp.sim.sensor.facts import SceneFacts
 
 # Rays to what lies behind each transparent pixel [ms/MP of such pixels].
-RAYS = 400.0
+GLASS_RAYS = 400.0
 
 
 @dataclass(frozen=True)
@@ -23,7 +23,29 @@ class Transparency:
             self.name,
             "transparent_share",
             facts.transparent_share,
-            RAYS * facts.transparent_share,
+            GLASS_RAYS * facts.transparent_share,
             on="something transparent is in view: the background behind it may be matched",
             off="nothing transparent in view",
+        )
+
+
+# Rays to what each mirroring pixel reflects [ms/MP of such pixels].
+MIRROR_RAYS = 600.0
+
+
+@dataclass(frozen=True)
+class Mirror:
+    """The virtual image in smooth metal, as a candidate: the images decide what is matched."""
+
+    name: ClassVar[str] = "mirror"
+
+    def choose(self, facts: SceneFacts, rig: StereoRig) -> Choice:
+        """On if smooth metal is in view."""
+        return choose_by_share(
+            self.name,
+            "mirror_share",
+            facts.mirror_share,
+            MIRROR_RAYS * facts.mirror_share,
+            on="smooth metal reflects the scene: the reflection may be matched, not the surface",
+            off="no smooth metal in view",
         )

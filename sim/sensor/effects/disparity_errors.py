@@ -1,7 +1,7 @@
-"""The static field: the lens error that remains after calibration, smooth and the same in every frame."""
+"""Errors after matching: the smooth lens error that calibration leaves, and steps of disparity."""
 
 import zlib
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import ClassVar
 
@@ -20,7 +20,7 @@ SCALE = 1 / 16
 # The field is drawn on a grid with this many points per correlation length.
 POINTS = 4
 
-COST = 2.0  # [ms/MP]
+FIELD_COST = 2.0  # [ms/MP]
 
 
 @dataclass(frozen=True)
@@ -41,7 +41,7 @@ class StaticField:
             rig.static_field,
             0.0,
             "px",
-            COST,
+            FIELD_COST,
             on="calibration leaves a smooth error, different in every camera",
             off="the rig is calibrated perfectly",
         )
@@ -68,3 +68,37 @@ def unit_field(unit: int, width: int, height: int) -> np.ndarray:
     field -= field.mean()
     spread = field.std()
     return field / spread if spread > 0 else field
+
+
+QUANTUM_COST = 2.0  # [ms/MP]
+
+
+@dataclass(frozen=True)
+class Quantum:
+    """Rounding to the rig's disparity step: 1/16 px in OpenCV, 1/32 in a D435, 1/8 in an OAK-D."""
+
+    name: ClassVar[str] = "quantum"
+
+    def choose(self, facts: SceneFacts, rig: StereoRig) -> Choice:
+        """On for every rig with disparity steps."""
+        return choose_above(
+            self.name,
+            "disparity_step",
+            rig.disparity_step,
+            0.0,
+            "px",
+            QUANTUM_COST,
+            on="the sensor reports disparity in fixed point",
+            off="the rig reports disparity without steps",
+        )
+
+    def apply(
+        self, sensed: Sensed, rig: StereoRig, rng: np.random.Generator, strength: float = 1.0
+    ) -> Sensed:
+        """Round the disparity; ``strength`` is a factor on the step."""
+        step = np.float32(strength * rig.disparity_step)
+        if step <= 0:
+            return sensed
+        steps = np.rint(sensed.disparity / step)
+        steps *= step
+        return replace(sensed, disparity=steps)
