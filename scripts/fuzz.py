@@ -3,7 +3,7 @@
     python scripts/fuzz.py --count 100                       # 100 inputs of each kind
     python scripts/fuzz.py --kind "splats: PLY" --count 1000
     python scripts/fuzz.py --again out/fuzz/splats-ply-0-17  # a kept input once more
-    python scripts/fuzz.py --count 556 --page  # 10,000, and the table in docs/research/stability.md
+    python scripts/fuzz.py --count 556 --page  # 10,000, and the totals in docs/research/stability.md
 
 A traceback, a crash, more than 1 GB beyond the start and more than 10 s of the processor are defects; their
 inputs are kept with the command lines that read them. The exit code is 1 if there are any.
@@ -19,6 +19,7 @@ import threading
 import time
 from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 from pathlib import Path
 
 from fuzzing.inputs import Inputs, Kind, kept_job
@@ -124,7 +125,7 @@ def _row(name: str, outcomes: Sequence[Outcome]) -> list[str]:
 
 
 def publish(tallies: Tallies, count: int, seed: int) -> None:
-    """Write the table into the page."""
+    """Write the totals into the page."""
     found = versions()
     packages = ", ".join(f"{name} {found[name]}" for name in ("digs-warp", *PACKAGES))
     head = (
@@ -132,7 +133,9 @@ def publish(tallies: Tallies, count: int, seed: int) -> None:
         f"Python {found['python']}, {packages}. Memory is what a process takes beyond what it had before the "
         "input, time is that of the processor."
     )
-    fill(PAGE, "fuzz", f"{head}\n\n{table(tallies).markdown()}")
+    counted = table(tallies)
+    totals = replace(counted, rows=counted.rows[-1:])
+    fill(PAGE, "fuzz", f"{head}\n\n{totals.markdown()}")
 
 
 def _say(line: str) -> None:

@@ -2,7 +2,7 @@
 
     python scripts/mutate_sensor.py                          # all faults, some minutes
     python scripts/mutate_sensor.py --only holes-as-salt
-    python scripts/mutate_sensor.py --page  # all, and the table in docs/research/sensor-cost.md
+    python scripts/mutate_sensor.py --page  # all, and the sum in docs/research/sensor-cost.md
 
 A fault replaces a function or a constant in the process of the tests; no file changes. The exit code is 1 if
 the test that is there for a fault does not notice it, or if a test fails without any.
@@ -76,12 +76,26 @@ def table(found: dict[str, list[str]]) -> str:
     return "\n".join([head, *rows])
 
 
+def summary(found: dict[str, list[str]]) -> str:
+    """Return the sentences of the page: how many faults are noticed, and which are not."""
+    missed = unnoticed(found)
+    others = sum(len(tests) > 1 for name, tests in found.items() if name not in missed)
+    lines = [
+        f"{len(found) - len(missed)} of {len(found)} faults are noticed by the test that is there for them, "
+        f"{others} by other tests, too."
+    ]
+    lines += [f"- not noticed: {find_mutation(name).what}" for name in missed]
+    return "\n".join(lines)
+
+
 def main() -> int:
     """Try the mutations; return the exit code."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     names = [mutation.name for mutation in MUTATIONS]
     parser.add_argument("--only", action="append", choices=names, help="a fault; several")
-    parser.add_argument("--page", action="store_true", help=f"write the table into docs/{PAGE}")
+    parser.add_argument(
+        "--page", action="store_true", help=f"write how many are noticed into docs/{PAGE}"
+    )
     parser.add_argument("--jobs", type=int, default=1, help="faults that are tried at a time")
     options = parser.parse_args()
     show_progress()
@@ -100,7 +114,7 @@ def main() -> int:
             _say(f"{name}: {len(tests)}\n" + "".join(f"    {test}\n" for test in tests))
     _say(table(found))
     if options.page:
-        _say(str(fill(PAGE, "mutations", table(found))))
+        _say(str(fill(PAGE, "mutations", summary(found))))
     return int(bool(unnoticed(found)))
 
 

@@ -4,7 +4,7 @@ from importlib import import_module
 from typing import Any
 
 import pytest
-from mutate_sensor import REPOSITORY, failing, table, unnoticed
+from mutate_sensor import REPOSITORY, failing, summary, table, unnoticed
 from mutations.catalogue import MUTATIONS, REQUIRED, find_mutation
 from mutations.fault import Mutation
 
@@ -83,3 +83,6 @@ def test_the_table_tells_whether_the_test_for_a_fault_notices_it() -> None:
     rows = table(found).splitlines()[2:]
     assert rows[0] == "| image noise x 1.3 | yes | 1 |"
     assert rows[1].endswith("| **no** | 0 |")
+    assert summary(found).startswith(
+        "1 of 2 faults are noticed by the test that is there for them, 1 by"
+    )
