@@ -154,7 +154,7 @@ def main() -> int:
     add("--workers", type=int, default=1, help="inputs at the same time")
     add("--keep", type=Path, default=Path("out/fuzz"), help="folder for inputs with defects")
     add("--again", type=Path, help="run one kept input once more")
-    add("--page", action="store_true", help=f"write the table into docs/{PAGE}")
+    add("--page", action="store_true", help=f"write the totals into docs/{PAGE}")
     given = parser.parse_args()
     if given.again:
         found = again(given.again)
