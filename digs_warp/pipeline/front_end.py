@@ -27,7 +27,7 @@ from digs_warp.pipeline.known_distance import in_true_size, metric_scale_of
 from digs_warp.pipeline.poses import (
     MetricModel,
     chosen_way,
-    depth_doubt,
+    depth_contradiction,
     in_metres,
     match_images,
     registered,
@@ -133,12 +133,12 @@ def _poses_and_start(
     if subject == "scene":
         frames = without_masks(frames)
     model: MetricModel | None = None
-    doubts: tuple[str, ...] = ()
+    findings: tuple[str, ...] = ()
     if sparse is not None:
         with log.stage("scale"):
             model = in_metres(sparse, capture, frames, config.init)
         frames = registered(frames, model)
-        doubts += _contradicted_by_depth(capture, frames, config.sfm, log)
+        findings += _contradicted_by_depth(capture, frames, config.sfm, log)
     if config.scale_from is not None:
         frames, model, recorded = in_true_size(frames, model, recorded, config.scale_from)
     metric_scale = metric_scale_of(capture, config.sfm.poses == "sfm", config.scale_from)
@@ -150,18 +150,21 @@ def _poses_and_start(
     # A frame in a wrong place would contradict the masks of others, and they its own.
     if subject == "object" and config.segment.mends_masks:
         with log.stage("mask agreement"):
-            training, doubt = agreed_masks(frames.training, folder / MASKS / MENDED)
+            training, finding = agreed_masks(frames.training, folder / MASKS / MENDED)
         frames = replace(frames, training=tuple(training))
-        doubts += (doubt,) if doubt else ()
+        findings += (finding,) if finding else ()
     with log.stage("check"):
-        doubts = (*check.result(), *doubts)  # before the initialization, which counts its CPU time
+        findings = (
+            *check.result(),
+            *findings,
+        )  # before the initialization, which counts its CPU time
     start = _start(capture, frames, subject, model, recorded, config, log)
     logger.info("%s: starting from %s", capture, start.because)
     poses = Poses(
         frames=frames,
         subject=subject,
         metric_scale=metric_scale,
-        doubts=doubts,
+        findings=findings,
         sfm=sparse.quality if sparse else None,
         scale=model.estimate if model else None,
         refinement=refinement,
@@ -202,15 +205,15 @@ def _sparse_points(
 def _contradicted_by_depth(
     capture: Capture, frames: PosedFrames, config: SfmConfig, log: RunLog
 ) -> tuple[str, ...]:
-    """Warn where depth contradicts poses that were estimated from images; return the doubts."""
+    """Warn where depth contradicts poses that were estimated from images; return the findings."""
     if config.poses != "sfm" or not capture.has_depth:
         return ()
     with log.stage("compare with depth"):
-        doubt = depth_doubt(capture, frames, config)
-    if not doubt:
+        finding = depth_contradiction(capture, frames, config)
+    if not finding:
         return ()
-    logger.warning("%s: %s; --poses rgbd uses the depth", capture, doubt)
-    return (doubt,)
+    logger.warning("%s: %s; --poses rgbd uses the depth", capture, finding)
+    return (finding,)
 
 
 def _start(

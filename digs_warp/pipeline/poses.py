@@ -54,7 +54,7 @@ def chosen_way(
     try:
         sparse = match_images(capture, by_images, workspace)
         model = in_metres(sparse, capture, split, init)
-        reason = depth_doubt(capture, registered(split, model), sfm)
+        reason = depth_contradiction(capture, registered(split, model), sfm)
     except MissingLibraryError:
         raise
     except DigsError as error:
@@ -176,7 +176,7 @@ def tracked(capture: Capture, config: SfmConfig) -> tuple[Capture, Tracking]:
     return replace(capture, frames=frames, about=about), found.tracking
 
 
-def depth_doubt(capture: Capture, frames: PosedFrames, sfm: SfmConfig) -> str:
+def depth_contradiction(capture: Capture, frames: PosedFrames, sfm: SfmConfig) -> str:
     """Return why poses from images are doubtful: depth shows other motions between neighbors; or "".
 
     Images can agree on wrong poses, as before a wall whose pattern repeats. Without Open3D or depth nothing
@@ -198,7 +198,7 @@ def depth_doubt(capture: Capture, frames: PosedFrames, sfm: SfmConfig) -> str:
     logger.info(
         *("poses: depth contradicts %d of %s", found.contradicted, counted(found.steps, "step")),
     )
-    if not found.is_doubtful:
+    if not found.is_contradicted:
         return ""
     return (
         f"structure from motion: color and depth show another motion at {found.contradicted} of "

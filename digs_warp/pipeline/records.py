@@ -31,7 +31,7 @@ class Poses:
         frames: with metric cameras and masks; cameras.json has them. None: the recording is not known.
         subject: what is reconstructed; the frames of a scene have no masks.
         metric_scale: whether lengths are in metres, and how that is known; None where nothing says it.
-        doubts: what does not fit together in the recording; see `digs_warp.check`.
+        findings: what does not fit together in the recording; see `digs_warp.check`.
         sfm: quality of structure from motion, where images were matched.
         scale: between structure from motion and metres; None for given poses.
         tracking: how well poses found by color and depth fit together, where they were.
@@ -41,7 +41,7 @@ class Poses:
     frames: Annotated[PosedFrames | None, NOT_STORED] = None
     subject: Annotated[Subject, Figure("subject")] = "object"
     metric_scale: Annotated[MetricScale | None, Figure("scale")] = None
-    doubts: Annotated[tuple[str, ...], Figure("doubts")] = ()
+    findings: Annotated[tuple[str, ...], Figure("findings")] = ()
     sfm: Annotated[SfmQuality | None, Figure("structure from motion")] = None
     scale: Annotated[ScaleEstimate | None, Figure("scale of the matched images")] = None
     tracking: Annotated[Tracking | None, Figure("tracking")] = None

@@ -32,7 +32,7 @@ class Contradiction:
     contradicted: int
 
     @property
-    def is_doubtful(self) -> bool:
+    def is_contradicted(self) -> bool:
         """Whether the poses are probably wrong somewhere."""
         return self.contradicted > thresholds.MAX_CONTRADICTED_SHARE * self.steps
 

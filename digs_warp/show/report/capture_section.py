@@ -97,12 +97,12 @@ class _Column:
     paint: Callable[[Frame], np.ndarray]
 
 
-def capture_section(capture: Capture, doubts: Sequence[str] = ()) -> str:
+def capture_section(capture: Capture, findings: Sequence[str] = ()) -> str:
     """Return the section; columns whose files no shown frame has are left out.
 
     Args:
         capture: the recording.
-        doubts: what does not fit together in it.
+        findings: what does not fit together in it.
     """
     frames = _evenly(capture.frames, MAX_FRAMES)
     depths = _depth_scale(frames)
@@ -120,7 +120,9 @@ def capture_section(capture: Capture, doubts: Sequence[str] = ()) -> str:
     needed = {key for column in columns for key in column.needs}
     legends = [legend(depths, missing=True)] if needed & {_TRUE, _SENSED} else []
     legends += [legend(errors, missing=True)] if needed >= {_TRUE, _SENSED} else []
-    warnings = "".join(f"<p><strong>Warning:</strong> {escape(doubt)}</p>" for doubt in doubts)
+    warnings = "".join(
+        f"<p><strong>Warning:</strong> {escape(finding)}</p>" for finding in findings
+    )
     return section(
         "Capture",
         f"{len(frames)} of {len(capture)} frames, evenly spaced. {_scale_words(frames)}",

@@ -86,7 +86,7 @@ def _body(
         views_section(capture, result),
         course_section(result),
         figures_section(result),
-        capture_section(capture, result.poses.doubts),
+        capture_section(capture, result.poses.findings),
         sensor_section(capture),
         times_section(records),
         settings_section(records),

@@ -90,7 +90,9 @@ def test_the_reconstruction_starts_from_mended_masks(
     prepared = front_end(wrong, config, tmp_path, log)
     masks = {frame.name: frame.load_mask() for frame in prepared.poses.posed.training}
     assert (masks[good.frames[2].name].max() > 0) == (agreement == "on")
-    named = [doubt for doubt in prepared.poses.doubts if "contradicted most other views" in doubt]
+    named = [
+        finding for finding in prepared.poses.findings if "contradicted most other views" in finding
+    ]
     assert len(named) == (agreement == "on")
     log.save(tmp_path / "run.json")
     again = load_front_end(wrong, tmp_path)

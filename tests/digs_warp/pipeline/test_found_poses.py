@@ -14,7 +14,7 @@ from digs_warp.data.posed_frames import PosedFrames
 from digs_warp.geometry.rigid import matrix_from_rotation_vector, rigid
 from digs_warp.pipeline.config import FrontEndConfig
 from digs_warp.pipeline.front_end import front_end
-from digs_warp.pipeline.poses import depth_doubt
+from digs_warp.pipeline.poses import depth_contradiction
 from digs_warp.poses.from_images.config import SfmConfig
 from digs_warp.poses.refine.photometric_alignment import in_place
 from digs_warp.record.run_log import RunLog
@@ -44,9 +44,13 @@ def test_depth_contradicts_poses_that_are_a_tile_off(capture: Capture) -> None:
         replace(f, camera=replace(f.camera, world_from_cam=turn @ f.camera.world_from_cam))
         for f, turn in zip(capture.frames, turns, strict=True)
     ]
-    doubt = depth_doubt(capture, PosedFrames(tuple(frames), ()), SfmConfig(readout_time=0.0))
-    assert "color and depth show another motion" in doubt
-    assert not depth_doubt(capture, PosedFrames(capture.frames, ()), SfmConfig(readout_time=0.0))
+    finding = depth_contradiction(
+        capture, PosedFrames(tuple(frames), ()), SfmConfig(readout_time=0.0)
+    )
+    assert "color and depth show another motion" in finding
+    assert not depth_contradiction(
+        capture, PosedFrames(capture.frames, ()), SfmConfig(readout_time=0.0)
+    )
 
 
 def test_auto_takes_color_and_depth_where_images_mislead(

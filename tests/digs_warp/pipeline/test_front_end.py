@@ -72,7 +72,7 @@ def test_without_depth_cameras_are_right_up_to_their_unit(
     errors = camera_errors(cameras, capture.frames)
     assert len(cameras) == 12 and errors.centers_m.max() < 0.004
     assert prepared.poses.metric_scale is not None and not prepared.poses.metric_scale.known
-    assert prepared.poses.scale is None and not prepared.poses.doubts
+    assert prepared.poses.scale is None and not prepared.poses.findings
     assert prepared.start.sources["sfm"] == len(prepared.start.points)
 
 
@@ -168,23 +168,23 @@ def test_given_poses_and_depth_need_no_matching(capture: Capture, tmp_path: Path
     assert not (tmp_path / "sfm").exists()
 
 
-def test_a_capture_that_does_not_fit_together_is_doubted_and_the_doubt_recorded(
+def test_a_capture_that_does_not_fit_together_is_found_and_recorded(
     capture: Capture, tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
     config = FrontEndConfig(test_every=4)
     log = RunLog("test", config)
-    assert front_end(capture, config, tmp_path / "good", log).poses.doubts == ()
-    assert log.results["poses"]["doubts"] == [] and caplog.text == ""
+    assert front_end(capture, config, tmp_path / "good", log).poses.findings == ()
+    assert log.results["poses"]["findings"] == [] and caplog.text == ""
     wrong = other_focal(capture, 1.3)
     prepared = front_end(wrong, config, tmp_path / "wrong", log)
-    (doubt,) = prepared.poses.doubts
-    assert "focal length (about 0.77 times the given one fits)" in doubt
-    assert doubt in caplog.text and log.results["poses"]["doubts"] == [doubt]
+    (finding,) = prepared.poses.findings
+    assert "focal length (about 0.77 times the given one fits)" in finding
+    assert finding in caplog.text and log.results["poses"]["findings"] == [finding]
     log.save(tmp_path / "wrong/run.json")
-    assert load_front_end(wrong, tmp_path / "wrong").poses.doubts == (doubt,)
+    assert load_front_end(wrong, tmp_path / "wrong").poses.findings == (finding,)
 
 
-def test_doubts_are_said_also_where_nothing_can_be_made(
+def test_findings_are_said_also_where_nothing_can_be_made(
     capture: Capture, tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
     wrong = other_focal(capture, 1.3)

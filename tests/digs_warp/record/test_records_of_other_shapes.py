@@ -74,7 +74,7 @@ def test_a_run_record_of_another_shape_is_named(tmp_path: Path, change: dict[str
         {"training": {"iterations": "x"}},
         {"scores": {"mean": [1]}},
         {"poses": {"scale": {"sfm_per_metre": "x"}}},
-        {"poses": {"doubts": [1]}},
+        {"poses": {"findings": [1]}},
         {"poses": {"subject": "car"}},
     ],
     ids=str,

@@ -197,7 +197,7 @@ def test_a_frame_in_a_wrong_place_keeps_its_good_mask(capture: Capture, tmp_path
     assert prepared.poses.refinement is not None
     assert f"registered again: {frames[WRONG].name}" in prepared.poses.refinement.because
     assert not [
-        doubt for doubt in prepared.poses.doubts if "contradicted most other views" in doubt
+        finding for finding in prepared.poses.findings if "contradicted most other views" in finding
     ]
     kept = {frame.name: frame for frame in prepared.poses.posed.training}[frames[WRONG].name]
     np.testing.assert_array_equal(kept.load_mask(), frames[WRONG].load_mask())

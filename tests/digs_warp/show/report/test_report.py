@@ -150,10 +150,10 @@ def test_poses_scale_and_points_are_shown(run: tuple[Capture, Path, Path]) -> No
     assert "4.00 mm" in text and "second mode" in text
 
 
-def test_doubts_about_the_capture_are_shown(run: tuple[Capture, Path, Path]) -> None:
+def test_findings_about_the_capture_are_shown(run: tuple[Capture, Path, Path]) -> None:
     assert "Warning:" not in write_and_parse(run).text
     record = json.loads((run[1] / "run.json").read_text())
-    record["results"]["poses"] = {"doubts": ["The depth is <odd>."]}
+    record["results"]["poses"] = {"findings": ["The depth is <odd>."]}
     (run[1] / "run.json").write_text(json.dumps(record))
     assert re.search(r"Warning:\s+The depth is <odd>\.", write_and_parse(run).text)
 
