@@ -59,8 +59,8 @@ class SimulateConfig(Settings):
     """Number of stereo frames, evenly spaced in time over the walk. Default: 60, or fps times duration."""
 
     profile: str | None = None
-    """The camera: zed2-2k, zed2-1080, zed2-720, zed2-vga, d435, oak-d, or a YAML file. Default: zed2-720 with
-    a narrower field of view (60 degrees), so that the object fills the image."""
+    """The camera: zed2-2k, zed2-1080, zed2-720, zed2-vga, d435, oak-d, or a YAML file. Default: zed2-720, at
+    60 degrees."""
 
     width: Annotated[int | None, SIDE] = None
     """Image width [px]. Default: that of the profile; 640 without one."""
@@ -72,9 +72,9 @@ class SimulateConfig(Settings):
     """Rays per pixel; more give smoother edges and take longer."""
 
     tier: Tier = "guided"
-    """Sensor: 'truth' is perfect; 'law' has the noise, steps and range of stereo depth; 'guided' matches the
-    two recorded images near the truth, so that errors lie where a camera has them; 'matcher' matches them
-    over the full range, ten times as slowly."""
+    """Depth sensor. truth: perfect; law: noise, steps and range of stereo depth; guided: matches the stereo
+    images near the truth, with errors where a camera has them; matcher: over the full range, ten times as
+    slowly."""
 
     effects: str = "auto"
     """Effects of the sensor: auto (what the scene calls for), all, none, or names separated by commas

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 
 # Flags of a recording that the help of `run` and `simulate` shows.
-RECORDING_FLAGS = ("mesh", "environment", "profile", "frames", "width", "tier")
+RECORDING_FLAGS = ("mesh", "environment", "profile", "frames", "tier")
 
 
 @dataclass(frozen=True, kw_only=True)
