@@ -23,7 +23,6 @@ from digs_warp.record.manifest import is_kept
 from digs_warp.record.run_log import RunLog, RunRecord
 from digs_warp.record.typed import to_json
 from digs_warp.train.config import TrainConfig
-from digs_warp.train.course import read_course
 from digs_warp.train.evaluate import TestView, load_test_views
 from digs_warp.train.session import (
     Trained,
@@ -36,7 +35,7 @@ from digs_warp.train.session import (
 )
 from digs_warp.train.shutter import ShutterPlan, plan_blur, plan_shutter, with_motions
 from digs_warp.train.time_plan import TimePlan
-from digs_warp.train.training import Training
+from digs_warp.train.training import Training, read_course
 
 
 @dataclass(frozen=True, eq=False)

@@ -39,9 +39,7 @@ from digs_warp.record.layout import (
 )
 from digs_warp.record.results import figures
 from digs_warp.record.run_log import RunRecord
-from digs_warp.train.course import CourseRow, read_course, write_course
-from digs_warp.train.snapshots import load_snapshots
-from digs_warp.train.training import Training
+from digs_warp.train.training import CourseRow, Training, load_snapshots, read_course, write_course
 
 if TYPE_CHECKING:
     from digs_warp.pipeline.usd_scene import SceneResult

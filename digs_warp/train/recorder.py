@@ -8,10 +8,15 @@ from pathlib import Path
 
 from digs_warp.measure.scores import mean_score
 from digs_warp.train.adherence import MeasuredView, adherence
-from digs_warp.train.course import CourseRow, read_course, write_course
 from digs_warp.train.evaluate import MeasuredViews, TestView, render_views, score_views
-from digs_warp.train.snapshots import drop_snapshots_after, save_snapshot
 from digs_warp.train.trainer import Trainer
+from digs_warp.train.training import (
+    CourseRow,
+    drop_snapshots_after,
+    read_course,
+    save_snapshot,
+    write_course,
+)
 
 # Iterations between two lines.
 LOG_EVERY = 10

@@ -11,7 +11,7 @@ from digs_warp.data.capture import Capture
 from digs_warp.data.posed_frames import PosedFrames
 from digs_warp.record.files import read_json, to_json
 from digs_warp.record.run_log import RunLog
-from digs_warp.train.snapshots import save_snapshot
+from digs_warp.train.training import save_snapshot
 from digs_warp.usd.reader import ReadOptions, read_scene
 from digs_warp.usd.validate import validate
 from reference.capture_scenes import cloud, splats

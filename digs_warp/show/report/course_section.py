@@ -7,7 +7,7 @@ from digs_warp.init.start import Subject
 from digs_warp.pipeline.reconstruction import Reconstruction
 from digs_warp.show.report.markup import chart, section
 from digs_warp.show.report.plots import Line, line_chart
-from digs_warp.train.course import CourseRow
+from digs_warp.train.training import CourseRow
 
 _PSNR = {"psnr_object": "on the object", "psnr_frame": "full frame"}
 _SSIM = {"ssim_object": "on the object", "ssim_frame": "full frame"}

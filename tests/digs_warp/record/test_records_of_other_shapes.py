@@ -14,8 +14,7 @@ from digs_warp.measure.scores import Scores
 from digs_warp.pipeline.records import Poses, stored, stored_capture
 from digs_warp.record.run_log import RunRecord
 from digs_warp.study.engine.store import Store
-from digs_warp.train.course import read_course
-from digs_warp.train.training import Training
+from digs_warp.train.training import Training, read_course
 
 NO_POINTS = PointCloud(np.zeros((0, 3)), np.zeros((0, 3)))
 ROW = {"iteration": 1, "seconds": 0.5, "loss": None, "splats": 3}

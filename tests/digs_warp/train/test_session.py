@@ -17,8 +17,8 @@ from digs_warp.record.run_log import RunLog
 from digs_warp.train.config import Stop, TrainConfig
 from digs_warp.train.evaluate import load_test_views
 from digs_warp.train.session import Trained, open_data, train_gaussians
-from digs_warp.train.snapshots import load_snapshots, save_snapshot
 from digs_warp.train.trainer import Trainer
+from digs_warp.train.training import load_snapshots, save_snapshot
 from reference.interrupted_training import STEP, train_until
 from reference.tiny_capture import ball, write_tiny_capture
 

@@ -10,7 +10,7 @@ from digs_warp.data.capture import Capture
 from digs_warp.pipeline.reconstruction import Reconstruction
 from digs_warp.show.view.contents import NAME, read_contents
 from digs_warp.show.view.nodes import load_picture, pictures_of
-from digs_warp.train.snapshots import save_snapshot
+from digs_warp.train.training import save_snapshot
 from reference.report_folder import write_capture, write_reconstruction
 from reference.tiny_capture import ball
 
