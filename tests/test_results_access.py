@@ -14,7 +14,6 @@ OWNERS = {
     "digs_warp/record/layout.py",  # the names
     "digs_warp/pipeline/reconstruction.py",
     "digs_warp/pipeline/records.py",
-    "digs_warp/pipeline/stored_views.py",
     "digs_warp/pipeline/reconstruct.py",  # resumes from them
     "digs_warp/pipeline/optimize.py",  # takes over a finished training
     "digs_warp/train/session.py",  # writes the course

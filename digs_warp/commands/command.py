@@ -3,9 +3,16 @@
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from importlib import import_module
-from typing import Any, ClassVar, Self, TypeAlias
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, ClassVar, Literal, Self, TypeAlias
+
+import tyro
 
 from digs_warp.settings import Settings
+
+if TYPE_CHECKING:
+    from digs_warp.data.capture import Capture
+    from digs_warp.pipeline.reconstruction import Reconstruction
 
 
 class Command(Settings):
@@ -33,6 +40,24 @@ class SettingsCommand(Command):
     def from_settings(cls, settings: Mapping[str, Any]) -> Self:
         """Return the command with the settings of a run.json; required flags are `tyro.MISSING`."""
         raise NotImplementedError
+
+
+@dataclass(frozen=True, kw_only=True)
+class SplatOptions:
+    """What splat files do not say themselves."""
+
+    up: Literal["z", "y", "-y"] = "z"
+    """The axis that points up in PLY and .splat files, which do not say it. z: as this program writes
+    them; -y: most scenes that other programs trained; y: Y-up programs. SPZ and USD need no telling."""
+
+    drop_broken: tyro.conf.FlagCreatePairsOff[bool] = False
+    """Leave out Gaussians with NaN or infinite values instead of refusing a PLY, SPZ or .splat file."""
+
+    def read(self, source: Path, capture: "Capture | None" = None) -> "Reconstruction":
+        """Read the Gaussians of a file or folder; see `digs_warp.pipeline.scene_files.read_scene`."""
+        from digs_warp.pipeline.scene_files import read_scene
+
+        return read_scene(source, self.up, self.drop_broken, capture)
 
 
 @dataclass(frozen=True)

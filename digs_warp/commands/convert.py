@@ -8,9 +8,8 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import tyro
 
 from digs_warp.checks import DigsError
-from digs_warp.commands.command import Command
+from digs_warp.commands.command import Command, SplatOptions
 from digs_warp.commands.output import NewFolder, check_output_file
-from digs_warp.commands.splat_options import SplatOptions
 from digs_warp.data.index_rules import INDEX_NAME
 from digs_warp.record.layout import RUN_RECORD, find_gaussians
 from digs_warp.record.run_log import RunLog

@@ -79,7 +79,7 @@ def reconstruct_many(
     from digs_warp.engines.run import run_tasks
     from digs_warp.engines.start import needs_of, started
     from digs_warp.engines.task import Results, Task
-    from digs_warp.pipeline.stored_views import is_finished
+    from digs_warp.pipeline.records import is_finished
     from digs_warp.record.files import digest
 
     folder = folder.resolve()

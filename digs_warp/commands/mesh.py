@@ -9,10 +9,8 @@ from typing import TYPE_CHECKING, Annotated
 import tyro
 
 from digs_warp.checks import DigsError
-from digs_warp.commands.command import Command
+from digs_warp.commands.command import Command, SplatOptions
 from digs_warp.commands.output import check_output_file
-from digs_warp.commands.splat_options import SplatOptions
-from digs_warp.pipeline.mesh import MOST_VIEWS, extract_mesh
 from digs_warp.settings import VOXEL, Range
 from digs_warp.surface.true_surface import read_true_surface
 from digs_warp.words import counted
@@ -50,7 +48,7 @@ class Mesh(Command):
     """Edge of a voxel, the finest detail [m]. Half the size takes four times the memory. Default: a 160th of
     the object's size."""
 
-    views: Annotated[int, Range(3, 10_000)] = MOST_VIEWS
+    views: Annotated[int, Range(3, 10_000)] = 60
     """How many cameras to use at most, evenly spread; more fill small holes and take longer."""
 
     scene: Annotated[SplatOptions, tyro.conf.OmitArgPrefixes] = field(default_factory=SplatOptions)
@@ -58,6 +56,7 @@ class Mesh(Command):
     def execute(self) -> str:
         """Extract, write, and say how good the mesh is where that is known."""
         from digs_warp.data.capture import read_capture
+        from digs_warp.pipeline.mesh import extract_mesh
         from digs_warp.surface.files import SUFFIXES, write_mesh
 
         if self.out.suffix.lower() not in SUFFIXES:

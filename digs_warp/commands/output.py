@@ -32,9 +32,9 @@ def capture_files() -> list[str]:
 def reconstruction_files() -> list[str]:
     """Return what `reconstruct` writes."""
     from digs_warp.data.posed_frames import CAMERAS
-    from digs_warp.masks.masks import SETTINGS
-    from digs_warp.pipeline.front_end import HELD_OUT, MENDED, SFM
-    from digs_warp.pipeline.stored_views import RENDERS
+    from digs_warp.masks.masks import HELD_OUT, SETTINGS
+    from digs_warp.pipeline.front_end import MENDED, SFM
+    from digs_warp.pipeline.records import RENDERS
     from digs_warp.poses.from_images.workspace import DATABASE, IMAGES, MODEL, STAGES
 
     in_sfm = (f"{DATABASE}*", f"{MODEL}/*", STAGES, f"{IMAGES}/*.png")

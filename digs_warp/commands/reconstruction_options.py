@@ -110,7 +110,7 @@ class ReconstructionOptions(Settings):
     def __post_init__(self) -> None:
         super().__post_init__()
         if self.scale_from is not None:
-            from digs_warp.pipeline.known_distance import KnownDistance
+            from digs_warp.pipeline.poses import KnownDistance
 
             KnownDistance.parse(self.scale_from)
 

@@ -9,9 +9,8 @@ from typing import TYPE_CHECKING, Annotated
 import tyro
 
 from digs_warp.checks import DigsError
-from digs_warp.commands.command import Command
+from digs_warp.commands.command import Command, SplatOptions
 from digs_warp.commands.output import NewFolder, check_output_file
-from digs_warp.commands.splat_options import SplatOptions
 from digs_warp.record.layout import RUN_RECORD
 from digs_warp.record.progress import progress
 from digs_warp.record.run_log import RunLog

@@ -9,8 +9,7 @@ from typing import Annotated
 import tyro
 
 from digs_warp.checks import DigsError
-from digs_warp.commands.command import Command
-from digs_warp.commands.splat_options import SplatOptions
+from digs_warp.commands.command import Command, SplatOptions
 from digs_warp.settings import Range
 
 

@@ -4,7 +4,7 @@ These can differ from the recording's poses and masks: structure from motion est
 segmentation makes masks. ``cameras.json`` in the reconstruction's folder stores them.
 """
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Collection, Iterable
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -56,8 +56,21 @@ class PosedFrames:
             pose = scaled_pose(frame.camera, units_per_metre)
             return replace(frame, camera=replace(frame.camera, world_from_cam=pose))
 
-        training, held_out = tuple(map(scaled, self.training)), tuple(map(scaled, self.held_out))
-        return PosedFrames(training, held_out, (self.sfm_per_metre or 1.0) * units_per_metre)
+        scale = (self.sfm_per_metre or 1.0) * units_per_metre
+        return replace(self.changed(scaled), sfm_per_metre=scale)
+
+    def changed(self, change: Callable[[Frame], Frame]) -> "PosedFrames":
+        """Return the frames, each changed."""
+        training, held_out = tuple(map(change, self.training)), tuple(map(change, self.held_out))
+        return replace(self, training=training, held_out=held_out)
+
+    def named(self, names: Collection[str]) -> "PosedFrames":
+        """Return those of the frames that have one of the names."""
+        training, held_out = (
+            tuple(frame for frame in group if frame.name in names)
+            for group in (self.training, self.held_out)
+        )
+        return replace(self, training=training, held_out=held_out)
 
     def save(self, folder: Path) -> None:
         """Write cameras.json into the reconstruction's ``folder``."""
@@ -92,8 +105,7 @@ class PosedFrames:
                 return change(frame, mask)
             return frame
 
-        training, held_out = tuple(map(changed, self.training)), tuple(map(changed, self.held_out))
-        return replace(self, training=training, held_out=held_out)
+        return self.changed(changed)
 
     @staticmethod
     def split(capture: Capture, test_every: int) -> "PosedFrames":

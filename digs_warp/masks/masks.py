@@ -5,6 +5,7 @@ import json
 import logging
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
@@ -14,6 +15,7 @@ from digs_warp.checks import DigsError, check_shape
 from digs_warp.data.frame import Frame, PixelSource
 from digs_warp.data.images import read_image, write_image
 from digs_warp.data.layers import Layer
+from digs_warp.data.posed_frames import PosedFrames
 from digs_warp.device.parallel import default_threads
 from digs_warp.masks.config import SegmentConfig
 from digs_warp.masks.from_depth import mask_from_depth
@@ -30,6 +32,8 @@ from digs_warp.record.progress import progress
 logger = logging.getLogger(__name__)
 
 SETTINGS = "settings.json"
+# Inside the folder of masks: those made for held-out frames.
+HELD_OUT = "held_out"
 
 # A mask that covers less or more of the image than this is worth a word.
 ALMOST_EMPTY, ALMOST_FULL = 0.001, 0.98
@@ -76,6 +80,21 @@ def segment(frames: Sequence[Frame], config: SegmentConfig, folder: Path) -> lis
 def with_masks(frames: Sequence[Frame], paths: Sequence[Path]) -> list[Frame]:
     """Return the frames with other mask files."""
     return [frame.with_layer(Layer.MASK, path) for frame, path in zip(frames, paths, strict=True)]
+
+
+def masked(frames: PosedFrames, config: SegmentConfig, folder: Path) -> PosedFrames:
+    """Make masks for the frames. Held-out frames keep theirs: the evaluation must not use our own masks.
+
+    The masks of one of several objects are those of the recording; the frames know that others may hide it.
+    """
+    training = with_masks(frames.training, segment(frames.training, config, folder))
+    held_out = list(frames.held_out)
+    if config.source == "instance" or any(not frame.has(Layer.MASK) for frame in held_out):
+        held_out = with_masks(held_out, segment(held_out, config, folder / HELD_OUT))
+    found = replace(frames, training=tuple(training), held_out=tuple(held_out))
+    if config.instance is None:
+        return found
+    return found.changed(lambda frame: replace(frame, instance=config.instance))
 
 
 def _make(

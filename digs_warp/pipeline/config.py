@@ -13,7 +13,7 @@ from digs_warp.init.mono_depth import check_mono_depth
 from digs_warp.init.start import Subject
 from digs_warp.masks.config import SegmentConfig
 from digs_warp.masks.masks import check_inputs
-from digs_warp.pipeline.known_distance import check_scale_from
+from digs_warp.pipeline.poses import check_scale_from
 from digs_warp.poses.from_images.config import SfmConfig
 from digs_warp.poses.outcome import check_depth
 from digs_warp.train.config import TrainConfig

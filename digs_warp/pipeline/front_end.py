@@ -20,16 +20,16 @@ from digs_warp.init.recipes import initialize
 from digs_warp.init.recorded_points import recorded_points
 from digs_warp.init.start import Start, Subject
 from digs_warp.masks.agreed import agreed_masks
-from digs_warp.masks.config import SegmentConfig
-from digs_warp.masks.masks import segment, with_masks
+from digs_warp.masks.masks import masked
 from digs_warp.pipeline.config import FrontEndConfig, say_subject, subject_of
-from digs_warp.pipeline.known_distance import in_true_size, metric_scale_of
 from digs_warp.pipeline.poses import (
     MetricModel,
     chosen_way,
     depth_contradiction,
     in_metres,
+    in_true_size,
     match_images,
+    metric_scale_of,
     registered,
     tracked,
 )
@@ -47,8 +47,8 @@ if TYPE_CHECKING:
 logger = logging.getLogger(__name__)
 
 SFM = "sfm"
-# Inside the folder of masks: those made for held-out frames, and those that other views contradicted.
-HELD_OUT, MENDED = "held_out", "mended"
+# Inside the folder of masks: those that other views contradicted.
+MENDED = "mended"
 
 # Recordings of at most this many frames are looked at frame by frame, which takes a second.
 SHORT = 60
@@ -131,7 +131,7 @@ def _poses_and_start(
         with log.stage("masks"):
             frames = masked(frames, config.segment, folder / MASKS)
     if subject == "scene":
-        frames = without_masks(frames)
+        frames = frames.changed(lambda frame: frame.without_layer(Layer.MASK))
     model: MetricModel | None = None
     findings: tuple[str, ...] = ()
     if sparse is not None:
@@ -258,29 +258,3 @@ def quick_check(capture: Capture, config: FrontEndConfig) -> CheckResult:
     uses_poses, uses_masks = config.sfm.poses != "sfm", config.segment.source == "capture"
     asker = "run" if uses_poses and len(capture) <= SHORT else "info"
     return check_capture(capture, asker, poses=uses_poses, masks=uses_masks)
-
-
-def masked(frames: PosedFrames, config: SegmentConfig, folder: Path) -> PosedFrames:
-    """Make masks for the frames. Held-out frames keep theirs: the evaluation must not use our own masks.
-
-    The masks of one of several objects are those of the recording; the frames know that others may hide it.
-    """
-    training = with_masks(frames.training, segment(frames.training, config, folder))
-    held_out = list(frames.held_out)
-    if config.source == "instance" or any(not frame.has(Layer.MASK) for frame in held_out):
-        held_out = with_masks(held_out, segment(held_out, config, folder / HELD_OUT))
-    if config.instance is not None:
-        training, held_out = (
-            [replace(frame, instance=config.instance) for frame in group]
-            for group in (training, held_out)
-        )
-    return replace(frames, training=tuple(training), held_out=tuple(held_out))
-
-
-def without_masks(frames: PosedFrames) -> PosedFrames:
-    """Return the frames for a whole scene, which uses no masks."""
-    training, held_out = (
-        tuple(frame.without_layer(Layer.MASK) for frame in group)
-        for group in (frames.training, frames.held_out)
-    )
-    return replace(frames, training=training, held_out=held_out)

@@ -1,19 +1,34 @@
-"""A mesh of Gaussians from the cameras that saw them."""
+"""A mesh of Gaussians from the cameras that saw them, and from measured depth as far as that is trusted.
 
+The photographs tell how far, as they do in the training (`digs_warp.train.depth_errors`): where whole regions
+of the measured depth lie off the surface of the Gaussians, that surface is the better one. Where only single
+pixels do, measured depth is as good as it, and its errors are others: together they are better than each.
+"""
+
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from functools import partial
 
+import numpy as np
+
+from digs_warp.data.frame import Frame
+from digs_warp.data.gaussians import Gaussians
 from digs_warp.data.layers import Layer
+from digs_warp.data.posed_frames import PosedFrames
+from digs_warp.data.triangle_mesh import TriangleMesh
 from digs_warp.data.viewpoints import evenly
-
-if TYPE_CHECKING:
-    from digs_warp.data.frame import Frame
-    from digs_warp.data.gaussians import Gaussians
-    from digs_warp.data.posed_frames import PosedFrames
-    from digs_warp.data.triangle_mesh import TriangleMesh
-    from digs_warp.geometry.camera import Camera
-    from digs_warp.pipeline.records import Poses
-    from digs_warp.surface.extract import Scene
+from digs_warp.geometry.camera import Camera, Intrinsics
+from digs_warp.pipeline.records import Poses
+from digs_warp.show.film.camera_path import Subject, find_subject, orbit
+from digs_warp.surface.depth_views import depth_views
+from digs_warp.surface.extract import OBJECT_THRESHOLD, Layers, Scene, extract_surface
+from digs_warp.train.depth_errors import (
+    TRUSTED_IN_SCENES,
+    TRUSTED_SPREAD,
+    DepthErrors,
+    DepthJudge,
+    DepthSamples,
+)
 
 # More cameras add little and take longer.
 MOST_VIEWS = 60
@@ -23,6 +38,11 @@ RING_ELEVATIONS_DEG = (-15.0, 15.0, 45.0, 70.0)
 RING_CAMERAS = 16
 RING_SIZE_PX = 512
 RING_FOV_DEG = 45.0
+
+# The trust hardly changes with more views.
+VIEWS = 8
+# Depth that is trusted less is left out: its errors are larger than those of the Gaussians.
+LEAST_TRUST = 0.5
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,7 +58,7 @@ class ExtractedMesh:
         trust: in the measured depth that was fused beside the rendered one; 0: it was not.
     """
 
-    mesh: "TriangleMesh"
+    mesh: TriangleMesh
     removed_parts: int
     removed_triangles: int
     views: int
@@ -48,7 +68,7 @@ class ExtractedMesh:
 
 
 def extract_mesh(
-    gaussians: "Gaussians", poses: "Poses", voxel: float | None = None, views: int = MOST_VIEWS
+    gaussians: Gaussians, poses: Poses, voxel: float | None = None, views: int = MOST_VIEWS
 ) -> ExtractedMesh:
     """Return the surface of Gaussians as seen by the cameras of their capture, or by rings of cameras.
 
@@ -61,10 +81,6 @@ def extract_mesh(
     Raises:
         DigsError: the cameras see no surface.
     """
-    from digs_warp.pipeline.measured_depth import measured_depth
-    from digs_warp.show.film.camera_path import find_subject
-    from digs_warp.surface.extract import Scene, extract_surface
-
     subject = find_subject(gaussians)
     scene = Scene(subject.center_world, subject.radius)
     frames = _chosen(poses.frames, views)
@@ -90,15 +106,67 @@ def extract_mesh(
     )
 
 
-def _chosen(frames: "PosedFrames | None", views: int) -> "list[Frame]":
+def _chosen(frames: PosedFrames | None, views: int) -> list[Frame]:
     return [] if frames is None else evenly((*frames.training, *frames.held_out), views)
 
 
-def _rings(scene: "Scene") -> "list[Camera]":
-    from digs_warp.geometry.camera import Intrinsics
-    from digs_warp.show.film.camera_path import Subject, orbit
+def _rings(scene: Scene) -> list[Camera]:
 
     k = Intrinsics.from_fov(RING_SIZE_PX, RING_SIZE_PX, RING_FOV_DEG)
     subject = Subject(scene.center_world, scene.radius)
     rings = [orbit(subject, k, RING_CAMERAS, elevation) for elevation in RING_ELEVATIONS_DEG]
     return [camera for ring in rings for camera in ring]
+
+
+@dataclass(frozen=True, eq=False)
+class MeasuredDepth:
+    """What is fused beside the rendered depth.
+
+    Attributes:
+        load: reads the depth of each frame without its offset [m], NaN where unknown.
+        trust: in it, `LEAST_TRUST` to 1.
+    """
+
+    load: Layers
+    trust: float
+
+
+def measured_depth(
+    gaussians: Gaussians, frames: Sequence[Frame], center_world: np.ndarray, is_object: bool
+) -> MeasuredDepth | None:
+    """Return the measured depth of frames; None where one has none, or it is not trusted.
+
+    Args:
+        gaussians: what was reconstructed from the frames.
+        frames: as posed.
+        center_world: where the scene is [m].
+        is_object: whether the Gaussians are of one object, trained with masks.
+    """
+    if not frames or not all(frame.has(Layer.DEPTH) for frame in frames):
+        return None
+    errors = _errors(gaussians, evenly(frames, VIEWS), center_world, is_object)
+    if errors.trust < LEAST_TRUST:
+        return None
+    return MeasuredDepth([partial(_loaded, f, errors.offset) for f in frames], errors.trust)
+
+
+def _errors(
+    gaussians: Gaussians, frames: Sequence[Frame], center_world: np.ndarray, is_object: bool
+) -> DepthErrors:
+    judge = DepthJudge(len(frames), TRUSTED_SPREAD if is_object else TRUSTED_IN_SCENES)
+    cameras = [frame.camera for frame in frames]
+    views = depth_views(gaussians, cameras, center_world, is_object=is_object)
+    for number, (view, frame) in enumerate(zip(views, frames, strict=True)):
+        measured = frame.load_depth()
+        known = np.isfinite(measured) & np.isfinite(view.depth)
+        if frame.has(Layer.MASK):
+            known &= frame.load_mask() > OBJECT_THRESHOLD
+        samples = DepthSamples.of(measured, known)
+        rendered = view.depth[samples.rows, samples.columns].astype(np.float64)
+        judge.fit(number, rendered, samples.depths, samples.cells)
+    return judge.errors
+
+
+def _loaded(frame: Frame, offset: float) -> np.ndarray:
+    measured = frame.load_depth()
+    return measured / np.maximum(1.0 - offset * measured, 0.1)

@@ -22,7 +22,7 @@ from digs_warp.pipeline.config import ReconstructConfig, check_front_end
 from digs_warp.pipeline.front_end import SFM, front_end
 from digs_warp.pipeline.optimize import Optimized, optimize
 from digs_warp.pipeline.reconstruction import Reconstruction
-from digs_warp.pipeline.stored_views import write_render, write_scores
+from digs_warp.pipeline.records import write_render, write_scores
 from digs_warp.record.files import remove
 from digs_warp.record.layout import (
     CHECKPOINT,

@@ -1,6 +1,6 @@
 """The result of a reconstruction, in memory and in the folder of docs/formats.md.
 
-No other code reads or names the files of that folder that describe a result, but `stored_views` beside it.
+No other code reads or names the files of that folder that describe a result, but `records` beside it.
 """
 
 from dataclasses import dataclass, field, replace
@@ -17,12 +17,15 @@ from digs_warp.data.posed_frames import PosedFrames
 from digs_warp.geometry.camera import Camera
 from digs_warp.init.start import Start
 from digs_warp.measure.scores import Scores
-from digs_warp.pipeline.records import Poses, store, stored, stored_capture
-from digs_warp.pipeline.stored_views import (
+from digs_warp.pipeline.records import (
     RENDERS,
+    Poses,
     find_frames,
     read_render,
     read_scores,
+    store,
+    stored,
+    stored_capture,
     write_scores,
 )
 from digs_warp.record.fields import Fields

@@ -29,12 +29,7 @@ def only_registered(
     logger.warning(
         "not registered and left out: %s (%s)", counted(len(lost), "frame"), first_few(lost)
     )
-    training, held_out = (
-        tuple(frame for frame in group if frame.name in names)
-        for group in (frames.training, frames.held_out)
-    )
-    left = replace(frames, training=training, held_out=held_out)
-    return with_held_out(left, capture, test_every)
+    return with_held_out(frames.named(names), capture, test_every)
 
 
 def with_held_out(frames: PosedFrames, capture: Capture, test_every: int) -> PosedFrames:

@@ -14,7 +14,6 @@ from digs_warp.data.gaussians import Gaussians
 from digs_warp.data.point_cloud import PointCloud
 from digs_warp.data.posed_frames import PosedFrames
 from digs_warp.measure.scores import Scores
-from digs_warp.pipeline.mesh import extract_mesh
 from digs_warp.pipeline.records import Poses
 from digs_warp.record.run_log import RunRecord
 
@@ -79,11 +78,17 @@ def write_capture_package(
         variants=tuple(map(_variant, results, variant_labels([each.name for each in results]))),
         cameras=_camera_path(capture, posed),
         source_mesh=_source_mesh(capture, shown.instance),
-        surface=extract_mesh(shown.gaussians, poses).mesh if surface else None,
+        surface=_surface(shown.gaussians, poses) if surface else None,
         course=shown.snapshots,
         metadata=shown.metadata | _origin(capture, shown.instance),
     )
     write_capture_scene(path, scene, options)
+
+
+def _surface(gaussians: Gaussians, poses: Poses) -> "TriangleMesh":
+    from digs_warp.pipeline.mesh import extract_mesh
+
+    return extract_mesh(gaussians, poses).mesh
 
 
 def scene_metadata(run: RunRecord, poses: Poses, scores: Scores) -> dict[str, Any]:

@@ -14,7 +14,7 @@ wp.set_module_options({"enable_backward": False})
 class Target:
     """Where a frame's pixels are, and its camera.
 
-    ``turn`` and ``shift``: motion of the camera while all rows are read, see `digs_warp.splat.row_motion`.
+    ``turn`` and ``shift``: motion of the camera while all rows are read, see `digs_warp.splat.camera_motion`.
     """
 
     offset: int

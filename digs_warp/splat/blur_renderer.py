@@ -1,4 +1,4 @@
-"""Render views with motion blur: `digs_warp.splat.blur` has the formulas."""
+"""Render views with motion blur: `digs_warp.splat.camera_motion` has the formulas."""
 
 from dataclasses import replace
 
@@ -12,11 +12,10 @@ from digs_warp.geometry.camera import Camera
 from digs_warp.geometry.rigid import PixelBox
 from digs_warp.splat.background import tiles_with_background
 from digs_warp.splat.bin_tiles import pixels_of
-from digs_warp.splat.blur import Blur
+from digs_warp.splat.camera_motion import Blur, RowMotion
 from digs_warp.splat.config import DEFAULT_OPTIONS, TILE_SIZE, RasterOptions
 from digs_warp.splat.device import DeviceGaussians, SplatStatistics
 from digs_warp.splat.renderer import WHITE, SplatRenderer
-from digs_warp.splat.row_motion import RowMotion
 
 wp.set_module_options({"enable_backward": False, "max_unroll": 1, "optimization_level": 3})
 

@@ -17,8 +17,8 @@ import warp as wp
 from digs_warp.device.elementary import exp_of, larger, smaller
 from digs_warp.geometry.camera import Camera
 from digs_warp.geometry.rigid import PixelBox
+from digs_warp.splat.camera_motion import STILL, RowMotion
 from digs_warp.splat.config import DEFAULT_OPTIONS, TILE_SIZE, RasterOptions
-from digs_warp.splat.row_motion import STILL, RowMotion
 from digs_warp.splat.row_pose import RowPose, moment_of
 
 wp.set_module_options({"enable_backward": False})
@@ -38,7 +38,7 @@ class ViewParams:
     rotation: wp.mat33  # cam_from_world; of the middle row, as all of these
     translation: wp.vec3
     center_world: wp.vec3
-    turn: wp.vec3  # of `digs_warp.splat.row_motion.RowMotion`
+    turn: wp.vec3  # of `digs_warp.splat.camera_motion.RowMotion`
     shift: wp.vec3
     # The tiles of the view, and those that are drawn: columns and rows first .. end - 1.
     columns: int

@@ -9,11 +9,11 @@ from digs_warp.data.gaussians import FIELDS, Gaussians
 from digs_warp.device.image_planes import ImagePlanes
 from digs_warp.geometry.camera import Camera
 from digs_warp.splat.camera_gradient import CameraGradient
+from digs_warp.splat.camera_motion import RowMotion
 from digs_warp.splat.config import DEFAULT_OPTIONS, EXPECTED, MEDIAN, RasterOptions
 from digs_warp.splat.device import DeviceGaussians
 from digs_warp.splat.footprint import near_plane
 from digs_warp.splat.renderer import WHITE, SplatRenderer
-from digs_warp.splat.row_motion import RowMotion
 
 __all__ = ["RenderOutput", "SplatRenderer", "near_plane", "render"]
 

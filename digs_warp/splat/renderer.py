@@ -17,11 +17,11 @@ from digs_warp.splat.backend import RasterBackend, RasterJob, backend_for
 from digs_warp.splat.background import add_background, tiles_with_background
 from digs_warp.splat.bin_tiles import TileBinner
 from digs_warp.splat.camera_gradient import CameraGradient, CameraShares
+from digs_warp.splat.camera_motion import RowMotion
 from digs_warp.splat.config import DEFAULT_OPTIONS, RasterOptions
 from digs_warp.splat.device import DeviceGaussians, SplatStatistics
 from digs_warp.splat.footprint import ViewParams, view_params
 from digs_warp.splat.records import GradientLayout, PairGradients, Splats, TilePairs, ViewPlanes
-from digs_warp.splat.row_motion import RowMotion
 from digs_warp.splat.skin import skin_launch
 
 WHITE = (1.0, 1.0, 1.0)

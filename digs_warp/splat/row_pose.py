@@ -1,4 +1,4 @@
-"""The pose of the row in which a point lies, on the device; see `digs_warp.splat.row_motion`."""
+"""The pose of the row in which a point lies, on the device; see `digs_warp.splat.camera_motion`."""
 
 import warp as wp
 

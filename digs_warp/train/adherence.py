@@ -16,11 +16,11 @@ from digs_warp.data.layers import Layer
 from digs_warp.data.viewpoints import evenly
 from digs_warp.geometry.camera import Camera
 from digs_warp.geometry.rigid import PixelBox, mask_box
+from digs_warp.splat.camera_motion import RowMotion
 from digs_warp.splat.config import RasterOptions
 from digs_warp.splat.device import DeviceGaussians
 from digs_warp.splat.footprint import near_plane
 from digs_warp.splat.renderer import SplatRenderer
-from digs_warp.splat.row_motion import RowMotion
 from digs_warp.splat.surface_depth import surface_depth, surface_place
 from digs_warp.train.shutter import NO_SHUTTER, ShutterPlan
 

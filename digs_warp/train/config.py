@@ -32,6 +32,11 @@ DEPTH_WEIGHT = 0.008
 # Weights of mean opacity and mean scale with density "mcmc": the values of 3dgs-mcmc and gsplat.
 MCMC_WEIGHT = 0.01
 
+# The random streams of a run: one separate stream for each purpose, all derived from its seed. A draw follows
+# from (seed, purpose, step or epoch), and its row i belongs to Gaussian i: nothing depends on the order of
+# threads, and a resumed run draws the same numbers as an uninterrupted one.
+VIEW_ORDER, BACKGROUND, SPLIT, RELOCATE, EXPLORE = range(5)
+
 # Iterations after which held-out views are measured: denser at first, where quality rises fast.
 EVALUATE_AT = (100, 300, 500, 1000, 3000, 7000, 12000)
 

@@ -6,7 +6,7 @@ colors of the Gaussians as they are; the aligned ones first give these the gain 
 
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -14,15 +14,16 @@ from digs_warp.data.frame import Frame
 from digs_warp.data.layers import Layer
 from digs_warp.device.threads import default_threads
 from digs_warp.geometry.camera import Camera
+from digs_warp.geometry.rigid import mask_box
 from digs_warp.measure.color_gain import OFFSET, ColorGain, fit_color_gain
 from digs_warp.measure.metrics import mean_over, psnr, ssim_map
 from digs_warp.measure.scores import ViewScore
-from digs_warp.splat.blur import Blur
+from digs_warp.poses.in_training import filled_depth, motion_between, moved
 from digs_warp.splat.blur_renderer import BlurRenderer
+from digs_warp.splat.camera_motion import Blur, RowMotion
 from digs_warp.splat.config import RasterOptions
 from digs_warp.splat.device import DeviceGaussians
 from digs_warp.splat.footprint import near_plane
-from digs_warp.splat.row_motion import RowMotion
 from digs_warp.splat.surface_depth import covered_depth
 from digs_warp.train.exposure import INSIDE
 from digs_warp.train.shutter import NO_SHUTTER, ShutterPlan
@@ -239,3 +240,35 @@ def interpolated(times: np.ndarray, gains: Sequence[ColorGain], moment: float) -
     known = np.stack([gains[n].log_factors for n in order])
     factors = [np.interp(moment, times[order], values) for values in known.T]
     return ColorGain(np.array(factors))
+
+
+# Sizes of the blocks of pixels that are compared, one after the other; over single pixels cameras shift, too.
+POOLS = (4, 4, 2, 2, 1, 1, 1)
+
+
+def moved_views(
+    gaussians: DeviceGaussians, views: Sequence[TestView], shifts: bool = True
+) -> list[TestView]:
+    """Return the views with cameras moved until the finished Gaussians fit, as those of the training did.
+
+    Where poses are trained, those of held-out photographs are as far off as the others were: without this,
+    their score would measure the poses (BARF, Lin et al., ICCV 2021, section 4.2, does the same). Without
+    ``shifts``, cameras only turn.
+    """
+    found = list(views)
+    middle = np.median(gaussians.means.numpy(), axis=0)
+    for pool in POOLS:
+        renderings = render_views(gaussians, found, with_depth=shifts and pool == 1)
+        for number, (rendering, view) in enumerate(zip(renderings, found, strict=True)):
+            image, pose = color_aligned(rendering, view), view.camera.world_from_cam
+            box = mask_box(view.share)
+            part = (slice(box[1], box[3]), slice(box[0], box[2]))
+            photograph = view.target_for(image)[part]
+            depth = None
+            if rendering.depth is not None:
+                depth = filled_depth(rendering.depth[part], photograph.shape[:2], pose, middle)
+            k = view.camera.intrinsics
+            motion = motion_between(image[part], photograph, k, box, pool, depth)
+            camera = replace(view.camera, world_from_cam=moved(pose, motion))
+            found[number] = replace(view, camera=camera)
+    return found

@@ -23,8 +23,7 @@ from digs_warp.splat.device import DeviceGaussians
 from digs_warp.train.adherence import MeasuredView, load_measured_views
 from digs_warp.train.checkpoint import checkpoint_step, load_checkpoint, save_checkpoint
 from digs_warp.train.config import TrainConfig
-from digs_warp.train.evaluate import MeasuredViews, TestView
-from digs_warp.train.moved_views import moved_views
+from digs_warp.train.evaluate import MeasuredViews, TestView, moved_views
 from digs_warp.train.recorder import LOG_EVERY, CourseRecorder
 from digs_warp.train.shutter import NO_SHUTTER, ShutterPlan
 from digs_warp.train.time_plan import MOST_DENSE_STEPS, Clock, TimePlan, plan_time

@@ -16,8 +16,7 @@ from digs_warp.data.camera_motion import CameraMotion
 from digs_warp.data.frame import Frame
 from digs_warp.geometry.rigid import transform_points
 from digs_warp.record.typed import NOT_STORED
-from digs_warp.splat.blur import Blur
-from digs_warp.splat.row_motion import RowMotion
+from digs_warp.splat.camera_motion import Blur, RowMotion
 from digs_warp.words import counted
 
 # Points of the object that tell how far its image moves.

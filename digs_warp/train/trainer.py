@@ -15,7 +15,7 @@ from digs_warp.splat.config import RasterOptions
 from digs_warp.splat.device import DeviceGaussians, move_gaussians
 from digs_warp.splat.footprint import near_plane
 from digs_warp.splat.surface_depth import surface_place
-from digs_warp.train.config import TrainConfig
+from digs_warp.train.config import BACKGROUND, TrainConfig
 from digs_warp.train.density.control import density_control
 from digs_warp.train.density.refinement import Refinement
 from digs_warp.train.depth_errors import (
@@ -26,7 +26,6 @@ from digs_warp.train.depth_errors import (
     DepthJudge,
     rendered_depths,
 )
-from digs_warp.train.draws import BACKGROUND
 from digs_warp.train.exposure import Exposures, rendered_samples
 from digs_warp.train.objective import Objective
 from digs_warp.train.optimizer import Adam, FiniteCheck, non_finite_rows

@@ -16,8 +16,7 @@ from digs_warp.data.layers import Layer
 from digs_warp.device.parallel import default_threads
 from digs_warp.geometry.camera import Camera
 from digs_warp.record.progress import progress
-from digs_warp.train.config import TrainConfig
-from digs_warp.train.draws import VIEW_ORDER
+from digs_warp.train.config import VIEW_ORDER, TrainConfig
 from digs_warp.train.shutter import NO_SHUTTER, ShutterPlan
 from digs_warp.train.views import View, load_view
 

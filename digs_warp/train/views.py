@@ -14,8 +14,7 @@ from digs_warp.losses.depth import DepthTarget, depth_weights
 from digs_warp.losses.regions import tiles_of
 from digs_warp.losses.target import pack_view
 from digs_warp.losses.unknown import UnknownPixels
-from digs_warp.splat.blur import Blur
-from digs_warp.splat.row_motion import RowMotion
+from digs_warp.splat.camera_motion import Blur, RowMotion
 from digs_warp.train.depth_errors import DepthSamples
 from digs_warp.train.exposure import ColorSamples
 from digs_warp.train.silhouette import without_surround

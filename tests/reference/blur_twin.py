@@ -5,8 +5,8 @@ from dataclasses import dataclass, fields, replace
 import numpy as np
 
 from digs_warp.geometry.camera import Camera
+from digs_warp.splat.camera_motion import RowMotion
 from digs_warp.splat.config import RasterOptions
-from digs_warp.splat.row_motion import RowMotion
 from reference.splat_scenes import SplatScene
 from reference.splat_twin import Adjoints, Parameters, TwinView, render_twin, twin_gradients
 

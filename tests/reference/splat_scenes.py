@@ -7,7 +7,7 @@ import numpy as np
 from digs_warp.data.gaussians import Gaussians
 from digs_warp.geometry.camera import Camera, Intrinsics
 from digs_warp.geometry.rigid import look_at
-from digs_warp.splat.row_motion import STILL, RowMotion
+from digs_warp.splat.camera_motion import STILL, RowMotion
 
 BACKGROUND = np.array([0.2, 0.5, 0.9])
 NEAR = 0.05

@@ -16,8 +16,8 @@ from digs_warp.data.gaussians import Gaussians
 from digs_warp.geometry.camera import Camera, pixel_centers
 from digs_warp.geometry.rigid import matrix_from_quat_xyzw
 from digs_warp.geometry.sh import sh_basis
+from digs_warp.splat.camera_motion import STILL, RowMotion
 from digs_warp.splat.config import RasterOptions
-from digs_warp.splat.row_motion import STILL, RowMotion
 
 FEATURES = 7  # red, green, blue, depth, normal
 

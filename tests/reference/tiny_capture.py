@@ -14,9 +14,9 @@ from digs_warp.data.images import to_uint8
 from digs_warp.geometry.camera import Camera, Intrinsics
 from digs_warp.geometry.rigid import look_at
 from digs_warp.geometry.sh import sh_from_rgb
+from digs_warp.splat.camera_motion import RowMotion
 from digs_warp.splat.config import RasterOptions
 from digs_warp.splat.render import render
-from digs_warp.splat.row_motion import RowMotion
 from digs_warp.splat.surface_depth import surface_depth
 
 WIDTH, HEIGHT = 72, 54

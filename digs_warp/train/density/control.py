@@ -9,11 +9,10 @@ from digs_warp.checks import DigsError
 from digs_warp.device.parallel import launch_parallel
 from digs_warp.geometry.sh import coefficient_count
 from digs_warp.splat.device import DeviceGaussians, SplatStatistics
-from digs_warp.train.config import TrainConfig
+from digs_warp.train.config import EXPLORE, RELOCATE, SPLIT, TrainConfig
 from digs_warp.train.density import adaptive
 from digs_warp.train.density.mcmc import NOISE, RELOCATE_UNTIL_SHARE, noise_kernel, relocate
 from digs_warp.train.density.refinement import Refinement, unchanged
-from digs_warp.train.draws import EXPLORE, RELOCATE, SPLIT
 
 # Floats per Gaussian without its color: center, scales, rotation, opacity.
 _SHAPE_FLOATS = 3 + 3 + 4 + 1

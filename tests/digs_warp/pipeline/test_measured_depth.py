@@ -10,8 +10,7 @@ from digs_warp.data.frame import Frame
 from digs_warp.data.layers import Layer
 from digs_warp.data.posed_frames import PosedFrames
 from digs_warp.geometry.camera import Camera, Intrinsics
-from digs_warp.pipeline.measured_depth import MeasuredDepth, measured_depth
-from digs_warp.pipeline.mesh import extract_mesh
+from digs_warp.pipeline.mesh import MeasuredDepth, extract_mesh, measured_depth
 from digs_warp.pipeline.reconstruction import Reconstruction
 from digs_warp.surface.depth_views import MOST_SHARE, DepthView, toward_measured
 from reference.optional import open3d_or_skip

@@ -12,7 +12,7 @@ from digs_warp.checks import DigsError
 from digs_warp.data.about import About
 from digs_warp.data.capture import Capture
 from digs_warp.data.layers import Layer
-from digs_warp.pipeline.known_distance import KnownDistance
+from digs_warp.pipeline.poses import KnownDistance
 from digs_warp.pipeline.reconstruction import Reconstruction
 from digs_warp.record.files import read_json
 from digs_warp.show.report.facts import describe

@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from digs_warp.data.index_rules import INDEX_NAME
-from digs_warp.pipeline.stored_views import find_capture
+from digs_warp.pipeline.records import find_capture
 
 NOTED = Path("captures/mug")  # as it was given in the folder "project"
 

@@ -19,8 +19,7 @@ from digs_warp.poses.in_training import PoseTraining, TrainedPoses, motion_betwe
 from digs_warp.splat.device import DeviceGaussians, move_gaussians
 from digs_warp.train.checkpoint import load_checkpoint, save_checkpoint
 from digs_warp.train.config import Stop, TrainConfig
-from digs_warp.train.evaluate import load_test_views
-from digs_warp.train.moved_views import moved_views
+from digs_warp.train.evaluate import load_test_views, moved_views
 from digs_warp.train.trainer import Trainer
 from digs_warp.train.view_store import open_views
 from reference.tiny_capture import ball, write_tiny_capture

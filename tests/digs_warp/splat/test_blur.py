@@ -6,12 +6,11 @@ import numpy as np
 import pytest
 
 from digs_warp.data.gaussians import Gaussians
-from digs_warp.splat.blur import MOST_MOMENTS, Blur
 from digs_warp.splat.blur_renderer import BlurRenderer
+from digs_warp.splat.camera_motion import MOST_MOMENTS, STILL, Blur, RowMotion
 from digs_warp.splat.config import RasterOptions
 from digs_warp.splat.device import DeviceGaussians, SplatStatistics
 from digs_warp.splat.renderer import SplatRenderer
-from digs_warp.splat.row_motion import STILL, RowMotion
 from reference.blur_twin import blurred_gradients, cameras_of, moments_of, render_blurred
 from reference.splat_scenes import (
     BACKGROUND,

@@ -12,10 +12,10 @@ import pytest
 
 from digs_warp.geometry.rigid import matrix_from_quat_xyzw
 from digs_warp.splat.backend import VectorizedBackend
+from digs_warp.splat.camera_motion import STILL, RowMotion
 from digs_warp.splat.config import RasterOptions
 from digs_warp.splat.device import DeviceGaussians
 from digs_warp.splat.render import SplatRenderer
-from digs_warp.splat.row_motion import STILL, RowMotion
 from digs_warp.splat.tile import STEP_CUT
 from reference.smooth_cut import CUT_WIDTH, SMOOTH_CUT
 from reference.splat_scenes import BACKGROUND, NEAR, camera, random_gaussians

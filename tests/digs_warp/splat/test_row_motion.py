@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from digs_warp.checks import DigsError
+from digs_warp.splat.camera_motion import STILL, RowMotion
 from digs_warp.splat.render import render
-from digs_warp.splat.row_motion import STILL, RowMotion
 from reference.splat_scenes import BACKGROUND, NEAR, camera, random_gaussians
 
 SOME = random_gaussians(30, seed=2)

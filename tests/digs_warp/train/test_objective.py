@@ -10,11 +10,10 @@ from digs_warp.data.gaussians import Gaussians
 from digs_warp.geometry.camera import Camera, Intrinsics
 from digs_warp.geometry.rigid import look_at
 from digs_warp.losses.depth import DepthTarget
-from digs_warp.splat.blur import Blur
 from digs_warp.splat.blur_renderer import BlurRenderer
+from digs_warp.splat.camera_motion import Blur, RowMotion
 from digs_warp.splat.config import RasterOptions
 from digs_warp.splat.device import DeviceGaussians
-from digs_warp.splat.row_motion import RowMotion
 from digs_warp.train.config import Density, TrainConfig
 from digs_warp.train.objective import Objective
 from digs_warp.train.views import packed_view

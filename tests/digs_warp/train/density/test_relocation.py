@@ -7,7 +7,7 @@ import pytest
 
 from digs_warp.data.gaussians import FIELDS, Gaussians
 from digs_warp.splat.device import DeviceGaussians
-from digs_warp.train.config import Density, TrainConfig
+from digs_warp.train.config import EXPLORE, Density, TrainConfig
 from digs_warp.train.density.control import MonteCarlo
 from digs_warp.train.density.mcmc import (
     DEAD_OPACITY,
@@ -15,7 +15,6 @@ from digs_warp.train.density.mcmc import (
     relocate,
     shared_by_copies,
 )
-from digs_warp.train.draws import EXPLORE
 from reference.density_twin import brightness_along_a_line, noise, relocated
 
 
