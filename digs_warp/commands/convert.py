@@ -11,6 +11,7 @@ from digs_warp.checks import DigsError
 from digs_warp.commands.command import Command, SplatOptions
 from digs_warp.commands.output import NewFolder, check_output_file
 from digs_warp.data.index_rules import INDEX_NAME
+from digs_warp.formats.captures.formats import CaptureFormat, RecordingFormat
 from digs_warp.record.layout import RUN_RECORD, find_gaussians
 from digs_warp.record.run_log import RunLog
 from digs_warp.settings import FIELD_OF_VIEW, FRAMES, Settings
@@ -21,32 +22,6 @@ if TYPE_CHECKING:
 
 
 logger = logging.getLogger(__name__)
-
-CaptureFormat = Literal[
-    "colmap",
-    "colmap-text",
-    "nerfstudio",
-    "tum",
-    "bop",
-    "redwood",
-    "kitti-stereo",
-    "sceneflow",
-    "middlebury",
-]
-RecordingFormat = Literal[
-    "nerfstudio",
-    "tum",
-    "scannet",
-    "record3d",
-    "zed",
-    "redwood",
-    "bop",
-    "colmap",
-    "7scenes",
-    "euroc",
-    "video",
-    "realsense",
-]
 
 
 @dataclass(frozen=True, kw_only=True)

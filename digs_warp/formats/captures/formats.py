@@ -1,49 +1,70 @@
-"""The formats that recordings are read from and captures are exported to, by name."""
+"""The formats that recordings are read from and captures are exported to, by name.
 
+One more format is a file in this folder, and its name and functions here.
+"""
+
+import importlib
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from typing import TYPE_CHECKING, Any, Literal
 
 from digs_warp.checks import CaptureError, DigsError, require_folder
-from digs_warp.data.capture import Capture
-from digs_warp.formats.captures.bop import read_bop, write_bop
-from digs_warp.formats.captures.colmap import write_colmap_binary, write_colmap_text
-from digs_warp.formats.captures.colmap_import import read_colmap
-from digs_warp.formats.captures.euroc import read_euroc
-from digs_warp.formats.captures.kitti import write_kitti_stereo
-from digs_warp.formats.captures.middlebury import write_middlebury
-from digs_warp.formats.captures.nerfstudio import read_nerfstudio, write_nerfstudio
-from digs_warp.formats.captures.realsense import read_bag
-from digs_warp.formats.captures.recording import Recording
-from digs_warp.formats.captures.redwood import read_redwood, write_redwood
-from digs_warp.formats.captures.scanner_exports import read_record3d, read_scannet, read_zed
-from digs_warp.formats.captures.sceneflow import write_sceneflow
-from digs_warp.formats.captures.seven_scenes import read_seven_scenes
-from digs_warp.formats.captures.tum import read_tum, write_tum
-from digs_warp.formats.captures.video import read_film
 from digs_warp.words import did_you_mean
 
-READERS: dict[str, Callable[[Path], Recording]] = {
-    "nerfstudio": read_nerfstudio,
-    "tum": read_tum,
-    "scannet": read_scannet,
-    "record3d": read_record3d,
-    "zed": read_zed,
-    "redwood": read_redwood,
-    "bop": read_bop,
-    "colmap": read_colmap,
-    "7scenes": read_seven_scenes,
-    "euroc": read_euroc,
+if TYPE_CHECKING:
+    from digs_warp.data.capture import Capture
+    from digs_warp.formats.captures.recording import Recording
+
+# The choices of the command line.
+RecordingFormat = Literal[
+    "nerfstudio",
+    "tum",
+    "scannet",
+    "record3d",
+    "zed",
+    "redwood",
+    "bop",
+    "colmap",
+    "7scenes",
+    "euroc",
+    "video",
+    "realsense",
+]
+CaptureFormat = Literal[
+    "colmap",
+    "colmap-text",
+    "nerfstudio",
+    "tum",
+    "bop",
+    "redwood",
+    "kitti-stereo",
+    "sceneflow",
+    "middlebury",
+]
+
+# The module and function that reads a folder as a `Recording`.
+READERS: dict[str, str] = {
+    "nerfstudio": "nerfstudio.read_nerfstudio",
+    "tum": "tum.read_tum",
+    "scannet": "scanner_exports.read_scannet",
+    "record3d": "scanner_exports.read_record3d",
+    "zed": "scanner_exports.read_zed",
+    "redwood": "redwood.read_redwood",
+    "bop": "bop.read_bop",
+    "colmap": "colmap_import.read_colmap",
+    "7scenes": "seven_scenes.read_seven_scenes",
+    "euroc": "euroc.read_euroc",
 }
 
 # Those whose recording is one file with many frames; the folder is for the chosen frames.
-FILE_READERS: dict[str, Callable[[Path, Path, "ImportOptions"], Recording]] = {
-    "video": lambda file, scratch, options: read_film(
+FILE_READERS: dict[str, Callable[[Path, Path, "ImportOptions"], "Recording"]] = {
+    "video": lambda file, scratch, options: _function("video.read_film")(
         file, scratch, options.frames or MOST_OF_A_FILM, options.fov_deg
     ),
-    "realsense": lambda file, scratch, options: read_bag(
+    "realsense": lambda file, scratch, options: _function("realsense.read_bag")(
         file, scratch, options.frames or MOST_OF_A_FILM
     ),
 }
@@ -51,17 +72,24 @@ FILE_READERS: dict[str, Callable[[Path, Path, "ImportOptions"], Recording]] = {
 # Frames that are taken of a film if nobody says how many.
 MOST_OF_A_FILM = 120
 
-EXPORTERS: dict[str, Callable[[Capture, Path], None]] = {
-    "colmap": write_colmap_binary,
-    "colmap-text": write_colmap_text,
-    "nerfstudio": write_nerfstudio,
-    "tum": write_tum,
-    "bop": write_bop,
-    "redwood": write_redwood,
-    "kitti-stereo": write_kitti_stereo,
-    "sceneflow": write_sceneflow,
-    "middlebury": write_middlebury,
+# The module and function that writes a capture into a folder.
+EXPORTERS: dict[str, str] = {
+    "colmap": "colmap.write_colmap_binary",
+    "colmap-text": "colmap.write_colmap_text",
+    "nerfstudio": "nerfstudio.write_nerfstudio",
+    "tum": "tum.write_tum",
+    "bop": "bop.write_bop",
+    "redwood": "redwood.write_redwood",
+    "kitti-stereo": "kitti.write_kitti_stereo",
+    "sceneflow": "sceneflow.write_sceneflow",
+    "middlebury": "middlebury.write_middlebury",
 }
+
+
+def _function(place: str) -> Callable[..., Any]:
+    """Return a function of this room, ``module.name``; imported now, for the command line reads this file."""
+    module, _, name = place.partition(".")
+    return getattr(importlib.import_module(f"digs_warp.formats.captures.{module}"), name)
 
 
 @dataclass(frozen=True)
@@ -81,7 +109,7 @@ class ImportOptions:
 @contextmanager
 def opened_recording(
     source: Path, form: str, options: ImportOptions = ImportOptions()
-) -> Iterator[Recording]:
+) -> "Iterator[Recording]":
     """Yield a recording of the format ``form``, one of `READERS` or `FILE_READERS`.
 
     Frames of a film are in a temporary folder, which the end of the block deletes.
@@ -101,7 +129,7 @@ def opened_recording(
     yield recording
 
 
-def read_recording(folder: Path, form: str) -> Recording:
+def read_recording(folder: Path, form: str) -> "Recording":
     """Read a recording of the format ``form``, one of `READERS`; its pixels are read when it is converted.
 
     Raises:
@@ -115,10 +143,10 @@ def read_recording(folder: Path, form: str) -> Recording:
         "recording",
         "Name the folder with its images and depth maps; for a film add --from video.",
     )
-    return READERS[form](folder)
+    return _function(READERS[form])(folder)
 
 
-def export_capture(capture: Capture, form: str, folder: Path) -> None:
+def export_capture(capture: "Capture", form: str, folder: Path) -> None:
     """Write ``capture`` below ``folder`` in the format ``form``, one of `EXPORTERS`.
 
     Raises:
@@ -131,4 +159,4 @@ def export_capture(capture: Capture, form: str, folder: Path) -> None:
             f"{capture}: the recording has no camera poses, and every export has them; give the images "
             "themselves to a program that estimates poses"
         )
-    EXPORTERS[form](capture, Path(folder))
+    _function(EXPORTERS[form])(capture, Path(folder))

@@ -14,7 +14,7 @@ from digs_warp.data.capture import Capture
 from digs_warp.data.images import read_image
 from digs_warp.data.layers import Layer
 from digs_warp.data.posed_frames import PosedFrames
-from digs_warp.formats.captures.formats import READERS
+from digs_warp.formats.captures.formats import read_recording
 from digs_warp.record.layout import GAUSSIANS, INITIAL_POINTS
 from digs_warp.record.run_log import RunLog
 from digs_warp.study.engine.input_errors import perturbed_poses
@@ -60,7 +60,7 @@ def test_an_export_of_a_reconstruction_has_its_poses_and_masks(
     out = tmp_path / form
     line = ["convert", str(folder / "reconstruction"), "--to", form, "--out", str(out)]
     assert main(line) == EXIT_OK
-    frames = READERS[form.removesuffix("-text")](out).frames
+    frames = read_recording(out, form.removesuffix("-text")).frames
     found = [frame.world_from_cam for frame in frames if frame.world_from_cam is not None]
     assert_allclose(np.stack(found), np.stack(poses), atol=1e-5)
     for mask in out.glob("masks/*"):

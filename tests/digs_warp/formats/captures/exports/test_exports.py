@@ -12,7 +12,14 @@ from digs_warp.data.capture import Capture
 from digs_warp.data.capture_writer import CaptureWriter, FrameImages
 from digs_warp.data.images import encode_jpeg, read_image
 from digs_warp.data.layers import Layer
-from digs_warp.formats.captures.formats import EXPORTERS, export_capture
+from digs_warp.formats.captures.formats import (
+    EXPORTERS,
+    FILE_READERS,
+    READERS,
+    CaptureFormat,
+    RecordingFormat,
+    export_capture,
+)
 from digs_warp.formats.captures.frames import encode_depth
 from digs_warp.geometry.camera import Intrinsics
 from digs_warp.record.files import read_json
@@ -108,6 +115,11 @@ def test_unknown_formats_are_refused(capture: Capture, tmp_path: Path) -> None:
         DigsError, match="'ply': unknown; expected one of colmap, colmap-text, nerfstudio"
     ):
         export_capture(capture, "ply", tmp_path)
+
+
+def test_the_command_offers_every_format() -> None:
+    assert set(get_args(CaptureFormat)) == EXPORTERS.keys()
+    assert set(get_args(RecordingFormat)) == {*READERS, *FILE_READERS}
 
 
 def test_the_command_leaves_a_complete_folder_or_none(capture: Capture, tmp_path: Path) -> None:
