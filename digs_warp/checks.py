@@ -90,16 +90,6 @@ def check_positive(name: str, value: float) -> float:
     return value
 
 
-def check_within(
-    name: str, value: float | None, low: float, high: float = math.inf
-) -> float | None:
-    """Return ``value``, or raise when it is not finite or not in ``low`` .. ``high``; None passes."""
-    if value is None or (_is_finite(value) and low <= value <= high):
-        return value
-    wanted = f"{low:g} to {high:g}" if math.isfinite(high) else f"{low:g} or more"
-    raise DigsError(f"{name}: {value!r}, expected {wanted}")
-
-
 def _is_finite(value: float) -> bool:
     """Whether a number is finite; an integer always is, even one that no float can hold."""
     return isinstance(value, int) or math.isfinite(value)

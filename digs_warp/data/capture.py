@@ -16,10 +16,8 @@ from digs_warp.data.frame import Frame
 from digs_warp.data.frame_reader import path_inside, read_frame
 from digs_warp.data.index_rules import INDEX_NAME, POINTS_KEY, check_section
 from digs_warp.data.layers import Layer
-from digs_warp.data.metric_scale import BY_DEPTH, BY_POSES, UNKNOWN, MetricScale
-from digs_warp.data.point_cloud import PointCloud
+from digs_warp.data.point_cloud import PointCloud, read_points
 from digs_warp.data.rig import Rig
-from digs_warp.data.sparse_points import read_points
 from digs_warp.record import layout
 from digs_warp.record.fields import Fields
 from digs_warp.record.files import read_json
@@ -28,6 +26,38 @@ from digs_warp.record.run_log import RunRecord
 from digs_warp.record.typed import from_json
 from digs_warp.settings import TEST_EVERY
 from digs_warp.words import counted
+
+
+@dataclass(frozen=True)
+class MetricScale:
+    """What is known about the unit of length of poses and points.
+
+    Attributes:
+        known: whether it is the metre; if not, it is arbitrary.
+        because: what tells so, or what is missing.
+    """
+
+    known: bool
+    because: str
+
+    def __str__(self) -> str:
+        """Say it in words, such as "unknown: the recording has no depth"."""
+        return f"metres, by {self.because}" if self.known else f"unknown: {self.because}"
+
+    @property
+    def unit(self) -> str:
+        """The unit of lengths, for figures: "m" or "units"."""
+        return "m" if self.known else "units"
+
+
+BY_DEPTH = MetricScale(True, "the depth maps")
+BY_POSES = MetricScale(True, "the poses of the recording")
+UNKNOWN_SCALE = MetricScale(
+    False,
+    "the recording has no depth, and nothing says that its poses are in metres; give a known "
+    "distance with --scale-from",
+)
+
 
 OF_A_CAMERA = "'digs-warp convert FOLDER --from FORM --out CAPTURE' makes one of a real recording."
 
@@ -81,7 +111,7 @@ class Capture:
         """Whether the poses are in metres: depth is, and poses that go with it; else the recorder says it."""
         if self.has_depth:
             return BY_DEPTH
-        return BY_POSES if self.about.poses_in_metres else UNKNOWN
+        return BY_POSES if self.about.poses_in_metres else UNKNOWN_SCALE
 
     @property
     def knows_poses(self) -> bool:

@@ -10,16 +10,14 @@ import numpy as np
 
 from digs_warp.checks import CaptureError, DigsError, check_finite
 from digs_warp.data.about import About
-from digs_warp.data.camera_motion import UNKNOWN, Exposure
 from digs_warp.data.capture import Capture, read_capture
 from digs_warp.data.frame import Frame
 from digs_warp.data.images import write_image
 from digs_warp.data.index_rules import DEPTH_UNIT, FORMAT_VERSION, INDEX_NAME, POINTS_KEY
 from digs_warp.data.layers import BASIC_LAYERS, Layer
 from digs_warp.data.objects import ObjectView
-from digs_warp.data.point_cloud import PointCloud
-from digs_warp.data.rig import Rig
-from digs_warp.data.sparse_points import write_points
+from digs_warp.data.point_cloud import PointCloud, write_points
+from digs_warp.data.rig import UNKNOWN_EXPOSURE, Exposure, Rig
 from digs_warp.geometry.camera import Camera, Intrinsics
 from digs_warp.geometry.rigid import OPENCV_FROM_OPENGL
 from digs_warp.record import typed
@@ -105,7 +103,7 @@ class CaptureWriter:
         intrinsics: Intrinsics | None = None,
         color_gain: tuple[float, float, float] | None = None,
         objects: Sequence[ObjectView] = (),
-        exposure: Exposure = UNKNOWN,
+        exposure: Exposure = UNKNOWN_EXPOSURE,
     ) -> None:
         """Record the pose and time [s] of frame ``number``, whose files have been written.
 
@@ -177,7 +175,7 @@ class MemoryWriter:
         time: float,
         color_gain: tuple[float, float, float] | None = None,
         objects: Sequence[ObjectView] = (),
-        exposure: Exposure = UNKNOWN,
+        exposure: Exposure = UNKNOWN_EXPOSURE,
     ) -> None:
         """Record the pose and time [s] of frame ``number``, whose images have been written."""
         camera = Camera(self.intrinsics, world_from_cam)

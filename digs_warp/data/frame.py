@@ -8,12 +8,12 @@ from pathlib import Path
 import numpy as np
 
 from digs_warp.checks import CaptureError
-from digs_warp.data.camera_motion import UNKNOWN, Exposure
 from digs_warp.data.decoded import decoded
 from digs_warp.data.images import read_image
 from digs_warp.data.index_rules import INDEX_NAME
 from digs_warp.data.layers import Layer
 from digs_warp.data.objects import ObjectView, mask_of_text
+from digs_warp.data.rig import UNKNOWN_EXPOSURE, Exposure
 from digs_warp.geometry.camera import Camera
 
 _FLOW = "flow to the right, flow down, change of disparity"
@@ -45,7 +45,7 @@ class Frame:
     color_gain: tuple[float, float, float] | None = None
     objects: tuple[ObjectView, ...] = ()
     instance: int | None = None
-    exposure: Exposure = UNKNOWN
+    exposure: Exposure = UNKNOWN_EXPOSURE
 
     def load_image(self) -> np.ndarray:
         """Return the left image, sRGB, shape (height, width, 3), uint8."""

@@ -5,11 +5,11 @@ from pathlib import Path
 from typing import Any
 
 from digs_warp.checks import CaptureError, DigsError
-from digs_warp.data.camera_motion import Exposure
 from digs_warp.data.frame import Frame
 from digs_warp.data.index_rules import INDEX_NAME, require_metres, require_pinhole
 from digs_warp.data.layers import Layer
 from digs_warp.data.objects import ObjectView
+from digs_warp.data.rig import Exposure
 from digs_warp.geometry.camera import Camera, Intrinsics
 from digs_warp.geometry.rigid import OPENCV_FROM_OPENGL
 from digs_warp.record.fields import ABOVE_ZERO, Fields, shown

@@ -109,6 +109,13 @@ def matrix_from_quat_xyzw(quats: np.ndarray) -> np.ndarray:
     return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
 
 
+def turn_degrees(rotations: np.ndarray, others: np.ndarray) -> np.ndarray:
+    """Return the angles between rotations, (..., 3, 3) each [degree]; exact for small ones, too."""
+    # The Frobenius norm of R - S is 2 sqrt(2) sin(angle / 2).
+    chords = np.linalg.norm(rotations - others, axis=(-2, -1)) / np.sqrt(8.0)
+    return np.degrees(2 * np.arcsin(np.minimum(chords, 1.0)))
+
+
 def matrix_from_rotation_vector(vector: np.ndarray) -> np.ndarray:
     """Return the rotation matrix, shape (3, 3), of a rotation vector [rad], shape (3,)."""
     from scipy.spatial.transform import Rotation

@@ -17,9 +17,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from digs_warp.checks import DigsError
-from digs_warp.data.capture import Capture
+from digs_warp.data.capture import BY_DEPTH, Capture, MetricScale
 from digs_warp.data.layers import Layer
-from digs_warp.data.metric_scale import BY_DEPTH, MetricScale
 from digs_warp.data.point_cloud import PointCloud
 from digs_warp.data.posed_frames import PosedFrames, with_cameras
 from digs_warp.data.sfm_model import SfmModel
@@ -195,7 +194,7 @@ def depth_contradiction(capture: Capture, frames: PosedFrames, sfm: SfmConfig) -
         frames: with its poses, in metres.
         sfm: the settings.
     """
-    from digs_warp.poses.from_depth.contradiction import contradiction
+    from digs_warp.poses.from_depth.odometry_chain import contradiction
 
     deep = [frame for frame, _ in frames.by_time if frame.has(Layer.DEPTH)]
     try:

@@ -13,10 +13,9 @@ from typing import Annotated, Any, TypeVar
 import numpy as np
 
 from digs_warp.checks import DigsError
-from digs_warp.data.capture import Capture, read_capture
+from digs_warp.data.capture import Capture, MetricScale, read_capture
 from digs_warp.data.images import read_image, to_uint8, write_image
 from digs_warp.data.index_rules import INDEX_NAME
-from digs_warp.data.metric_scale import MetricScale
 from digs_warp.data.posed_frames import CAMERAS, PosedFrames
 from digs_warp.init.scale import ScaleEstimate
 from digs_warp.init.start import Subject

@@ -71,7 +71,7 @@ MAX_SETTLED_RESIDUAL_DEG = 0.5
 # line process weight below which Open3D prunes an edge, 0 to 1 | Open3D's default
 MIN_EDGE_WEIGHT = 0.25
 
-# --- Do color and depth contradict poses from images? (from_depth/contradiction.py)
+# --- Do color and depth contradict poses from images? (from_depth/odometry_chain.py)
 
 # degree between the pose and what depth measures | noise of depth: below | by hand
 MIN_OTHER_TURN_DEG = 2.0

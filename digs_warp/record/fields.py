@@ -120,20 +120,6 @@ class Fields:
             raise self._wrong(name, value, "a text")
         return value
 
-    def texts(self, name: str) -> tuple[str, ...]:
-        """Return a list of texts; none if it is missing."""
-        value = self._find(name, [])
-        if not (isinstance(value, list) and all(map(is_text, value))):
-            raise self._wrong(name, value, "a list of texts")
-        return tuple(value)
-
-    def choice(self, name: str, choices: Sequence[str]) -> str:
-        """Return one of several texts."""
-        value = self._find(name, NEEDED)
-        if value not in choices:
-            raise self._wrong(name, value, f"one of {', '.join(choices)}")
-        return value
-
     def flag(self, name: str, default: T | _Needed = NEEDED) -> bool | T:
         """Return true or false."""
         value = self._find(name, default)

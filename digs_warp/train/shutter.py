@@ -12,8 +12,8 @@ from typing import Annotated, Literal
 import numpy as np
 
 from digs_warp.checks import DigsError
-from digs_warp.data.camera_motion import CameraMotion
 from digs_warp.data.frame import Frame
+from digs_warp.data.rig import CameraMotion
 from digs_warp.geometry.rigid import transform_points
 from digs_warp.record.typed import NOT_STORED
 from digs_warp.splat.camera_motion import Blur, RowMotion

@@ -4,10 +4,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from digs_warp.data.camera_motion import CameraMotion, Exposure
 from digs_warp.data.capture_writer import FrameImages
 from digs_warp.data.images import to_uint8
 from digs_warp.data.layers import BASIC_LAYERS, INFRARED_LAYERS, Layer
+from digs_warp.data.rig import CameraMotion, Exposure
 from digs_warp.record.run_log import timed
 from digs_warp.sim.camera.shutter import Shutter, ShutteredEye
 from digs_warp.sim.config import SimulateConfig

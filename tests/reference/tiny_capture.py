@@ -5,12 +5,12 @@ from pathlib import Path
 import numpy as np
 
 from digs_warp.data.about import About
-from digs_warp.data.camera_motion import UNKNOWN, CameraMotion, Exposure
 from digs_warp.data.capture import Capture
 from digs_warp.data.capture_writer import CaptureWriter, FrameImages
 from digs_warp.data.frame import Frame
 from digs_warp.data.gaussians import Gaussians
 from digs_warp.data.images import to_uint8
+from digs_warp.data.rig import UNKNOWN_EXPOSURE, CameraMotion, Exposure
 from digs_warp.geometry.camera import Camera, Intrinsics
 from digs_warp.geometry.rigid import look_at
 from digs_warp.geometry.sh import sh_from_rgb
@@ -72,7 +72,7 @@ def write_tiny_capture(
         # The mask is straight alpha: the photograph shows the object before black.
         image = to_uint8(image / np.maximum(alpha, 1e-3)[..., None])
         writer.write_frame(number, FrameImages(image, sphere_depth(camera), to_uint8(alpha)))
-        exposure = UNKNOWN
+        exposure = UNKNOWN_EXPOSURE
         if rolling or blurred:
             exposure = Exposure(SHAKE, EXPOSURE_TIME if blurred else 0.0)
         writer.add_pose(number, camera.world_from_cam, 0.1 * number, exposure=exposure)

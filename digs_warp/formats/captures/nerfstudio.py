@@ -33,8 +33,7 @@ from digs_warp.data.index_rules import (
     read_lens,
 )
 from digs_warp.data.layers import Layer
-from digs_warp.data.point_cloud import PointCloud
-from digs_warp.data.sparse_points import read_points, write_points
+from digs_warp.data.point_cloud import PointCloud, read_points, write_points
 from digs_warp.formats.captures.frames import (
     StartPoints,
     copy_image,

@@ -10,7 +10,7 @@ from digs_warp.data.frame import Frame
 from digs_warp.data.sfm_model import SfmModel
 from digs_warp.data.viewpoints import upward
 from digs_warp.geometry.camera import Camera
-from digs_warp.geometry.rigid import rigid
+from digs_warp.geometry.rigid import rigid, turn_degrees
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,13 +34,11 @@ class PoseErrors:
         centers_m: distance of each center to the true one [m], shape (n,).
         rotations_deg: angle of each rotation to the true one [degree], shape (n,).
         sfm_per_metre: the scale that the true poses tell.
-        world_from_sfm: the alignment.
     """
 
     centers_m: np.ndarray
     rotations_deg: np.ndarray
     sfm_per_metre: float
-    world_from_sfm: Similarity
 
 
 def umeyama(source: np.ndarray, target: np.ndarray) -> Similarity:
@@ -90,13 +88,10 @@ def camera_errors(cameras: Mapping[str, Camera], frames: Sequence[Frame]) -> Pos
     alignment = umeyama(found, expected)
     turned = np.array([alignment.rotation @ c.world_from_cam[:3, :3] for c in cameras.values()])
     rotations = np.array([c.world_from_cam[:3, :3] for c in truths])
-    # The Frobenius norm of R - S is 2 sqrt(2) sin(angle / 2): exact for small angles, unlike the trace.
-    chords = np.linalg.norm((turned - rotations).reshape(-1, 9), axis=1) / np.sqrt(8.0)
     return PoseErrors(
         centers_m=np.linalg.norm(alignment.apply(found) - expected, axis=1),
-        rotations_deg=np.degrees(2.0 * np.arcsin(np.minimum(chords, 1.0))),
+        rotations_deg=turn_degrees(turned, rotations),
         sfm_per_metre=1.0 / alignment.scale,
-        world_from_sfm=alignment,
     )
 
 

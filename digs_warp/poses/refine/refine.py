@@ -8,6 +8,7 @@ import numpy as np
 from digs_warp.checks import DigsError
 from digs_warp.data.frame import Frame
 from digs_warp.data.layers import Layer
+from digs_warp.geometry.rigid import turn_degrees
 from digs_warp.poses import thresholds
 from digs_warp.poses.agreement import got_worse, reduced
 from digs_warp.poses.outcome import PoseRefinement
@@ -111,8 +112,6 @@ def _less(gain: float) -> str:
 def _motion(before: np.ndarray, after: np.ndarray) -> tuple[float, float]:
     """Return the root mean squares of the motion [mm] and the turn [degree]."""
     moved = np.linalg.norm(after[:, :3, 3] - before[:, :3, 3], axis=1)
-    # The Frobenius norm of R - S is 2 sqrt(2) sin(angle / 2).
-    chords = np.linalg.norm((after - before)[:, :3, :3], axis=(1, 2)) / np.sqrt(8.0)
-    turned = np.degrees(2 * np.arcsin(np.minimum(chords, 1.0)))
+    turned = turn_degrees(after[:, :3, :3], before[:, :3, :3])
     rms = [round(float(np.sqrt(np.mean(each**2))), 4) for each in (1000 * moved, turned)]
     return rms[0], rms[1]

@@ -10,13 +10,12 @@ import pytest
 
 from digs_warp.checks import CaptureError
 from digs_warp.data.about import About
-from digs_warp.data.camera_motion import UNKNOWN, CameraMotion, Exposure
 from digs_warp.data.capture import read_capture
 from digs_warp.data.capture_writer import CaptureWriter, MemoryWriter
 from digs_warp.data.images import read_image, write_image
 from digs_warp.data.layers import BASIC_LAYERS, Layer
 from digs_warp.data.objects import PlacedObject, matrix_rows
-from digs_warp.data.rig import InfraredPair, Rig
+from digs_warp.data.rig import UNKNOWN_EXPOSURE, CameraMotion, Exposure, InfraredPair, Rig
 from reference.file_hashes import file_hashes
 from reference.noise_capture import INTRINSICS, frame_images, view, write_capture
 
@@ -278,7 +277,7 @@ def test_a_broken_infrared_pair_is_named(tmp_path: Path, pair: object, message: 
 @pytest.mark.parametrize(
     "exposure",
     [
-        UNKNOWN,
+        UNKNOWN_EXPOSURE,
         Exposure(exposure_time=0.0),
         Exposure(CameraMotion((0.1, -0.2, 0.3), (1.0, 0.0, -2.5)), 0.01),
     ],

@@ -12,8 +12,7 @@ from digs_warp.checks import DigsError
 from digs_warp.data.capture import Capture
 from digs_warp.data.frame import Frame
 from digs_warp.data.layers import Layer
-from digs_warp.data.point_cloud import PointCloud
-from digs_warp.data.sparse_points import write_points
+from digs_warp.data.point_cloud import PointCloud, write_points
 from digs_warp.init.mono_depth import (
     DEVIATIONS,
     FEWEST,

@@ -8,8 +8,7 @@ import pytest
 
 from digs_warp.data.capture import Capture
 from digs_warp.data.layers import Layer
-from digs_warp.data.point_cloud import PointCloud
-from digs_warp.data.sparse_points import read_points, write_points
+from digs_warp.data.point_cloud import PointCloud, read_points, write_points
 from digs_warp.init.config import InitConfig
 from digs_warp.init.recipes import initialize
 from digs_warp.init.recorded_points import FEWEST, in_view, recorded_points

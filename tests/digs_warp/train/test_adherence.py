@@ -6,11 +6,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from digs_warp.data.camera_motion import CameraMotion, Exposure
 from digs_warp.data.capture import Capture
 from digs_warp.data.frame import Frame
 from digs_warp.data.gaussians import Gaussians
 from digs_warp.data.layers import Layer
+from digs_warp.data.rig import CameraMotion, Exposure
 from digs_warp.splat.config import RasterOptions
 from digs_warp.splat.device import DeviceGaussians
 from digs_warp.splat.renderer import SplatRenderer

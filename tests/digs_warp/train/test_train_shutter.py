@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from digs_warp.checks import DigsError
-from digs_warp.data.camera_motion import CameraMotion, Exposure
 from digs_warp.data.frame import Frame
+from digs_warp.data.rig import CameraMotion, Exposure
 from digs_warp.geometry.camera import Camera, Intrinsics
 from digs_warp.geometry.rigid import look_at, matrix_from_rotation_vector, rigid
 from digs_warp.train.shutter import plan_shutter, with_motions
