@@ -93,7 +93,8 @@ def optimize(
             log.results["training"] = to_json(Training(plan=plan))
             log.save(folder / RUN_RECORD)
         if plan is not None:
-            config = replace(config, train=_as_planned(config.train, plan))
+            stop = replace(config.train.stop, iterations=plan.iterations)
+            config = replace(config, train=replace(config.train, stop=stop))
             seeds = _seeds(poses, start, config)
         train = config.train
         if views.color is not None:
@@ -193,11 +194,6 @@ def _plan(seeds: Gaussians, views: _LoadedViews, config: TrainConfig, log: RunLo
     with log.stage("plan"):
         colored = with_colors(seeds, views.points.colors, config.usual_sh_degree)
         return plan_training(colored, views.data, config, views.points.hidden)
-
-
-def _as_planned(config: TrainConfig, plan: TimePlan) -> TrainConfig:
-    stop = replace(config.stop, iterations=plan.iterations)
-    return replace(config, stop=stop)
 
 
 def _train(

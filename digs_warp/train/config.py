@@ -221,10 +221,14 @@ class TrainConfig(Settings):
         """The degree of the color; that of matte objects where the recording is to decide."""
         return USUAL_DEGREE if self.sh_degree is None else self.sh_degree
 
-    def depth_weight_where(self, recorded: bool) -> float:
-        """Return the weight of the measured depth, default resolved; ``recorded``: there is some."""
-        default = DEPTH_WEIGHT if recorded else 0.0
+    def resolved_depth_weight(self, is_measured: bool) -> float:
+        """Return the weight of the measured depth; ``is_measured``: some view of the training has depth."""
+        default = DEPTH_WEIGHT if is_measured else 0.0
         return default if self.depth_weight is None else self.depth_weight
+
+    def reads_depth(self, frame_has_depth: bool) -> bool:
+        """Whether a frame's depth is read; a weight that was asked for needs depth in every frame."""
+        return self.resolved_depth_weight(frame_has_depth) > 0
 
     @property
     def learning_rates(self) -> LearningRates:

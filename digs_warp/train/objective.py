@@ -31,12 +31,15 @@ class Objective:
             after `pull_back`.
         config: the weights.
         extent: the scene's extent [m], see `digs_warp.train.views.scene_extent`.
+        depth_weight: of the measured depth, default resolved; matters where the renderer draws depth.
     """
 
-    def __init__(self, renderer: BlurRenderer, config: TrainConfig, extent: float) -> None:
+    def __init__(
+        self, renderer: BlurRenderer, config: TrainConfig, extent: float, depth_weight: float = 0.0
+    ) -> None:
         r = renderer
         device = r.gaussians.device
-        self._config = config
+        self._opacity_weight, self._scale_weight = config.regularizer_weights
         self._extent = extent
         width, height = r.image.max_width, r.image.max_height
         self._renderer = renderer
@@ -52,24 +55,22 @@ class Objective:
             )
         self._depth = None
         if r.middle.options.has_depth:  # depth is measured in the middle of the exposure
-            weight = config.depth_weight_where(recorded=True)
             m = r.middle
-            self._depth = DepthLoss(m.depth, m.transmittance, m.adj_depth, weight)
+            self._depth = DepthLoss(m.depth, m.transmittance, m.adj_depth, depth_weight)
         self.rebind()
 
     def rebind(self) -> None:
         """Bind to new arrays of Gaussians; call it after `BlurRenderer.set_gaussians`."""
         gaussians, gradients = self._renderer.gaussians, self._renderer.gradients
-        opacity_weight, scale_weight = self._config.regularizer_weights
         self._regularizer = None
-        if opacity_weight > 0 or scale_weight > 0:
+        if self._opacity_weight > 0 or self._scale_weight > 0:
             self._regularizer = RegularizerLoss(
                 gaussians.log_scales,
                 gaussians.opacity_logits,
                 gradients.log_scales,
                 gradients.opacity_logits,
-                opacity_weight=opacity_weight,
-                scale_weight=scale_weight,
+                opacity_weight=self._opacity_weight,
+                scale_weight=self._scale_weight,
                 extent=self._extent,
             )
 

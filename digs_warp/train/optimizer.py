@@ -205,6 +205,7 @@ class Adam:
         progress: Progress | None = None,
     ) -> None:
         self.config = config
+        self._first_rates = config.learning_rates
         self.progress = progress or Progress(config.stop.iterations)
         self.extent = extent
         self.step = 0
@@ -250,7 +251,7 @@ class Adam:
 
     def rates(self) -> list[float]:
         """Return the learning rates of means, scales, quats, opacities and base colors."""
-        rates = self.config.learning_rates
+        rates = self._first_rates
         share = self.config.rates.end**self._progress
         means = self.means_rate() * self.extent
         falling = [share * rate for rate in (rates.scales, rates.quats, rates.colors)]
@@ -258,7 +259,7 @@ class Adam:
 
     def means_rate(self) -> float:
         """Return the current rate of the centers, in units of the scene's extent."""
-        return self.config.learning_rates.means * FINAL_MEANS_SHARE**self._progress
+        return self._first_rates.means * FINAL_MEANS_SHARE**self._progress
 
     @property
     def is_finite(self) -> bool:

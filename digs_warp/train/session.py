@@ -224,8 +224,9 @@ def _run_steps(
 ) -> str:
     """Take the remaining steps; return what ended the run."""
     budget = trainer.config.stop.time_budget
-    now = trainer.optimizer.step, trainer.seconds
-    clock = None if budget is None else Clock(budget, now)
+    clock = None
+    if budget is not None:  # a resumed run measures the pace of its own steps
+        clock = Clock(budget, last=(trainer.optimizer.step, trainer.seconds))
     saved = time.monotonic()
     with (
         deferred_interrupt() as interruption,
@@ -288,13 +289,13 @@ def plan_training(
     budget = config.stop.time_budget
     assert budget is not None
     copy = Trainer(seeds, data.views, config, held, constant_exposure=data.constant_exposure)
-    copy.step()  # may compile kernels
+    copy.step()  # may compile kernels: not timed
     copy.seconds, steps = 0.0, 0
     while steps < PLANNING_STEPS or copy.seconds < PLANNING_SHARE * budget:
         copy.step()
         steps += 1
     most = config.stop.iterations
-    if config.density.strategy == "fixed":
+    if config.density.strategy == "fixed":  # a start from dense depth
         most = min(most, MOST_DENSE_STEPS)
     plan = plan_time(budget, most, copy.seconds / steps)
     logger.info("time budget of %g s: %s", budget, plan)

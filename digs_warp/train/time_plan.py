@@ -6,7 +6,6 @@ the progress is spread over as many steps as still fit.
 """
 
 from dataclasses import dataclass
-from math import inf
 
 # With a dense start, quality peaks at 500 steps: 250 are 0.20 dB worse, 1000 are 0.51 dB, 2000 are 0.69 dB
 # (docs/study/tradeoff/report.md, "Iterations"). A longer budget is not used up.
@@ -64,7 +63,7 @@ class Progress:
     def __init__(self, steps: int, most: int | None = None) -> None:
         self.steps = steps
         self.most = steps if most is None else most
-        self._from = (0, 0.0)
+        self._from = (0, 0.0)  # the step and the progress that the line starts at
 
     def at(self, step: int) -> float:
         """Return the progress before a step."""
@@ -75,8 +74,7 @@ class Progress:
     def respread(self, step: int, steps_left: float) -> None:
         """Spread the rest of the progress over as many steps from ``step`` on, at least one."""
         self._from = (step, self.at(step))
-        left = min(steps_left, float(self.most - step))
-        self.steps = step + max(1, int(min(left, inf)))
+        self.steps = step + max(1, int(min(steps_left, self.most - step)))
 
     def state(self) -> tuple[float, ...]:
         """Return what a checkpoint has to hold."""
@@ -112,9 +110,9 @@ class Clock:
             step: steps taken.
             seconds: of training so far.
         """
-        first, since = self.last
-        if seconds - since < RESPREAD_SHARE * (self.budget - since):
+        last_step, last_seconds = self.last
+        if seconds - last_seconds < RESPREAD_SHARE * (self.budget - last_seconds):
             return
-        rate = (seconds - since) / (step - first)
-        progress.respread(step, (self.budget - seconds) / rate)
+        step_seconds = (seconds - last_seconds) / (step - last_step)
+        progress.respread(step, (self.budget - seconds) / step_seconds)
         self.last = (step, seconds)

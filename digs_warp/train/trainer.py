@@ -79,25 +79,27 @@ class Trainer:
         self.gaussians = DeviceGaussians.from_numpy(gaussians, config.device)
         self._start_count = len(gaussians)
         sizes = [camera.intrinsics for camera in views.cameras]
-        with_depth = config.depth_weight_where(views.have_depth) > 0
+        depth_weight = config.resolved_depth_weight(views.have_depth)
         place = surface_place(views.have_masks)
         self.renderer = BlurRenderer(
             self.gaussians,
             max(k.width for k in sizes),
             max(k.height for k in sizes),
-            options=RasterOptions(outputs="mean depth" if with_depth else "color", depth_of=place),
+            options=RasterOptions(
+                outputs="mean depth" if depth_weight > 0 else "color", depth_of=place
+            ),
             moments=views.moments,
         )
         self.progress = Progress(config.stop.iterations)
         self._extent = scene_extent(views.cameras)
-        self.objective = Objective(self.renderer, config, self._extent)
+        self.objective = Objective(self.renderer, config, self._extent, depth_weight)
         self._center = gaussians.means.mean(axis=0)
         self.control = density_control(len(gaussians), gaussians.sh_degree, config, self._extent)
         self.exposures: Exposures | None = None
         if config.fit_exposure == "on":
             self.exposures = Exposures(len(views), constant_exposure)
         trusted = TRUSTED_SPREAD if views.have_masks else TRUSTED_IN_SCENES
-        self.depth_judge = DepthJudge(len(views), trusted) if with_depth else None
+        self.depth_judge = DepthJudge(len(views), trusted) if depth_weight > 0 else None
         self.poses: TrainedPoses | None = None
         if train_poses != "held":
             steps, shifts = config.stop.iterations, train_poses == "moved"

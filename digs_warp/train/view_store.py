@@ -48,7 +48,7 @@ def open_views(
         return load_view(
             frame,
             config.device,
-            with_depth=config.depth_weight_where(frame.has(Layer.DEPTH)) > 0,
+            with_depth=config.reads_depth(frame.has(Layer.DEPTH)),
             on_background=config.mask_role == "object" and config.clean_rim == "on",
             rows=shutter.rows_of(frame),
             blur=shutter.blur.of(frame),

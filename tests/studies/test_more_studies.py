@@ -40,7 +40,7 @@ def test_nothing_is_all_parts_off_and_everything_is_the_defaults() -> None:
     train = nothing.train
     assert (train.fit_exposure, train.rolling_shutter, train.motion_blur) == ("off",) * 3
     assert (train.clean_rim, nothing.sfm.refine_poses, train.sh_degree) == ("off", "off", 1)
-    assert train.depth_weight_where(recorded=True) == 0.0
+    assert train.resolved_depth_weight(is_measured=True) == 0.0
     assert everything.train == TrainConfig(stop=everything.train.stop)
     assert everything.sfm.refine_poses == "auto"
 
@@ -52,6 +52,6 @@ def test_a_case_trains_on_as_many_views_as_it_says() -> None:
         frames: Any = list(range(recording.frame_count))
         training, held_out = Capture(None, frames, None).split(config.test_every)  # pyright: ignore
         assert len(training) == len(held_out) == case.labels["views"]
-        weight = config.train.depth_weight_where(recorded=True)
+        weight = config.train.resolved_depth_weight(is_measured=True)
         assert weight == (DEPTH_WEIGHT if case.labels["depth loss"] == "on" else 0.0)
         assert config.needs_sfm == (case.labels["strategy"] == "default")

@@ -123,7 +123,7 @@ def test_slopes_are_the_gradients_where_a_blurred_view_has_depth(moments: int) -
         splats = DeviceGaussians.from_numpy(replace(gaussians, opacity_logits=logits))
         options = RasterOptions(outputs="depth")
         renderer = BlurRenderer(splats, 64, 48, options=options, moments=3)
-        objective = Objective(renderer, TrainConfig(depth_weight=1.0), EXTENT)
+        objective = Objective(renderer, TrainConfig(), EXTENT, depth_weight=1.0)
         renderer.forward(CAMERA, near=0.01, background=np.ones(3), blur=blur)
         objective.compare(view, np.ones(3))
         objective.pull_back()
