@@ -87,7 +87,7 @@ def bench_raster(scenes: tuple[RasterScene, ...] = SCENES) -> list[Result]:
         for scene in scenes:
             gaussians = DeviceGaussians.from_numpy(scene.gaussians())
             for count in threads:
-                times, renderer = _measure(scene, gaussians, count)
+                times, renderer = stage_times(scene, gaussians, count)
                 labels = {
                     "scene": scene.name,
                     "image": f"{scene.width}x{scene.height}",
@@ -107,20 +107,18 @@ def bench_raster(scenes: tuple[RasterScene, ...] = SCENES) -> list[Result]:
     return results
 
 
-def _measure(
-    scene: RasterScene, gaussians: DeviceGaussians, threads: int
+def stage_times(
+    scene: RasterScene, gaussians: DeviceGaussians, threads: int, repeats: int = 7
 ) -> tuple[dict[str, float], SplatRenderer]:
-    """Return the times [ms] of the stages, and the renderer that drew it."""
+    """Return the times [ms] of the stages of a view and its gradient, and the renderer that drew it."""
     renderer = SplatRenderer(gaussians, scene.width, scene.height, threads=threads)
     camera = scene.camera()
     rng = np.random.default_rng(1)
     renderer.adj_image.assign(rng.normal(size=(scene.height, scene.width, 3)))
     renderer.forward(camera, near=NEAR)
     renderer.backward()
-    stages = renderer.stages()
-    clock = clock_for(threads)
-    times = {name: best_ms(stage, 7, clock=clock) for name, stage in stages.items()}
-    return times, renderer
+    clock, stages = clock_for(threads), renderer.stages().items()
+    return {name: best_ms(stage, repeats, clock=clock) for name, stage in stages}, renderer
 
 
 @dataclass(frozen=True)

@@ -17,11 +17,9 @@ import numpy as np
 from digs_warp.device.parallel import default_threads
 from digs_warp.record.progress import progress
 from digs_warp.splat.device import DeviceGaussians
-from digs_warp.splat.render import SplatRenderer
 from digs_warp.study.charts import Chart, Curve
-from studies.raster import NEAR, RasterScene, count_work
+from studies.raster import RasterScene, count_work, stage_times
 from studies.results import Result
-from studies.timing import best_ms, clock_for
 
 REPEATS = 5
 RASTER_STAGES = ("forward", "backward")
@@ -79,16 +77,7 @@ def measure(case: Case, repeats: int = REPEATS) -> Result:
     scene = case.scene
     gaussians = scene.gaussians()
     wide = replace(gaussians, log_scales=gaussians.log_scales + np.log(case.spread))
-    renderer = SplatRenderer(
-        DeviceGaussians.from_numpy(wide), scene.width, scene.height, threads=case.threads
-    )
-    rng = np.random.default_rng(1)
-    renderer.adj_image.assign(rng.normal(size=(scene.height, scene.width, 3)))
-    renderer.forward(scene.camera(), near=NEAR)
-    renderer.backward()
-    clock = clock_for(case.threads)
-    stages = renderer.stages().items()
-    times = {name: best_ms(stage, repeats, clock=clock) for name, stage in stages}
+    times, renderer = stage_times(scene, DeviceGaussians.from_numpy(wide), case.threads, repeats)
     raster = sum(times[name] for name in RASTER_STAGES)
     labels = {
         "curve": case.curve,

@@ -5,7 +5,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 REPOSITORY = Path(__file__).resolve().parent.parent
-FOLDERS = ("digs_warp", "sim", "usd", "scripts")
+FOLDERS = ("digs_warp", "sim", "usd", "scripts", "studies")
 
 # Functions and methods that make, change or move files.
 WRITERS = {
@@ -48,7 +48,7 @@ ALLOWED = {
     ): "files that are synced, in an order that a note keeps",
     ("sim/testing/series.py", "rename"): "of record/disk.py: a folder whose files are synced",
     ("studies/usd_files.py", "save"): "what is measured, in a temporary folder",
-    ("scripts/killed_worker.py", "copyfile"): "in a temporary folder",
+    ("studies/pages/killed.py", "copyfile"): "in a temporary folder",
     ("studies/real_recordings.py", "symlink_to"): "in a temporary folder",
     ("studies/timing.py", "write_text"): "a switch of the system below /proc",
 }
@@ -110,7 +110,8 @@ def sources() -> list[Path]:
         path
         for folder in FOLDERS
         for path in (REPOSITORY / folder).rglob("*.py")
-        if not {"peers", "fuzzing"} & set(path.parts)  # what others write; inputs that are damaged
+        # What others write; inputs that are damaged; files of the package itself.
+        if not {"peers", "fuzzing", "builtin_assets"} & set(path.parts)
     )
 
 

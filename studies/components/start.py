@@ -108,10 +108,9 @@ def _reached(records: Sequence[Record]) -> list[int]:
 
 
 def sections(records: Sequence[Record]) -> list[Section]:
-    """Return a table and a chart for each kind of masks, and the weights of the k-means."""
+    """Return a table and a chart for each kind of masks."""
     found = group_by(records, "masks")
-    shown = [_of_masks(masks, found[masks,]) for masks in MASKS if (masks,) in found]
-    return [*shown, _weights(records)]
+    return [_of_masks(masks, found[masks,]) for masks in MASKS if (masks,) in found]
 
 
 def _of_masks(masks: str, records: Sequence[Record]) -> Section:
@@ -203,23 +202,3 @@ def _chart(masks: str, records: Sequence[Record]) -> Chart:
     title = f"Difference from the {RECIPE}, {masks} masks"
     x_label = "PSNR of held-out views minus that of the recipe [dB]"
     return Chart(f"ablation_{masks}", title, curves, x_label, "", rows=names)
-
-
-def _weights(records: Sequence[Record]) -> Section:
-    """Compare the k-means' weights 1:3 with equal ones and with no k-means."""
-    variants = {RECIPE: "1 : 3", "k-means, equal weights": "1 : 1", "no k-means": "no k-means"}
-    by_case = group_by(records, "masks", "object", "variant")
-    columns = _columns(records)
-    rows = [
-        [masks, name, title, *_cells(columns, group, by_case.get((masks, name, RECIPE), []))]
-        for (masks, name) in group_by(records, "masks", "object")
-        for variant, title in variants.items()
-        if (group := by_case.get((masks, name, variant)))
-    ]
-    text = (
-        "The weights of foreground and background in the k-means of the paper's eq. 9, which does not say "
-        "how they are applied. Here a pixel is background if it is three times as close to the mean depth of "
-        "the background as to that of the foreground."
-    )
-    headings = ["masks", "object", "weights", *(column.heading for column in columns)]
-    return Section("The weights of the k-means", text, [Table("weights", headings, rows)])

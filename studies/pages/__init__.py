@@ -3,6 +3,9 @@
 import importlib
 import platform
 from collections.abc import Sequence
+from io import BytesIO
+from pathlib import Path
+from typing import TYPE_CHECKING
 
 from digs_warp.record.files import write_atomically
 from digs_warp.record.run_log import versions
@@ -11,6 +14,9 @@ from digs_warp.study.timing import processor
 from scripts.page_marks import DOCS, fill, marks
 from studies.benchmarks import Benchmark
 from studies.results import Result, tables
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 # What is no table of a benchmark: the name of a page, and the module here that writes it.
 PAGES = {
@@ -44,6 +50,13 @@ def publish(benchmark: Benchmark, results: Sequence[Result]) -> None:
         for mark in marks(page):
             if mark in texts:
                 fill(page, mark, texts[mark])
+
+
+def save_figure(figure: "Figure", path: Path, quality: int) -> None:
+    """Write a figure as JPEG; the same pixels give the same bytes."""
+    data = BytesIO()
+    figure.savefig(data, format="jpeg", pil_kwargs={"quality": quality, "optimize": True})
+    write_atomically(path, data.getvalue())
 
 
 def measured_on() -> str:

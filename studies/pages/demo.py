@@ -5,7 +5,6 @@ Needs Chromium: apt-get install chromium.
 
 import tempfile
 import time
-from io import BytesIO
 from pathlib import Path
 
 import numpy as np
@@ -22,6 +21,7 @@ from digs_warp.show.view.contents import read_contents
 from digs_warp.show.view.server import started
 from scripts.headless_browser import Browser, browser
 from scripts.page_marks import DOCS
+from studies.pages import save_figure
 from studies.pages.starts import points_picture
 
 IMAGES = DOCS / "images"
@@ -64,14 +64,7 @@ def draw_stages(run: Path) -> None:
         axis.set_title(title, fontsize=14)
         axis.axis("off")
     figure.subplots_adjust(0.004, 0.004, 0.996, 0.9, wspace=0.02)
-    save_jpeg(figure, IMAGES / "demo.jpg", 88)
-
-
-def save_jpeg(figure: Figure, path: Path, quality: int) -> None:
-    """Write a figure; the same pixels give the same bytes."""
-    data = BytesIO()
-    figure.savefig(data, format="jpeg", pil_kwargs={"quality": quality, "optimize": True})
-    write_atomically(path, data.getvalue())
+    save_figure(figure, IMAGES / "demo.jpg", 88)
 
 
 def depth_picture(capture: Capture, frame: Frame) -> np.ndarray:

@@ -3,7 +3,6 @@
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from io import BytesIO
 from pathlib import Path
 from typing import Any
 
@@ -11,7 +10,6 @@ import numpy as np
 
 from digs_warp.geometry.camera import Camera
 from digs_warp.geometry.rigid import rigid
-from digs_warp.record.files import write_atomically
 from digs_warp.sim.camera.profiles import PROFILES
 from digs_warp.sim.camera.shutter import Shutter, ShutteredEye
 from digs_warp.sim.config import Tier
@@ -36,6 +34,7 @@ from digs_warp.sim.sensor.facts import measure_facts
 from digs_warp.sim.sensor.frame import FrameTruth, Sensed
 from digs_warp.sim.sensor.infrared.pair import infrared_image, stands_out, with_dots
 from digs_warp.sim.sensor.tiers import effect_rng, sense
+from studies.pages import save_figure
 from studies.pages.still_life import (
     RIGHT_SEED,
     SAMPLES,
@@ -277,6 +276,4 @@ def draw_panels(panels: Sequence[Panel], path: Path) -> None:
         axis.set_title(title, fontsize=10)
         axis.axis("off")
     figure.subplots_adjust(0.003, 0.01, 0.997, 0.9, wspace=0.015)
-    data = BytesIO()
-    figure.savefig(data, format="jpeg", pil_kwargs={"quality": 85, "optimize": True})
-    write_atomically(path, data.getvalue())
+    save_figure(figure, path, 85)

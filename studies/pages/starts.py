@@ -6,7 +6,6 @@ missing; estimating the poses takes a minute or two per object. The simulator dr
 
 import tempfile
 from dataclasses import replace
-from io import BytesIO
 from pathlib import Path
 
 import numpy as np
@@ -20,7 +19,6 @@ from digs_warp.geometry.camera import Camera
 from digs_warp.measure.surface_metrics import surface_score
 from digs_warp.pipeline.front_end import front_end
 from digs_warp.pipeline.reconstruct import ReconstructConfig
-from digs_warp.record.files import write_atomically
 from digs_warp.record.run_log import RunLog
 from digs_warp.show.report.pictures import over_white
 from digs_warp.sim.config import SimulateConfig
@@ -33,6 +31,7 @@ from digs_warp.study.engine.case import Case, with_settings
 from digs_warp.study.engine.chain import SURFACE_THRESHOLD, record_case
 from digs_warp.surface.true_surface import read_true_surface
 from scripts.page_marks import DOCS
+from studies.pages import save_figure
 
 OBJECTS = ("ycb_mustard_bottle", "avocado", "spot", "armchair")
 STRATEGIES = ("default", "random", "depth", "highdepth", "fusion")
@@ -65,9 +64,7 @@ def main() -> None:
         object_name = name.removeprefix("ycb_").replace("_", " ")
         show(row[-1], over_white(truth.image, truth.mask)[window], "truth", object_name)
     figure.subplots_adjust(0.004, 0.045, 0.996, 0.965, wspace=0.03, hspace=0.28)
-    data = BytesIO()
-    figure.savefig(data, format="jpeg", pil_kwargs={"quality": 78, "optimize": True})
-    write_atomically(DOCS / "images" / "initialization.jpg", data.getvalue())
+    save_figure(figure, DOCS / "images" / "initialization.jpg", 78)
 
 
 def start_of(case: Case, folder: Path) -> tuple[Capture, Camera, PointCloud]:

@@ -57,6 +57,7 @@ def test_damaged_inputs_of_every_kind_are_read_or_refused(tmp_path: Path) -> Non
     assert all(len(outcomes) == 1 for outcomes in tallies.values())
 
 
+@pytest.mark.long
 def test_a_kept_input_can_be_run_again(tmp_path: Path) -> None:
     (kind,) = find_kinds(["mesh: PLY"])
     originals = Originals(tmp_path / "originals")

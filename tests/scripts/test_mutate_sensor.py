@@ -53,6 +53,7 @@ def test_a_place_that_is_gone_is_an_error() -> None:
         find_mutation("nose")
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("name", "test"),
     [

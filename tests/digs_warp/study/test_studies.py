@@ -2,7 +2,6 @@
 
 import shlex
 from pathlib import Path
-from typing import Any
 
 import pytest
 
@@ -15,6 +14,7 @@ from digs_warp.study.catalogue import STUDIES, Study, find_study
 from digs_warp.study.engine.case import Case, with_settings
 from digs_warp.study.engine.store import Store
 from digs_warp.study.page import write_pages
+from reference.study_records import record_of
 
 
 @pytest.mark.parametrize("study", STUDIES, ids=lambda study: study.name)
@@ -31,25 +31,16 @@ def test_cases_differ_and_their_settings_are_accepted(study: Study) -> None:
 SMALL = {"frames": 6, "width": 96, "height": 54, "samples_per_pixel": 1, "tier": "law"}
 
 
-@pytest.fixture(scope="module")
-def measured(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
-    """What two cases gave, with a recording so small that only the machinery is tested."""
+@pytest.mark.long
+def test_cases_are_measured_once_and_reported(tmp_path: Path) -> None:
+    """With a recording so small that only the machinery is tested."""
+    labels = {"object": "vase", "effect": "none", "strength": 0.0, "strategy": "highdepth"}
+    settings = {"init.voxel_size": 0.02, "train.stop.iterations": 4, "test_every": 3}
     cases = [
-        Case(
-            {
-                "object": "vase",
-                "effect": "none",
-                "strength": 0.0,
-                "strategy": "highdepth",
-                "seed": s,
-            },
-            SMALL,
-            {"init.voxel_size": 0.02, "train.stop.iterations": 4, "train.seed": s, "test_every": 3},
-            finishes=s == 0,
-        )
+        Case(labels | {"seed": s}, SMALL, settings | {"train.seed": s}, finishes=s == 0)
         for s in (0, 1)
     ]
-    out = tmp_path_factory.mktemp("study") / "out"
+    out = tmp_path / "out"
     study = find_study("robustness")
     assert study.run(cases, out).startswith("2 cases measured")
     before = (out / RESULTS).read_bytes()
@@ -59,10 +50,7 @@ def measured(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
     assert study.title in (out / "report.md").read_text()
     with pytest.raises(DigsError, match="holds no study"):
         study.run(cases, out / "plots")
-    return Store(out).finished()[0]
-
-
-def test_a_case_is_measured(measured: dict[str, Any]) -> None:
+    measured = Store(out).finished()[0]
     assert measured["yardstick"]["psnr_object"] > 5
     assert 0 < measured["yardstick"]["depth_mae"] < 0.2
     assert 0 < measured["yardstick"]["depth_seen"] <= 1
@@ -74,15 +62,8 @@ def test_a_case_is_measured(measured: dict[str, Any]) -> None:
 
 
 @pytest.mark.parametrize("study", STUDIES, ids=lambda study: study.name)
-def test_a_report_is_drawn_from_some_or_all_records(
-    study: Study, measured: dict[str, Any], tmp_path: Path
-) -> None:
-    cases = study.cases(1, 1, 1000)
-    course = [measured["course"][-1] | {"iteration": i} for i in (100, 300, 500, 1000)]
-    records = [
-        measured | {"labels": case.labels, "reconstruction": case.reconstruction, "course": course}
-        for case in cases
-    ]
+def test_a_report_is_drawn_from_some_or_all_records(study: Study, tmp_path: Path) -> None:
+    records = [record_of(case, number) for number, case in enumerate(study.cases(1, 1, 1000))]
     for count in (1, len(records)):
         page = write_pages(study.title, "", study.sections(records[:count]), tmp_path / str(count))
         assert page.stat().st_size > 3000
@@ -91,9 +72,9 @@ def test_a_report_is_drawn_from_some_or_all_records(
     assert any(table.rows for table in tables)
 
 
-def test_a_knob_is_priced_on_the_objects_that_both_settings_have(measured: dict[str, Any]) -> None:
+def test_a_knob_is_priced_on_the_objects_that_both_settings_have() -> None:
     """The second object is easier, and slower by a busier machine; a budget has cut off its knobs."""
-    records = []
+    records, measured = [], record_of(find_study("tradeoff").cases(1, 1, 1000)[0], 0)
     for name, better, slowness in (("mug", 0.0, 1.0), ("boot", 10.0, 3.0)):
         for knob, value, seconds, gain in (("usual", "", 10.0, 0.0), ("iterations", 100, 5.0, 1.5)):
             if name == "boot" and knob != "usual":
@@ -151,12 +132,9 @@ def test_an_interrupted_study_says_how_to_go_on(
 @pytest.mark.parametrize(
     "arguments",
     [
-        *(["run", "nothing"], ["report", "nothing"], ["run", "tradeoff", "--workers", "0"]),
-        *(
-            ["run", "tradeoff", "--time-budget", "0s"],
-            ["run", "tradeoff", "--time-budget", "soon"],
-            ["draw"],
-        ),
+        *(["draw"], ["run", "nothing"], ["report", "nothing"]),
+        *(["run", "tradeoff", *flag] for flag in (("--workers", "0"), ("--time-budget", "0s"))),
+        ["run", "tradeoff", "--time-budget", "soon"],
     ],
 )
 def test_unknown_studies_and_numbers_are_refused(arguments: list[str]) -> None:

@@ -13,7 +13,7 @@ pytest.importorskip("psutil", reason="psutil is not installed: extra cluster")
 
 
 def test_a_walk_is_cut_into_captures_from_all_along_it(tmp_path: Path) -> None:
-    from killed_worker import cut
+    from studies.pages.killed import cut
 
     small = SimulateConfig(frames=6, width=48, samples_per_pixel=1, tier="law")
     walk = simulate(small, tmp_path / "walk")
