@@ -169,17 +169,9 @@ def browser(
     program = next(filter(None, map(shutil.which, PROGRAMS)), None)
     if program is None:
         raise NoBrowserError(f"no browser ({', '.join(PROGRAMS)}); install one with: {INSTALL}")
+    own = [f"--window-size={size[0]},{size[1]}", f"--user-data-dir={folder}", "about:blank"]
     process = subprocess.Popen(
-        [
-            program,
-            *FLAGS,
-            *flags,
-            f"--window-size={size[0]},{size[1]}",
-            f"--user-data-dir={folder}",
-            "about:blank",
-        ],
-        stdout=subprocess.DEVNULL,
-        stderr=subprocess.DEVNULL,
+        [program, *FLAGS, *flags, *own], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
     )
     try:
         yield Browser(_first_tab(folder / "DevToolsActivePort", process))

@@ -85,23 +85,20 @@ def convergence_charts(results: Sequence[Result]) -> list[Chart]:
     curves = {name: [r for r in results if r.labels["settings"] == name] for name in names}
     first = results[0].labels
     title = f"{first['splats']:,} Gaussians from depth, {first['image']} px"
-    return [
-        Chart(
-            f"convergence_{key}",
-            f"{title}, {first['threads']} threads",
-            [
-                Curve(
-                    name,
-                    [{**r.labels, **r.values}[key] for r in curve],
-                    [r.values["PSNR on the object [dB]"] for r in curve],
-                )
-                for name, curve in curves.items()
-            ],
-            x_label,
-            "PSNR on the object, held-out views [dB]",
-        )
-        for key, x_label in (("seconds", "training time [s]"), ("iteration", "iterations"))
-    ]
+    x_labels = {"seconds": "training time [s]", "iteration": "iterations"}
+    psnr = "PSNR on the object [dB]"
+    charts = []
+    for key, x_label in x_labels.items():
+        drawn = [
+            Curve(
+                name, [{**r.labels, **r.values}[key] for r in rows], [r.values[psnr] for r in rows]
+            )
+            for name, rows in curves.items()
+        ]
+        y_label = "PSNR on the object, held-out views [dB]"
+        about = f"{title}, {first['threads']} threads"
+        charts.append(Chart(f"convergence_{key}", about, drawn, x_label, y_label))
+    return charts
 
 
 @dataclass(frozen=True)

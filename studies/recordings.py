@@ -43,10 +43,8 @@ FIGURES, FINDINGS = "figures", "findings"
 
 Poses = Literal["capture", "sfm", "rgbd", "auto"]
 POSES: dict[Poses, str] = {
-    "capture": "recorded",
-    "sfm": "estimated",
-    "rgbd": "color and depth",
-    "auto": "auto",
+    **{"capture": "recorded", "sfm": "estimated"},
+    **{"rgbd": "color and depth", "auto": "auto"},
 }
 
 
@@ -109,11 +107,8 @@ def measure(recording: RealRecording, source: Path, iterations: int = ITERATIONS
         try:
             capture = convert(recording, source, folder / "capture")
             notes.check(capture)
-        except (
-            DigsError,
-            OSError,
-            ValueError,
-        ) as error:  # files may be missing, or not belong together
+        # Files may be missing, or not belong together.
+        except (DigsError, OSError, ValueError) as error:
             notes.failed("conversion", error)
             return Measured(recording, tuple(notes.results), None)
         picture = None

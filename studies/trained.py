@@ -47,12 +47,8 @@ NEAR = 0.005
 
 # Files: name, suffix, version of SPZ; compared in views of this size [px], where alpha exceeds COVERED.
 FORMATS: tuple[tuple[str, str, SpzVersion], ...] = (
-    ("npz", ".npz", 3),
-    ("PLY", ".ply", 3),
-    (".splat", ".splat", 3),
-    ("SPZ 2", ".spz", 2),
-    ("SPZ 3", ".spz", 3),
-    ("SPZ 4", ".spz", 4),
+    *(("npz", ".npz", 3), ("PLY", ".ply", 3), (".splat", ".splat", 3)),
+    *(("SPZ 2", ".spz", 2), ("SPZ 3", ".spz", 3), ("SPZ 4", ".spz", 4)),
     ("USD", ".usdz", 3),
 )
 VIEWS = 4

@@ -33,20 +33,13 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as folder:
         ply, theirs, ours = (Path(folder) / name for name in ("a.ply", "theirs.usdc", "ours.usdc"))
         write_splat_file(ply, random_splats(arguments.splats))
-        start_ours = [
-            sys.executable,
-            "-c",
-            "import sys; from digs_warp.cli import main; sys.exit(main())",
-        ]
+        convert = [sys.executable, "-m", "digs_warp", "convert"]
         programs = {
             "usd-convert-gsplat": (
                 [arguments.converter, "-i", str(ply), "-o", str(theirs)],
                 theirs,
             ),
-            "digs-warp convert": (
-                [*start_ours, "convert", str(ply), "--out", str(ours), "--up", "y"],
-                ours,
-            ),
+            "digs-warp convert": ([*convert, str(ply), "--out", str(ours), "--up", "y"], ours),
         }
         results = []
         for name, (command, path) in programs.items():
