@@ -20,7 +20,7 @@ from reference.file_hashes import file_hashes
 from reference.mesh_files import TETRAHEDRON
 
 TINY = SimulateConfig(frames=2, width=48, samples_per_pixel=1)
-FLAGS = ["--frames", "2", "--width", "48", "--samples-per-pixel", "1"]
+FLAGS = ["--frames", "2", "--width", "48", "--samples-per-pixel", "1", "--tier", "law"]
 
 
 @pytest.fixture
@@ -82,34 +82,33 @@ def test_the_command_records_resumes_and_complains(
 ) -> None:
     out = tmp_path / "set"
     sky = str(inputs / "*.png")
-    command = ["simulate", *FLAGS, "--environments", sky, "--trajectories", "2", "--out", str(out)]
+    command = ["simulate", *FLAGS, "--environments", sky, "--out", str(out)]
     good = [*command, "--meshes", str(inputs / "[op]*.obj")]
     assert main(good) == EXIT_OK
     printed = capsys.readouterr().out
     captures = sorted(path.parent.relative_to(out) for path in out.rglob("transforms.json"))
     assert [str(path) for path in captures] == [
-        f"{mesh}/{sky}/0{walk}"
-        for mesh in ("other", "pyramid")
-        for sky in ("day", "night")
-        for walk in (0, 1)
+        f"{mesh}/{sky}/00" for mesh in ("other", "pyramid") for sky in ("day", "night")
     ]
-    assert all(f"{path} " in printed for path in captures) and "8 scenes" in printed
-    (out / "pyramid/day/01/transforms.json").unlink()
-    (out / "pyramid/day/01/depth/0001.exr").unlink()
-    before = file_hashes(out / "pyramid/night/01")
+    assert all(f"{path} " in printed for path in captures) and "4 scenes" in printed
+    (out / "pyramid/day/00/transforms.json").unlink()
+    (out / "pyramid/day/00/depth/0001.exr").unlink()
+    before = file_hashes(out / "pyramid/night/00")
     assert main([*good, "--resume"]) == EXIT_OK
-    assert len(read_capture(out / "pyramid/day/01")) == 2
-    assert file_hashes(out / "pyramid/night/01") == before
+    assert len(read_capture(out / "pyramid/day/00")) == 2
+    assert file_hashes(out / "pyramid/night/00") == before
     assert main(["info", str(out)]) == EXIT_OK
-    assert "8 scenes" in capsys.readouterr().out
+    assert "4 scenes" in capsys.readouterr().out
 
-    bad = [*command[:-1], str(tmp_path / "bad"), "--meshes", str(inputs / "*.obj")]
-    assert main(bad) == EXIT_BAD_INPUT
+    meshes, day = str(inputs / "[bp]*.obj"), str(inputs / "day.png")
+    bad = ["--meshes", meshes, "--environments", day, "--out", str(tmp_path / "bad")]
+    assert main(["simulate", *FLAGS, *bad]) == EXIT_BAD_INPUT
     message = capsys.readouterr().err
-    assert "4 of 12 scenes failed" in message and "broken/day/00" in message
-    assert (tmp_path / "bad/pyramid/night/01/transforms.json").is_file()
+    assert "1 of 2 scenes failed" in message and "broken/day/00" in message
+    assert (tmp_path / "bad/pyramid/day/00/transforms.json").is_file()
 
 
+@pytest.mark.long
 def test_scenes_on_dask_are_those_of_one_process(inputs: Path, tmp_path: Path) -> None:
     pytest.importorskip("distributed", reason="dask and distributed are not installed")
     config = replace(TINY, tier="law", environment=inputs / "day.png")

@@ -1,5 +1,6 @@
 """Automatic exposure and white balance: how they follow the light, and what they do to both images."""
 
+import shutil
 from dataclasses import replace
 from pathlib import Path
 
@@ -7,7 +8,7 @@ import numpy as np
 import pytest
 
 from digs_warp.checks import CaptureError
-from digs_warp.data.capture import read_capture
+from digs_warp.data.capture import Capture, read_capture
 from digs_warp.data.images import linear_from_srgb
 from digs_warp.record.files import read_json, to_json
 from digs_warp.sim.camera.metering import MOMENTS, meter_walk
@@ -63,6 +64,12 @@ def rng(seed: int = 0) -> np.random.Generator:
 @pytest.fixture(scope="module")
 def session() -> Session:
     return prepare_session(CONFIG, load_inputs(CONFIG))
+
+
+@pytest.fixture(scope="module")
+def recorded(session: Session, tmp_path_factory: pytest.TempPathFactory) -> Capture:
+    """A recording of CONFIG; read-only."""
+    return simulate(CONFIG, tmp_path_factory.mktemp("recorded") / "capture", session=session)
 
 
 def stepped(before: list[float], after: list[float]) -> AdaptationTrack:
@@ -264,9 +271,9 @@ def test_the_meter_sees_what_the_frames_show(session: Session) -> None:
 
 
 def test_both_eyes_and_all_orders_get_the_same_gain_and_the_index_tells_it(
-    session: Session, tmp_path: Path
+    session: Session, recorded: Capture
 ) -> None:
-    capture = simulate(CONFIG, tmp_path / "capture", session=session)
+    capture = recorded
     plan = make_plan(session)
     assert plan.effects_on == ("auto-exposure", "white-balance")
     maker = FrameMaker(session, plan)
@@ -310,10 +317,10 @@ def test_an_infrared_pair_shares_the_exposure_and_has_no_white_balance() -> None
 
 
 def test_a_recording_that_was_cut_off_resumes_to_the_same_bytes(
-    session: Session, tmp_path: Path
+    recorded: Capture, tmp_path: Path
 ) -> None:
     folder = tmp_path / "capture"
-    simulate(CONFIG, folder, session=session)
+    shutil.copytree(recorded.folder, folder)
     before = file_hashes(folder)
     for gone in ("transforms.json", "images/0001.png", "right/0002.png"):
         (folder / gone).unlink()
@@ -333,9 +340,9 @@ def test_strength_zero_changes_nothing_and_a_sensor_without_the_effects_meters_n
     assert plan.adaptation is None and plan.color_gain(0.0, 1.0) is None
 
 
-def test_a_gain_that_is_no_gain_is_refused(session: Session, tmp_path: Path) -> None:
+def test_a_gain_that_is_no_gain_is_refused(recorded: Capture, tmp_path: Path) -> None:
     folder = tmp_path / "capture"
-    simulate(replace(CONFIG, frames=1), folder, session=session)
+    shutil.copytree(recorded.folder, folder)
     index = read_json(folder / "transforms.json", "index")
     for wrong in ([1, 0, 1], [1, 1], "bright"):
         index["frames"][0]["color_gain"] = wrong

@@ -4,6 +4,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+import pytest
 
 from digs_warp.sim.camera.metering import meter_walk
 from digs_warp.sim.config import SimulateConfig
@@ -17,6 +18,8 @@ from digs_warp.sim.sensor.planner import override
 from digs_warp.sim.sensor.tiers import sense
 from digs_warp.study.scenes import OBJECT_SIZE
 from studies.realism_scenes import places
+
+pytestmark = pytest.mark.long
 
 # Stated share of the pixels whose depth an effect on depth that is off would change.
 STATED = 0.002

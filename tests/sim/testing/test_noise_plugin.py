@@ -53,7 +53,9 @@ def noise(capture):
 """
 
 
-@pytest.mark.parametrize("processes", [(), ("--numprocesses", "2")])
+@pytest.mark.parametrize(
+    "processes", [(), pytest.param(("--numprocesses", "2"), marks=pytest.mark.long)]
+)
 def test_each_effect_is_a_test_of_its_own_and_the_page_has_its_curve(
     processes: tuple[str, ...], tmp_path: Path
 ) -> None:

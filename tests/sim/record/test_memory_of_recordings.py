@@ -5,6 +5,7 @@ import sys
 from pathlib import Path
 
 import numpy as np
+import pytest
 import trimesh
 
 from digs_warp.data.images import write_image
@@ -36,6 +37,7 @@ for count in (frames, 4 * frames):
 """
 
 
+@pytest.mark.long
 def test_frames_are_not_kept(tmp_path: Path) -> None:
     trimesh.creation.box((0.3, 0.2, 0.2)).export(tmp_path / "box.glb")
     sky = np.random.default_rng(0).integers(0, 256, (16, 32, 3), dtype=np.uint8)

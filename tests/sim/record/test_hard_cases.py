@@ -72,6 +72,7 @@ def test_a_sun_of_70000_leaves_a_recording_with_finite_numbers(tmp_path: Path) -
         ("flight_helmet", {"transparency"}),  # six materials, a visor among them
     ],
 )
+@pytest.mark.long
 def test_meshes_with_what_stereo_cannot_match_switch_on_their_effects(
     sample_data: Path, tmp_path: Path, mesh: str, expected: set[str]
 ) -> None:

@@ -50,7 +50,7 @@ def lobe_light(environment: Environment, mirrored: np.ndarray, roughness: float)
     return float((weight * environment.radiance[..., 0]).sum() / weight.sum())
 
 
-@pytest.mark.parametrize("hidden", [(), ("left",), ("left", "right")])
+@pytest.mark.parametrize("hidden", [("left",), ("left", "right")])
 def test_a_lamp_in_the_shadow_has_no_highlight(hidden: tuple[str, ...]) -> None:
     both = lamps(*LAMPS)
     camera = Camera(INTRINSICS, look_at(TOWARD, np.zeros(3), UP))
@@ -64,5 +64,4 @@ def test_a_lamp_in_the_shadow_has_no_highlight(hidden: tuple[str, ...]) -> None:
     plain = linear_image(alone, camera)[44:46, 79:81].mean()
     assert plain < 0.9  # not clipped
     assert middle == pytest.approx(plain * light / every, rel=0.1, abs=0.002)
-    if hidden:
-        assert middle < 0.7 * plain
+    assert middle < 0.7 * plain

@@ -27,7 +27,7 @@ INTRINSICS = Intrinsics(321, 181, 300.0, 310.0, 158.3, 93.1)  # off center, on p
 SKY = Environment(np.random.default_rng(0).uniform(0.2, 1.8, (16, 32, 3)).astype(np.float32))
 
 DATA = Path(os.environ.get("DIGS_WARP_SAMPLE_DATA", "../shared/data"))
-MESHES = sorted((Path(__file__).parents[2] / DATA / "meshes").glob("*/*.glb"))
+MESHES = sorted((Path(__file__).parents[3] / DATA / "meshes").glob("*/*.glb"))
 
 MAX_DEPTH_ERROR = 1e-4  # relative, away from edges
 MIN_MASK_IOU = 0.995
@@ -74,6 +74,8 @@ def assert_same_geometry(gl: GlRenderer, rays: RaycastRenderer, camera: Camera) 
     assert (gl_ids == ids)[inner].all()
 
 
+@pytest.mark.sample_data
+@pytest.mark.long
 @pytest.mark.parametrize("path", MESHES, ids=lambda path: path.stem)
 def test_depth_masks_and_ids_agree_on_every_mesh(path: Path) -> None:
     scene = load_scene(path, size=0.5, up="y")  # lying flat, a sword is all outline
