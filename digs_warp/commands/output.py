@@ -211,18 +211,13 @@ def is_ours(folder: Path) -> bool:
 
 def _check_inputs(out: Path, inputs: Sequence[Path | None]) -> list[Path]:
     """Return the inputs that there are, after all checks that change nothing."""
-    needed = _existing(inputs)
-    if out.exists() and not out.is_dir():
-        raise DigsError(f"--out '{out}': this is {_named(out)}; name a folder")
-    _check_writable(out)
-    return needed
-
-
-def _existing(inputs: Sequence[Path | None]) -> list[Path]:
     needed = [path for path in inputs if path is not None]
     for path in needed:
         if not path.exists():
             raise DigsError(f"'{path}': no such file or folder. Check the path.")
+    if out.exists() and not out.is_dir():
+        raise DigsError(f"--out '{out}': this is {_named(out)}; name a folder")
+    _check_writable(out)
     return needed
 
 

@@ -10,7 +10,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
-from digs_warp.check.check import CheckResult, check_capture
+from digs_warp.check.check import check_capture
 from digs_warp.data.capture import Capture
 from digs_warp.data.layers import Layer
 from digs_warp.data.point_cloud import PointCloud
@@ -246,15 +246,11 @@ def _start(
 
 
 def _findings(capture: Capture, config: FrontEndConfig) -> tuple[str, ...]:
-    """Look at what the capture contributes, and warn of what does not fit together."""
-    found = tuple(map(str, quick_check(capture, config).findings))
+    """Take a first look at the parts of the capture that the settings use; warn of what does not fit."""
+    uses_poses, uses_masks = config.sfm.poses != "sfm", config.segment.source == "capture"
+    asker = "run" if uses_poses and len(capture) <= SHORT else "info"
+    checked = check_capture(capture, asker, poses=uses_poses, masks=uses_masks)
+    found = tuple(map(str, checked.findings))
     for finding in found:
         logger.warning("%s: %s", capture, finding)
     return found
-
-
-def quick_check(capture: Capture, config: FrontEndConfig) -> CheckResult:
-    """Return what a first look finds in the parts of the capture that the settings use."""
-    uses_poses, uses_masks = config.sfm.poses != "sfm", config.segment.source == "capture"
-    asker = "run" if uses_poses and len(capture) <= SHORT else "info"
-    return check_capture(capture, asker, poses=uses_poses, masks=uses_masks)

@@ -1,7 +1,5 @@
 """One interface for the density strategies, made from the settings, and their cap on Gaussians."""
 
-from typing import Protocol
-
 import numpy as np
 import warp as wp
 
@@ -47,11 +45,14 @@ def check_start(count: int, cap: int) -> None:
         )
 
 
-class DensityControl(Protocol):
-    """How the population changes during a run."""
+class DensityControl:
+    """How the population changes during a run. This one keeps it as it is: enough for a dense start.
 
-    statistics: SplatStatistics | None
-    """What the renderer accumulates in every backward pass; None for nothing."""
+    Attributes:
+        statistics: what the renderer accumulates in every backward pass; None for nothing.
+    """
+
+    statistics: SplatStatistics | None = None
 
     def after_update(
         self, gaussians: DeviceGaussians, step: int, means_rate: float
@@ -66,43 +67,22 @@ class DensityControl(Protocol):
         Returns:
             The new population, or None when it stays the same.
         """
-        ...
-
-    def state(self) -> dict[str, np.ndarray]:
-        """Return what a checkpoint has to hold."""
-        ...
-
-    def restore(self, state: dict[str, np.ndarray]) -> None:
-        """Continue from a `state`."""
-        ...
-
-
-class Fixed:
-    """Keeps the population as it is: enough for a dense start."""
-
-    statistics: SplatStatistics | None = None
-
-    def after_update(
-        self, gaussians: DeviceGaussians, step: int, means_rate: float
-    ) -> Refinement | None:
-        """Change nothing."""
         return None
 
     def state(self) -> dict[str, np.ndarray]:
-        """Return an empty state."""
+        """Return what a checkpoint has to hold; draws follow from (seed, step)."""
         return {}
 
     def restore(self, state: dict[str, np.ndarray]) -> None:
-        """There is nothing to restore."""
+        """Continue from a `state`."""
 
 
-class Adaptive:
+class Adaptive(DensityControl):
     """Clone, split, prune and reset; see `digs_warp.train.density.adaptive`."""
 
     def __init__(
         self, count: int, config: TrainConfig, extent: float, max_splats: int, absolute: bool
     ) -> None:
-        self.statistics: SplatStatistics | None = None
         self._absolute = absolute
         self._config = config
         self._extent = extent
@@ -156,10 +136,8 @@ class Adaptive:
         return values["sums"] / np.maximum(values["counts"], 1)
 
 
-class MonteCarlo:
+class MonteCarlo(DensityControl):
     """Explore with noise, relocate the dead, grow to the cap; see `digs_warp.train.density.mcmc`."""
-
-    statistics: SplatStatistics | None = None
 
     def __init__(self, config: TrainConfig, extent: float, max_splats: int) -> None:
         self._config = config
@@ -194,13 +172,6 @@ class MonteCarlo:
         ]
         launch_parallel(noise_kernel, len(gaussians), inputs, device)
 
-    def state(self) -> dict[str, np.ndarray]:
-        """Return an empty state: draws follow from (seed, step)."""
-        return {}
-
-    def restore(self, state: dict[str, np.ndarray]) -> None:
-        """There is nothing to restore."""
-
 
 def density_control(
     count: int, sh_degree: int, config: TrainConfig, extent: float
@@ -212,7 +183,7 @@ def density_control(
     """
     density = config.density
     if density.strategy == "fixed":
-        return Fixed()
+        return DensityControl()
     cap = splat_cap(density.max_splats, density.splat_memory, sh_degree)
     check_start(count, cap)
     if density.strategy == "mcmc":
