@@ -1,8 +1,10 @@
 import numpy as np
+import pytest
 
 from studies.usd_files import bench_usd
 
 
+@pytest.mark.long
 def test_every_precision_is_measured_and_files_are_the_arrays_and_little_else():
     results = bench_usd(splats=2000, pictured=500)
     found = {(r.labels["precision"], r.labels["format"]): r.values for r in results}

@@ -16,57 +16,29 @@ FIELD = "/Asset/Gaussians"
 Edit = Callable[[dict[str, np.ndarray]], None]
 
 
-def logarithms(arrays: dict[str, np.ndarray]) -> None:
-    arrays["scales"][:] = np.log(arrays["scales"])
+SH = "radiance:sphericalHarmonicsCoefficients"
 
 
-def logits(arrays: dict[str, np.ndarray]) -> None:
-    arrays["opacities"][:] = np.log(arrays["opacities"] / (1 - arrays["opacities"]))
+def changed(name: str, change: Callable[[np.ndarray], np.ndarray]) -> Edit:
+    """Put what ``change`` makes of the array in its place."""
+    return lambda arrays: arrays.update({name: change(arrays[name])})
 
 
-def too_few(arrays: dict[str, np.ndarray]) -> None:
-    arrays["orientations"] = arrays["orientations"][:-1]
+def spoiled(name: str, place: int | tuple[int, int], value: float) -> Edit:
+    """Write ``value`` over a row or a number of the array."""
 
+    def edit(arrays: dict[str, np.ndarray]) -> None:
+        arrays[name][place] = value
 
-def not_a_number(arrays: dict[str, np.ndarray]) -> None:
-    arrays["positions"][3, 1] = np.nan
-
-
-def infinite_color(arrays: dict[str, np.ndarray]) -> None:
-    arrays["radiance:sphericalHarmonicsCoefficients"][7] = np.inf
+    return edit
 
 
 def centers_only(arrays: dict[str, np.ndarray]) -> None:
     arrays["extent"] = np.stack([arrays["positions"].min(axis=0), arrays["positions"].max(axis=0)])
 
 
-def huge_extent(arrays: dict[str, np.ndarray]) -> None:
-    arrays["extent"] = arrays["extent"] * 3
-
-
 def no_extent(arrays: dict[str, np.ndarray]) -> None:
     del arrays["extent"]
-
-
-def long_quaternions(arrays: dict[str, np.ndarray]) -> None:
-    arrays["orientations"] *= 1.01
-
-
-def zero_quaternion(arrays: dict[str, np.ndarray]) -> None:
-    arrays["orientations"][2] = 0
-
-
-def no_thickness(arrays: dict[str, np.ndarray]) -> None:
-    arrays["scales"][:, 2] = 0
-
-
-def colors_to_255(arrays: dict[str, np.ndarray]) -> None:
-    arrays["radiance:sphericalHarmonicsCoefficients"] += 100
-
-
-def half_a_degree(arrays: dict[str, np.ndarray]) -> None:
-    name = "radiance:sphericalHarmonicsCoefficients"
-    arrays[name] = arrays[name][: len(arrays[name]) // 2]
 
 
 def giants(arrays: dict[str, np.ndarray]) -> None:
@@ -74,20 +46,22 @@ def giants(arrays: dict[str, np.ndarray]) -> None:
     arrays["extent"] = np.array([[-20.0] * 3, [20.0] * 3], dtype=np.float32)
 
 
+logits = changed("opacities", lambda a: np.log(a / (1 - a)))
+
 MISTAKES: list[tuple[Edit, str, str]] = [
-    (logarithms, "scale-range", "are these logarithms"),
+    (changed("scales", np.log), "scale-range", "are these logarithms"),
     (logits, "opacity-range", "are these logits"),
-    (too_few, "splat-count", "49 values in 'orientations', expected 50"),
-    (not_a_number, "finite", "1 NaN or infinite values in 'positions'"),
-    (infinite_color, "finite", "3 NaN or infinite values in 'radiance"),
+    (changed("orientations", lambda q: q[:-1]), "splat-count", "49 values in 'orientations', expe"),
+    (spoiled("positions", (3, 1), np.nan), "finite", "1 NaN or infinite values in 'positions'"),
+    (spoiled(SH, 7, np.inf), "finite", "3 NaN or infinite values in 'radiance"),
     (centers_only, "extent", "cuts off splats"),
-    (huge_extent, "extent", "much larger"),
+    (changed("extent", lambda box: box * 3), "extent", "much larger"),
     (no_extent, "extent", "not authored"),
-    (long_quaternions, "quaternion-length", "50 quaternions"),
-    (zero_quaternion, "quaternion-length", "1 quaternions"),
-    (no_thickness, "scale-range", "50 splats with a scale of 0"),
-    (colors_to_255, "color-range", "brightness"),
-    (half_a_degree, "sh-count", "400 coefficients, expected 50 x 16"),
+    (changed("orientations", lambda q: q * 1.01), "quaternion-length", "50 quaternions"),
+    (spoiled("orientations", 2, 0), "quaternion-length", "1 quaternions"),
+    (changed("scales", lambda s: s * (1, 1, 0)), "scale-range", "50 splats with a scale of 0"),
+    (changed(SH, lambda c: c + 100), "color-range", "brightness"),
+    (changed(SH, lambda c: c[: len(c) // 2]), "sh-count", "400 coefficients, expected 50 x 16"),
     (giants, "scale-range", "wider"),
 ]
 

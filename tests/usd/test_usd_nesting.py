@@ -101,17 +101,17 @@ def test_brackets_in_comments_and_pieces_of_text_do_not_add_up():
     nesting.check_text(text, "it")
 
 
-@pytest.mark.parametrize("text", [b'"]" [', b"'\\']' [", b"# ]\n[", b"/* ] */ [", b"@]@ [", b"] ["])
-def test_no_piece_of_text_hides_the_depth_of_the_rest(text: bytes):
-    nesting.check_text(text * nesting.MAX_NESTING, "it")
-    if text != b"] [":  # closing what was never opened is an error of the library
-        with pytest.raises(ValueError, match="brackets nested 257 deep in it"):
-            nesting.check_text(text * (nesting.MAX_NESTING + 1), "it")
+def test_no_piece_of_text_hides_the_depth_of_the_rest() -> None:
+    for text in [b'"]" [', b"'\\']' [", b"# ]\n[", b"/* ] */ [", b"@]@ [", b"] ["]:
+        nesting.check_text(text * nesting.MAX_NESTING, "it")
+        if text != b"] [":  # closing what was never opened is an error of the library
+            with pytest.raises(ValueError, match="brackets nested 257 deep in it"):
+                nesting.check_text(text * (nesting.MAX_NESTING + 1), "it")
 
 
-@pytest.mark.parametrize("piece", [b'"', b'\\"', b"'''", b'"""', b"/*", b"@@@", b"<", b"@", b"/"])
-def test_pieces_without_an_end_take_no_longer_than_their_length(piece: bytes):
-    nesting.check_text(piece * 300_000, "it")
+def test_pieces_without_an_end_take_no_longer_than_their_length() -> None:
+    for piece in [b'"', b'\\"', b"'''", b'"""', b"/*", b"@@@", b"<", b"@", b"/"]:
+        nesting.check_text(piece * 300_000, "it")
 
 
 def test_the_depth_of_a_tree_of_paths_counts_ancestors_only():

@@ -138,6 +138,6 @@ def test_the_functions_of_the_package_replace_no_file_of_others(
 
 def test_a_study_replaces_no_page_of_others(tmp_path: Path) -> None:
     (tmp_path / "report.md").write_text("precious")
-    arguments = ["study", "run", "segmentation", "--time-budget", "0.001s"]
+    arguments = ["study", "run", "initialization", "--time-budget", "0.001s"]
     assert main([*arguments, "--out", str(tmp_path)]) == EXIT_BAD_INPUT
     assert names(tmp_path) == ["report.md"]

@@ -26,23 +26,17 @@ from reference.noise_capture import INTRINSICS, change_frame, change_index, writ
         (Layer.MASK, "load_mask", np.zeros((8, 12), np.uint8)),
     ],
 )
-def test_another_size_names_file_found_and_expected(
+def test_another_size_and_a_truncated_file_are_named(
     tmp_path: Path, key: Layer, load: str, pixels: np.ndarray
 ) -> None:
     frame = write_capture(tmp_path, 1).frames[0]
     write_image(frame.path(key), pixels)
     with pytest.raises(CaptureError, match=r"0000\.(png|exr)': 12x8 pixels, expected 12x9"):
         getattr(frame, load)()
-
-
-@pytest.mark.parametrize("key", [Layer.IMAGE, Layer.DEPTH, Layer.MASK])
-def test_a_truncated_file_is_named_when_loaded(tmp_path: Path, key: Layer) -> None:
-    frame = write_capture(tmp_path, 1).frames[0]
     path = frame.path(key)
     path.write_bytes(path.read_bytes()[:60])
-    load = {Layer.IMAGE: "load_image", Layer.DEPTH: "load_depth", Layer.MASK: "load_mask"}
     with pytest.raises(DigsError, match=path.name):
-        getattr(frame, load[key])()
+        getattr(frame, load)()
 
 
 def test_numbers_of_the_wrong_type_are_refused(tmp_path: Path) -> None:
@@ -110,30 +104,32 @@ def test_an_interrupted_recording_says_how_to_go_on(tmp_path: Path) -> None:
         read_capture(tmp_path)
 
 
-@pytest.mark.parametrize("changes", [{"cx": 1e6}, {"cy": -1e3}])
-def test_a_principal_point_far_outside_the_image_is_refused(
-    tmp_path: Path, changes: dict[str, float]
+INDEX = [
+    ({"frames": None}, "lists no frames"),
+    ({"frames": []}, "lists no frames"),
+    ({"frames": {}}, "lists no frames"),
+    ({"frames": "0000"}, "lists no frames"),
+    ({"frames": ["images/0000.png"]}, "frame 0"),
+    ({"cx": 1e6}, "frame 0: cx is .*expected pixels from -"),
+    ({"cy": -1e3}, "frame 0: cy is .*expected pixels from -"),
+    *(
+        ({key: None}, f"frame 0: .*has no '{key}'")
+        for key in ("w", "h", "fl_x", "fl_y", "cx", "cy")
+    ),
+    *(
+        ({"digs_warp": {"rig": rig}}, "digs_warp")
+        for rig in ({}, {"baseline": "wide"}, {"baseline": -1}, None, 3)
+    ),
+]
+
+
+@pytest.mark.parametrize(("changes", "message"), INDEX, ids=str)
+def test_an_index_that_makes_no_sense_is_explained(
+    tmp_path: Path, changes: dict[str, Any], message: str
 ) -> None:
     write_capture(tmp_path, 1)
     change_index(tmp_path, **changes)
-    (key,) = changes
-    with pytest.raises(CaptureError, match=f"frame 0: {key} is .*expected pixels from -"):
-        read_capture(tmp_path)
-
-
-@pytest.mark.parametrize("frames", [None, [], {}, "0000"])
-def test_an_index_without_frames_raises(tmp_path: Path, frames: Any) -> None:
-    write_capture(tmp_path, 1)
-    change_index(tmp_path, frames=frames)
-    with pytest.raises(CaptureError, match="lists no frames"):
-        read_capture(tmp_path)
-
-
-@pytest.mark.parametrize("key", ["w", "h", "fl_x", "fl_y", "cx", "cy"])
-def test_missing_intrinsics_are_named(tmp_path: Path, key: str) -> None:
-    write_capture(tmp_path, 1)
-    change_index(tmp_path, **{key: None})
-    with pytest.raises(CaptureError, match=f"frame 0: .*has no '{key}'"):
+    with pytest.raises(CaptureError, match=message):
         read_capture(tmp_path)
 
 
@@ -158,30 +154,6 @@ def test_a_frame_that_makes_no_sense_is_named(tmp_path: Path, changes: dict[str,
     write_capture(tmp_path, 3)
     change_frame(tmp_path, 1, **changes)
     with pytest.raises(CaptureError, match="frame 1"):
-        read_capture(tmp_path)
-
-
-def test_a_frame_that_is_no_object_is_named(tmp_path: Path) -> None:
-    write_capture(tmp_path, 1)
-    change_index(tmp_path, frames=["images/0000.png"])
-    with pytest.raises(CaptureError, match="frame 0"):
-        read_capture(tmp_path)
-
-
-@pytest.mark.parametrize(
-    "ours",
-    [
-        {"rig": {}},
-        {"rig": {"baseline": "wide"}},
-        {"rig": {"baseline": -1}},
-        {"rig": None},
-        {"rig": 3},
-    ],
-)
-def test_a_broken_rig_raises(tmp_path: Path, ours: Any) -> None:
-    write_capture(tmp_path, 1)
-    change_index(tmp_path, digs_warp=ours)
-    with pytest.raises(CaptureError, match="digs_warp"):
         read_capture(tmp_path)
 
 

@@ -115,41 +115,6 @@ def test_the_sensor_plan_and_the_causes_are_shown(run: tuple[Capture, Path, Path
     assert "Causes one by one" in page.text
 
 
-def test_poses_scale_and_points_are_shown(run: tuple[Capture, Path, Path]) -> None:
-    path = run[1] / "run.json"
-    record = json.loads(path.read_text())
-    record["results"]["poses"] = {
-        "sfm": {
-            **{"images": 20, "registered": 19, "models": 1, "points": 12345},
-            **{
-                "observations_per_image": 900.0,
-                "track_length": 5.27,
-                "reprojection_error_px": 0.44,
-                "ray_angle_deg": 11.9,
-            },
-        },
-        "scale": {
-            **{
-                "sfm_per_metre": 4.2434,
-                "width": 0.0212,
-                "values": 2664,
-                "modes": 2,
-                "bandwidth": 0.003,
-            },
-            "warning": "a second mode is near as high",
-        },
-    }
-    record["results"]["start"] = {
-        "sources": {"depth": 51234, "sfm": 77},
-        "depth": {"voxel_size": 0.004, "pixels": {"in the mask": 999000}},
-    }
-    path.write_text(json.dumps(record))
-    text = write_and_parse(run).text
-    for expected in ("19 of 20", "12,345", "0.44 px", "4.2434", "0.50 %", "51,234", "999,000"):
-        assert expected in text
-    assert "4.00 mm" in text and "second mode" in text
-
-
 def test_findings_about_the_capture_are_shown(run: tuple[Capture, Path, Path]) -> None:
     assert "Warning:" not in write_and_parse(run).text
     record = json.loads((run[1] / "run.json").read_text())

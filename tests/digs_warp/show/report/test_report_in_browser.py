@@ -17,6 +17,8 @@ from digs_warp.splat.render import render
 from reference.report_folder import report_on, write_capture, write_reconstruction
 from reference.tiny_capture import ball
 
+pytestmark = pytest.mark.long
+
 CANVAS = "document.querySelector('#view3d canvas')"
 UP = np.array([0.0, 0.0, 1.0])
 

@@ -1,0 +1,118 @@
+"""Recordings of a moving camera, with a rolling shutter or a long exposure: what becomes of them."""
+
+import json
+from collections.abc import Callable
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+
+import pytest
+
+from digs_warp.data.capture import Capture, read_capture
+from digs_warp.init.config import InitConfig
+from digs_warp.pipeline.reconstruct import ReconstructConfig, reconstruct
+from digs_warp.pipeline.reconstruction import Reconstruction
+from digs_warp.poses.from_images.config import SfmConfig
+from digs_warp.train.config import Stop, TrainConfig
+from reference.tiny_capture import READOUT_TIME, write_tiny_capture
+from reference.trained_ball import assert_same_bits, interrupt, score_of_perfect_views
+
+ROLLING = ReconstructConfig(
+    init=InitConfig(voxel_size=0.012),
+    train=TrainConfig(stop=Stop(iterations=60), sh_degree=0, evaluate_at=()),
+)
+BLURRED = replace(
+    ROLLING, train=replace(ROLLING.train, stop=Stop(iterations=120), motion_blur="on")
+)
+
+
+@pytest.fixture(scope="module")
+def rolling(make_once: Callable[..., Path]) -> Capture:
+    return read_capture(make_once("rolling", lambda out: write_tiny_capture(out, rolling=True)))
+
+
+@pytest.fixture(scope="module")
+def blurred(make_once: Callable[..., Path]) -> Capture:
+    return read_capture(make_once("blurred", lambda out: write_tiny_capture(out, blurred=True)))
+
+
+@pytest.fixture(scope="module")
+def corrected(rolling: Capture, tmp_path_factory: pytest.TempPathFactory) -> Reconstruction:
+    return reconstruct(rolling, ROLLING, tmp_path_factory.mktemp("corrected"))
+
+
+@pytest.fixture(scope="module")
+def drawn(blurred: Capture, tmp_path_factory: pytest.TempPathFactory) -> Reconstruction:
+    return reconstruct(blurred, BLURRED, tmp_path_factory.mktemp("drawn"))
+
+
+def test_a_rolling_shutter_is_closer_to_what_a_perfect_camera_sees(
+    rolling: Capture, corrected: Reconstruction, tmp_path: Path
+) -> None:
+    off = replace(ROLLING, train=replace(ROLLING.train, rolling_shutter="off"))
+    ignored = reconstruct(rolling, off, tmp_path / "ignored")
+    with_shutter = score_of_perfect_views(corrected.gaussians, tmp_path / "perfect")
+    without = score_of_perfect_views(ignored.gaussians, tmp_path / "again")
+    assert with_shutter.psnr_frame > without.psnr_frame + 1.0
+    # The held-out photographs have the same shutter: drawn with it, they fit, too.
+    assert corrected.scores.mean.psnr_frame > ignored.scores.mean.psnr_frame + 1.0
+
+
+def test_a_long_exposure_is_closer_to_what_a_perfect_camera_sees(
+    blurred: Capture, drawn: Reconstruction, tmp_path: Path
+) -> None:
+    off = replace(BLURRED, train=replace(BLURRED.train, motion_blur="off"))
+    ignored = reconstruct(blurred, off, tmp_path / "ignored")
+    with_blur = score_of_perfect_views(drawn.gaussians, tmp_path / "perfect")
+    without = score_of_perfect_views(ignored.gaussians, tmp_path / "again")
+    assert with_blur.psnr_object > without.psnr_object + 0.2
+    # The held-out photographs are blurred, too: drawn so, they fit.
+    assert drawn.scores.mean.psnr_object > ignored.scores.mean.psnr_object + 1.0
+
+
+def test_the_runs_say_what_was_decided_and_why(
+    corrected: Reconstruction, drawn: Reconstruction
+) -> None:
+    said = []
+    for result, what in ((corrected, "rolling_shutter"), (drawn, "motion_blur")):
+        assert result.folder is not None
+        record = json.loads((result.folder / "run.json").read_text())["results"]["training"]
+        said.append(record[what])
+        read = Reconstruction.load(result.folder).training
+        assert getattr(read, what) == getattr(result.training, what) is not None
+    shutter, blur = said
+    assert shutter["rolling"] is True and shutter["readout_time"] == READOUT_TIME
+    assert f"moves {shutter['skew_px']:.2f} px" in shutter["because"]
+    assert blur["frames"] == 16 and blur["moments"] >= 2
+    assert f"moves {blur['blur_px']:.2f} px" in blur["because"]
+
+
+def test_the_readout_time_of_the_settings_counts_more_than_that_of_the_recording(
+    rolling: Capture, tmp_path: Path
+) -> None:
+    short = replace(ROLLING.train, stop=Stop(iterations=1))
+    found = reconstruct(
+        rolling,
+        replace(ROLLING, train=short, sfm=SfmConfig(poses="capture", readout_time=0.0)),
+        tmp_path,
+    )
+    assert found.training.rolling_shutter is not None and not found.training.rolling_shutter.rolling
+
+
+def test_an_interrupted_run_resumes_to_the_same_bits(
+    rolling: Capture,
+    blurred: Capture,
+    corrected: Reconstruction,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    short = replace(BLURRED, train=replace(BLURRED.train, stop=Stop(iterations=16)))
+    whole = reconstruct(blurred, short, tmp_path / "whole")
+    for capture, config, step, expected in (
+        (rolling, ROLLING, 37, corrected),
+        (blurred, short, 9, whole),
+    ):
+        out = tmp_path / str(step)
+        interrupt(partial(reconstruct, capture, config, out), step, monkeypatch)
+        resumed = reconstruct(capture, config, out, resume=True)
+        assert_same_bits(resumed.gaussians, expected.gaussians)
