@@ -27,7 +27,7 @@ def object_height(frames: tuple[dw.Frame, ...], true: bool = False) -> float:
 
 for strength in (1.0, 2.0, 4.0):
     # The same walk round the same object; only the sensor's errors grow.
-    capture = dw.simulate(frames=frames, width=width, strength=strength)
+    capture = dw.simulate(frames=frames, width=width, error_strength=strength)
     found, truth = object_height(capture.frames), object_height(capture.frames, true=True)
     print(
         f"strength {strength}: {1000 * found:.0f} mm instead of {1000 * truth:.0f} mm, "
