@@ -91,7 +91,7 @@ OTHERS = (
              (f"{SEARCH}:coarse_half_blocks",), causes.nothing_far),
     Mutation("drift-1.3", "the calibration drifts 1.3 times as far",
              "test_the_drift_belongs_to_seed_and_unit_and_has_the_stated_size",
-             (f"{COLOR}.calibration_drift:CalibrationDrift.draw",), causes.drifting_farther),
+             (f"{COLOR}.rendering:CalibrationDrift.draw",), causes.drifting_farther),
     Mutation("drift-unfollowed", "the search expects matches where the factory calibration has them",
              "test_the_shown_disparity_is_that_of_the_projected_points",
              ("digs_warp.sim.sensor.drift:Drift.shown_disparity",),
