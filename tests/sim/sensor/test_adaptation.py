@@ -67,7 +67,7 @@ def session() -> Session:
 
 
 @pytest.fixture(scope="module")
-def recorded(session: Session, tmp_path_factory: pytest.TempPathFactory) -> Capture:
+def capture(session: Session, tmp_path_factory: pytest.TempPathFactory) -> Capture:
     """A recording of CONFIG; read-only."""
     return simulate(CONFIG, tmp_path_factory.mktemp("recorded") / "capture", session=session)
 
@@ -271,9 +271,8 @@ def test_the_meter_sees_what_the_frames_show(session: Session) -> None:
 
 
 def test_both_eyes_and_all_orders_get_the_same_gain_and_the_index_tells_it(
-    session: Session, recorded: Capture
+    session: Session, capture: Capture
 ) -> None:
-    capture = recorded
     plan = make_plan(session)
     assert plan.effects_on == ("auto-exposure", "white-balance")
     maker = FrameMaker(session, plan)
@@ -317,10 +316,10 @@ def test_an_infrared_pair_shares_the_exposure_and_has_no_white_balance() -> None
 
 
 def test_a_recording_that_was_cut_off_resumes_to_the_same_bytes(
-    recorded: Capture, tmp_path: Path
+    capture: Capture, tmp_path: Path
 ) -> None:
     folder = tmp_path / "capture"
-    shutil.copytree(recorded.folder, folder)
+    shutil.copytree(capture.folder, folder)
     before = file_hashes(folder)
     for gone in ("transforms.json", "images/0001.png", "right/0002.png"):
         (folder / gone).unlink()
@@ -340,9 +339,9 @@ def test_strength_zero_changes_nothing_and_a_sensor_without_the_effects_meters_n
     assert plan.adaptation is None and plan.color_gain(0.0, 1.0) is None
 
 
-def test_a_gain_that_is_no_gain_is_refused(recorded: Capture, tmp_path: Path) -> None:
+def test_a_gain_that_is_no_gain_is_refused(capture: Capture, tmp_path: Path) -> None:
     folder = tmp_path / "capture"
-    shutil.copytree(recorded.folder, folder)
+    shutil.copytree(capture.folder, folder)
     index = read_json(folder / "transforms.json", "index")
     for wrong in ([1, 0, 1], [1, 1], "bright"):
         index["frames"][0]["color_gain"] = wrong
