@@ -37,7 +37,7 @@ def run(
 
 
 @pytest.mark.parametrize(
-    ("source", "target"), pairwise([*scene_files.SUFFIXES, scene_files.SUFFIXES[0]])
+    ("source", "target"), list(pairwise([*scene_files.SUFFIXES, scene_files.SUFFIXES[0]]))
 )
 def test_any_pair(tmp_path: Path, gaussians: Gaussians, source: str, target: str, capsys) -> None:
     """The scene survives, to the precision of the coarsest format."""
