@@ -69,7 +69,7 @@ REFERENCE_STEPS, SHORT_STEPS = 30_000, 1_000
 
 def rates_of_sparse_start(steps: int) -> LearningRates:
     """Return the rates of a run of this many steps from sparse points."""
-    shortness = log(REFERENCE_STEPS / steps) / log(REFERENCE_STEPS / SHORT_STEPS)
+    shortness = log(REFERENCE_STEPS / max(steps, 1)) / log(REFERENCE_STEPS / SHORT_STEPS)
     share = min(max(shortness, 0.0), 1.0)
     pairs = (
         (getattr(REFERENCE_RATES, rate.name), getattr(DENSE_RATES, rate.name))

@@ -92,7 +92,7 @@ def test_structure_from_motion_may_lose_the_only_held_out_frame(
     config = FrontEndConfig(sfm=sfm, test_every=8, init=InitConfig(voxel_size=0.01))
     prepared = front_end(capture, config, tmp_path / "result", RunLog("test", config))
     names = names_of(capture.frames)
-    assert f"not registered and left out: 1 frame (['{names[0]}'])" in caplog.text
+    assert f"not registered and left out: 1 frame ({names[0]})" in caplog.text
     assert names_of(prepared.poses.posed.held_out) == names[1:2]
     assert names_of(prepared.poses.posed.training) == names[2:]
 
