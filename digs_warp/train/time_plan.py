@@ -72,7 +72,9 @@ class Progress:
         return min(1.0, reached + (1.0 - reached) * share)
 
     def respread(self, step: int, steps_left: float) -> None:
-        """Spread the rest of the progress over as many steps from ``step`` on, at least one."""
+        """Spread the rest of the progress, if there is any, over as many steps from ``step`` on."""
+        if self.at(step) >= 1.0:
+            return
         self._from = (step, self.at(step))
         self.steps = step + max(1, int(min(steps_left, self.most - step)))
 

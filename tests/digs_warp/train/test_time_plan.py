@@ -118,3 +118,9 @@ def test_planning_times_steps_of_a_copy(capture: Capture, monkeypatch: pytest.Mo
     data = session.open_data(capture.frames, config, capture.folder)
     plan = plan_training(ball(300), data, config)
     assert plan.step_seconds == pytest.approx(0.1) and plan.iterations == 100
+
+
+def test_a_run_that_reached_its_end_is_not_made_longer() -> None:
+    progress, clock = Progress(500, most=500), Clock(10.0)
+    clock.after_step(progress, 500, 5.0)  # half of the time is left
+    assert (progress.steps, progress.at(500)) == (500, 1.0)
