@@ -23,6 +23,8 @@ from digs_warp.usd.files import HINT
 if TYPE_CHECKING:
     from pxr import Usd
 
+_log = logging.getLogger(__name__)
+
 
 # A choice: (path of the prim, name of its variant set) -> name of the variant.
 Selection = dict[tuple[str, str], str]
@@ -81,9 +83,6 @@ def _select(stage: "Usd.Stage", prim: str, name: str, variant: str) -> None:
 
     with Usd.EditContext(stage, stage.GetSessionLayer()):
         stage.GetPrimAtPath(prim).GetVariantSet(name).SetVariantSelection(variant)
-
-
-_log = logging.getLogger(__name__)
 
 
 def find_fields(stage: "Usd.Stage") -> list["Usd.Prim"]:

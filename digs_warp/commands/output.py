@@ -22,6 +22,8 @@ from digs_warp.record.manifest import recorded_files
 from digs_warp.record.replacement import check_place, finish_replacement, replace_result
 from digs_warp.record.run_log import RunRecord
 
+_log = logging.getLogger(__name__)
+
 
 def capture_files() -> list[str]:
     """Return what `simulate` writes."""
@@ -59,8 +61,6 @@ def run_files() -> list[str]:
 OUTPUT_FLAGS = ("out", "resume", "overwrite")  # of `OutputFolder`
 
 DEVICES = Path("/dev")
-
-_log = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True, kw_only=True)

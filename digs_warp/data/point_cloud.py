@@ -13,6 +13,8 @@ from digs_warp.data.images import to_uint8
 from digs_warp.data.ply_table import read_ply_header, read_table, write_vertices
 from digs_warp.record.arrays import open_arrays, write_arrays
 
+logger = logging.getLogger(__name__)
+
 FIELDS = ("points_world", "colors")
 AXIS_FIELDS = ("axes_world", "axis_deviations")
 # Which points are special; None: none of them.
@@ -122,8 +124,6 @@ def _joined(name: str, clouds: Sequence[PointCloud], usual: bool | float) -> np.
         ]
     )
 
-
-logger = logging.getLogger(__name__)
 
 POSITION, COLOR = ("x", "y", "z"), ("red", "green", "blue")
 

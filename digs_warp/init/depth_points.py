@@ -22,6 +22,8 @@ from digs_warp.init.voxel import GrowingGrid, VoxelSums, final_voxel_size, first
 from digs_warp.record.run_log import timed
 from digs_warp.words import counted
 
+logger = logging.getLogger(__name__)
+
 # What drops pixels between one of `digs_warp.init.view_points.FILTERS` and the next.
 STAGES = ("missing depth", "the edge filter", "the foreground filter")
 
@@ -41,8 +43,6 @@ def _shares(report: DepthReport) -> Iterator[tuple[float, str]]:
     for (before, after), stage in zip(pairwise(report.pixels.values()), STAGES, strict=True):
         yield 1 - after / max(before, 1), stage
 
-
-logger = logging.getLogger(__name__)
 
 # A view whose depth puts more than this share of its mask in the background: depth and mask disagree.
 DISAGREEMENT = 0.25

@@ -27,6 +27,8 @@ from digs_warp.init.scale import estimate_scale
 from digs_warp.record.progress import progress
 from digs_warp.words import counted
 
+logger = logging.getLogger(__name__)
+
 # The file's own metadata may say which kind its depth is.
 KIND_KEY = "depth"
 
@@ -113,8 +115,6 @@ class DepthNetwork:
             )
         return found
 
-
-logger = logging.getLogger(__name__)
 
 # Points below which a view's depth cannot be scaled.
 FEWEST = 20

@@ -22,6 +22,8 @@ from digs_warp.data.frame import Frame
 from digs_warp.init.config import InitConfig
 from digs_warp.init.strategies import FINE_PIXELS
 
+logger = logging.getLogger(__name__)
+
 # Three signed voxel indices share one 64-bit key, so that a single sort groups the points.
 BITS = 21
 MAX_INDEX = 2 ** (BITS - 1) - 1
@@ -139,8 +141,6 @@ def _sum_by_key(keys: np.ndarray, rows: np.ndarray) -> VoxelSums:
     sums = np.add.reduceat(rows[order], first, axis=0)
     return VoxelSums(keys[first], sums)
 
-
-logger = logging.getLogger(__name__)
 
 # Views that tell how large a pixel is at the object.
 LOOKED_AT = 8

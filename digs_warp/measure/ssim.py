@@ -37,6 +37,10 @@ from digs_warp.device.contiguous import cache_line_at, floats_from, prefetch_flo
 from digs_warp.device.image_planes import PlaneLayout
 from digs_warp.device.kernel_options import exact_vector_module_options
 
+# Products and sums are not contracted, except in a window: if fused, the variance of two equal constants
+# would not cancel, and SSIM would be off from 1 by 1e-4.
+wp.set_module_options(exact_vector_module_options())
+
 WINDOW = 11
 REACH = WINDOW // 2  # the window reaches this far [px]
 SIGMA = 1.5
@@ -102,10 +106,6 @@ def blur_across(
     """Blur ``row`` across the rows of a ring: 11 of them, each of ``count`` values, from ``first`` on."""
     ...
 
-
-# Products and sums are not contracted, except in a window: if fused, the variance of two equal constants
-# would not cancel, and SSIM would be off from 1 by 1e-4.
-wp.set_module_options(exact_vector_module_options())
 
 # Blocks are active or not; a strip is one block wide.
 BLOCK_ROWS = 16

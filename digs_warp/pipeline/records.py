@@ -31,7 +31,12 @@ from digs_warp.record.results import Figure
 from digs_warp.record.run_log import RunRecord
 from digs_warp.record.typed import NOT_STORED, from_json, to_json
 
+logger = logging.getLogger(__name__)
+
 T = TypeVar("T")
+
+
+RENDERS = "renders"
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -90,11 +95,6 @@ def stored_capture(run: RunRecord | None, folder: Path) -> Path | None:
 def _results(run: RunRecord | None, folder: Path) -> Fields:
     where = f"run record '{folder / RUN_RECORD}', results"
     return Fields(run.results if run else {}, where, remedy="reconstruct again")
-
-
-logger = logging.getLogger(__name__)
-
-RENDERS = "renders"
 
 
 def write_scores(folder: Path, scores: Scores) -> None:

@@ -32,6 +32,8 @@ from digs_warp.splat.records import (
 )
 from digs_warp.splat.tile import STEP_CUT, TILE, AlphaCut
 
+wp.set_module_options({"enable_backward": False})
+
 BLOCK_THREADS = TILE_PIXELS
 
 
@@ -66,8 +68,6 @@ class CooperativeLaunch:
         """Execute."""
         self._launch.launch()
 
-
-wp.set_module_options({"enable_backward": False})
 
 _THREADS = wp.constant(BLOCK_THREADS)
 # Splats whose records are loaded together: 64 take 2.3 KB of shared memory, so that it never limits how many

@@ -13,6 +13,8 @@ from digs_warp.device.image_planes import ImagePlanes
 from digs_warp.device.parallel import packed
 from digs_warp.splat.footprint import ViewParams
 
+wp.set_module_options({"enable_backward": False})
+
 # Columns of a splat's record: what a tile reads of a splat lies together.
 SPLAT_U = wp.constant(0)
 SPLAT_V = wp.constant(1)
@@ -155,8 +157,6 @@ class ViewPlanes:
         layout = {name: getattr(self.image, name) for name in ("pitch", "plane", "origin")}
         return packed(Planes, **layout, **{name: p.data for name, p in vars(self).items()})
 
-
-wp.set_module_options({"enable_backward": False})
 
 GROUP_FLAGS = "-march=native -mllvm=-inline-threshold=9000"
 # Of modules with a loop over a group: one with calls is not vectorized, and its body is longer than what LLVM

@@ -74,8 +74,6 @@ class AlphaCut:
 STEP_CUT = AlphaCut(capped_and_cut, slope_in_power)
 
 
-wp.set_module_options({"enable_backward": False})
-
 _CACHE_LINE = 16  # floats
 PLANE_FLOATS = TILE_PIXELS + _CACHE_LINE
 
@@ -184,8 +182,6 @@ def power_at(splat: TileSplat, dx: float, dy: float) -> float:
     return wp.min(dx * (splat.a_half * dx) + dy * (splat.c_half * dy - splat.b * dx), 0.0)
 
 
-wp.set_module_options({"enable_backward": False})
-
 _SLACK = wp.constant(EXTENT_SLACK)
 
 
@@ -260,9 +256,6 @@ def touched_blocks(ellipse: Ellipse) -> int:
 def lowest_bit(bits: int) -> int:
     """Index of the lowest of up to 24 bits, at least one: the exponent of its value as a float."""
     return (wp.cast(float(bits & -bits), wp.int32) >> 23) - 127
-
-
-wp.set_module_options({"enable_backward": False})
 
 
 @wp.func

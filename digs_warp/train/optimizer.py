@@ -101,8 +101,6 @@ def non_finite_rows(values: np.ndarray) -> np.ndarray:
     return np.flatnonzero(~finite)
 
 
-wp.set_module_options({"enable_backward": False, "max_unroll": 1, "optimization_level": 3})
-
 BETA_1 = 0.9
 BETA_2 = 0.999
 # As in 3DGS: gradients are means over pixels and can be tiny.

@@ -19,6 +19,8 @@ from digs_warp.record.typed import NOT_STORED
 from digs_warp.splat.camera_motion import Blur, RowMotion
 from digs_warp.words import counted
 
+logger = logging.getLogger(__name__)
+
 # Points of the object that tell how far its image moves.
 POINTS = 200
 
@@ -49,8 +51,6 @@ def image_speed(frame: Frame, points: np.ndarray) -> np.ndarray:
     v = k.fy * (moving[1] - y / z * moving[2]) / z
     return np.hypot(u, v)
 
-
-logger = logging.getLogger(__name__)
 
 MotionBlur = Literal["auto", "on", "off"]
 

@@ -16,6 +16,8 @@ from digs_warp.sim.camera.rig import StereoRig
 from digs_warp.sim.scene.join import join_scenes
 from digs_warp.sim.scene.scene import Scene
 
+_log = logging.getLogger(__name__)
+
 # Where panoramas are taken [m]: from a tripod at eye level, and not right above the object: straight down
 # they show the tripod or its retouched place, and their texels become ever narrower.
 PHOTOGRAPHER_HEIGHT = 1.6
@@ -89,8 +91,6 @@ def solid_angles(width: int, height: int) -> np.ndarray:
     edges = np.cos(np.arange(height + 1) / height * np.pi)
     return ((edges[:-1] - edges[1:]) * 2 * np.pi / width)[:, None]
 
-
-_log = logging.getLogger(__name__)
 
 # Near enough that the walls move from frame to frame (structure from motion needs them), far enough that
 # three orbits at about 0.9 m stay well inside.

@@ -27,6 +27,8 @@ from digs_warp.formats.splats.spz_container import (
 )
 from digs_warp.geometry.sh import MAX_DEGREE, coefficient_count
 
+logger = logging.getLogger(__name__)
+
 LOG_SCALE_STEPS = 16.0  # per unit
 LOWEST_LOG_SCALE = -10.0
 
@@ -148,8 +150,6 @@ def _to_bytes(values: np.ndarray) -> bytes:
     """Return values rounded to the nearest of 0..255."""
     return np.rint(values).clip(0, 255).astype(np.uint8).tobytes()
 
-
-logger = logging.getLogger(__name__)
 
 DEFAULT_VERSION = 3
 

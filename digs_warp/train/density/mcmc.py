@@ -30,6 +30,8 @@ from digs_warp.device.elementary import sigmoid
 from digs_warp.splat.footprint import rotation_of
 from digs_warp.train.density.refinement import Refinement
 
+wp.set_module_options({"enable_backward": False})
+
 # A Gaussian below this opacity is dead: it is relocated to where it helps.
 DEAD_OPACITY = 0.005
 # The population grows by this share at each refinement, up to its cap.
@@ -46,6 +48,12 @@ _TERMS = np.arange(MAX_COPIES)
 _BINOMIALS = np.array(
     [[float(comb(n, k + 1)) for k in range(MAX_COPIES)] for n in range(MAX_COPIES + 1)]
 )
+
+
+NOISE = 5e5
+STEEPNESS = 100.0
+_STEEPNESS = wp.constant(STEEPNESS)
+_DEAD_OPACITY = wp.constant(DEAD_OPACITY)
 
 
 def shared_by_copies(
@@ -103,15 +111,6 @@ def relocate(
     moved = replace(gaussians, log_scales=log_scales, opacity_logits=logits).select(sources)
     # The moments of a changed Gaussian no longer describe it.
     return Refinement(moved, sources, copies[sources] == 1)
-
-
-wp.set_module_options({"enable_backward": False})
-
-NOISE = 5e5
-STEEPNESS = 100.0
-
-_STEEPNESS = wp.constant(STEEPNESS)
-_DEAD_OPACITY = wp.constant(DEAD_OPACITY)
 
 
 @wp.kernel

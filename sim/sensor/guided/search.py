@@ -30,6 +30,8 @@ from digs_warp.sim.sensor.matcher import (
     match,
 )
 
+wp.set_module_options(vector_module_options())
+
 # The full search runs on images this many times smaller; there, a block is one disparity.
 COARSE = BLOCK
 
@@ -68,7 +70,6 @@ def coarse_half_blocks(left: np.ndarray, right: np.ndarray, count: int, window: 
 
 
 start_warp()
-wp.set_module_options(vector_module_options())
 
 # Strips are independent, so that threads can share an image; their height never depends on the threads.
 STRIP_ROWS = 180
