@@ -12,13 +12,12 @@ from pathlib import Path
 import numpy as np
 
 from digs_warp.checks import DigsError
-from digs_warp.data.capture import Capture, read_capture
+from digs_warp.data.capture import Capture
 from digs_warp.data.images import encode_jpeg, read_image
-from digs_warp.data.index_rules import INDEX_NAME
 from digs_warp.formats.captures.formats import read_recording
 from digs_warp.formats.captures.to_capture import write_capture
 from digs_warp.record.files import read_json, read_text, write_atomically
-from digs_warp.study.scenes import SEE_SAMPLE_DATA, sample_data
+from digs_warp.study.scenes import SEE_SAMPLE_DATA
 from digs_warp.words import did_you_mean
 
 # Photographs of 2.5 megapixels would take minutes for what a third of the width tells, too.
@@ -196,11 +195,6 @@ def find_recordings(data: Path, names: Sequence[str] = ()) -> list[RealRecording
     return [known[name] for name in there]
 
 
-def is_there(name: str) -> bool:
-    """Whether the sample data has a recording of that name."""
-    return (sample_data() / "rgbd" / name).is_dir()
-
-
 def convert(
     recording: RealRecording, source: Path, folder: Path, frames: int | None = None
 ) -> Capture:
@@ -224,17 +218,3 @@ def convert(
         return write_capture(read, recording.form, folder)
     finally:
         shutil.rmtree(arranged)
-
-
-def few_frames(name: str, frames: int, folder: Path) -> Capture:
-    """Return a recording of the sample data with some of its frames; ``folder`` may hold it already.
-
-    Raises:
-        DigsError: it is not there, or cannot be converted.
-    """
-    if not (folder / INDEX_NAME).is_file():  # it is written last
-        shutil.rmtree(folder, ignore_errors=True)
-        data = sample_data()
-        (recording,) = find_recordings(data, [name])
-        convert(recording, data / "rgbd" / name, folder, frames)
-    return read_capture(folder)

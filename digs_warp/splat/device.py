@@ -52,11 +52,6 @@ class SplatStatistics:
         """Return the arrays as kernels take them, `StatisticsArrays`."""
         return packed(StatisticsArrays, **vars(self))
 
-    def reset(self) -> None:
-        """Forget all views."""
-        for array in vars(self).values():
-            array.zero_()
-
 
 @dataclass
 class DeviceGaussians:

@@ -58,16 +58,6 @@ def sfm_from_truth(
     return metric.in_metres(1.0 / sfm_per_metre)
 
 
-def with_wrong_baseline(depth: np.ndarray, factor: float) -> np.ndarray:
-    """Return depth [m] of a camera whose calibrated baseline is ``factor`` times the true one."""
-    return depth * np.float32(factor)
-
-
-def with_disparity_offset(depth: np.ndarray, offset: float, focal_baseline: float) -> np.ndarray:
-    """Return depth [m] of a camera whose disparities are all ``offset`` [px] too large."""
-    return focal_baseline / (focal_baseline / depth + offset)
-
-
 def _surface_points(
     frame: Frame, depth: np.ndarray, count: int, rng: np.random.Generator
 ) -> tuple[np.ndarray, np.ndarray]:

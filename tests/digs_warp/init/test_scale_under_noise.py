@@ -26,15 +26,21 @@ from digs_warp.sim.config import SimulateConfig
 from digs_warp.sim.record.inputs import load_inputs
 from digs_warp.sim.record.session import prepare_session
 from digs_warp.sim.sensor.frame import FrameTruth
-from digs_warp.study.engine.synthetic_sfm import (
-    sfm_from_truth,
-    with_disparity_offset,
-    with_wrong_baseline,
-)
+from digs_warp.study.engine.synthetic_sfm import sfm_from_truth
 from reference.sensed import NAMES, sensed_depth
 
 TRUE = 1.37
 FRAMES = 4
+
+
+def with_wrong_baseline(depth: np.ndarray, factor: float) -> np.ndarray:
+    """Return depth [m] of a camera whose calibrated baseline is ``factor`` times the true one."""
+    return depth * np.float32(factor)
+
+
+def with_disparity_offset(depth: np.ndarray, offset: float, focal_baseline: float) -> np.ndarray:
+    """Return depth [m] of a camera whose disparities are all ``offset`` [px] too large."""
+    return focal_baseline / (focal_baseline / depth + offset)
 
 
 @dataclass(frozen=True)
