@@ -1,7 +1,7 @@
 """Depth, images and masks that do not lie over each other: moved, cut, inverted, or contradicted.
 
-Edges of depth lie beside those of the images where depth is not registered; outlines of masks lie beside the
-steps of depth where masks are moved, or cut the object.
+Unregistered depth has its edges offset from the image edges. Masks that are shifted, or that cut the object,
+have outlines offset from the depth steps.
 """
 
 from collections.abc import Sequence
@@ -94,7 +94,7 @@ def masks_moved(evidence: Evidence, moved: Threshold) -> dict[str, Any] | None:
 
 
 def depth_beside_masks(evidence: Evidence, moved: Threshold) -> dict[str, Any] | None:
-    """Find depth that lies beside outlines of masks that fit the images: the depth is what was moved."""
+    """Find depth offset from the masks where the masks fit the images: then the depth was shifted."""
     fit = evidence.once(outlines)
     if fit is None or not _is_moved(fit, moved) or fit.image >= 1:
         return None

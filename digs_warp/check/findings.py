@@ -1,4 +1,4 @@
-"""The table of findings: what can be wrong with a capture, how it is measured, said and mended, and who asks.
+"""The table of findings: each with its measure, limit, message and remedy, and the commands that look for it.
 
 One more check is a function in the file of its family, and a row here.
 """
@@ -85,7 +85,7 @@ NOT_ALIGNED = (
 REGISTER = "Export depth that is registered to the color image."
 CHECK_TIMES = "Check the timestamps."
 
-# How wrong units and conventions are mended.
+# Remedies for wrong units and conventions.
 EXPLANATIONS = {
     "depth unit": "Write depth and poses in metres, or 16-bit depth in millimetres (for --from tum in "
     "5000 per metre).",

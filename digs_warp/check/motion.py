@@ -3,9 +3,9 @@
 Wrong depth looks the same: glass, mirrors, plain surfaces. But there the other frame explains the color: it
 shows what is really behind, and the pixel has its color. Something that moved has another color.
 
-Where a scene changed once, neighbors agree on either side, and so no pair of them tells it. So frames that
-look from about the same side are compared wherever they are in the recording, and the moment is sought that
-parts them best.
+A scene that changed once agrees between neighbors both before and after, so no pair of them shows the change.
+Frames with similar viewing directions are compared across the whole recording instead, to find the moment
+that best separates the two states.
 """
 
 from collections.abc import Mapping, Sequence

@@ -26,7 +26,7 @@ from digs_warp.data.layers import Layer
 from digs_warp.device.parallel import default_threads
 from digs_warp.geometry.camera import Camera
 from digs_warp.geometry.rigid import invert_rigid
-from digs_warp.measure.sift import alike, sift
+from digs_warp.measure.sift import match_descriptors, sift
 from digs_warp.measure.thumbnails import SmallFrame, small_frames
 from digs_warp.words import counted, first_few
 
@@ -193,7 +193,7 @@ def _features_of(frame: Frame) -> Features:
 def _match_share(first: Features, second: Features, here: Camera, there: Camera) -> float | None:
     import cv2
 
-    in_first, in_second = alike(first.descriptors, second.descriptors, RATIO)
+    in_first, in_second = match_descriptors(first.descriptors, second.descriptors, RATIO)
     if len(in_first) < limits.LEAST_MATCHES:
         return None
     x, y = first.rays[in_first], second.rays[in_second]

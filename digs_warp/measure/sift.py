@@ -1,4 +1,4 @@
-"""SIFT features of a gray image, and which features of two images are alike."""
+"""SIFT features of a gray image, and matches between the features of two images."""
 
 import numpy as np
 
@@ -26,7 +26,9 @@ def sift(gray: np.ndarray, most: int, **limits: float) -> tuple[np.ndarray, np.n
     return px, np.sqrt(shares).astype(np.float32)
 
 
-def alike(first: np.ndarray, second: np.ndarray, ratio: float) -> tuple[np.ndarray, np.ndarray]:
+def match_descriptors(
+    first: np.ndarray, second: np.ndarray, ratio: float
+) -> tuple[np.ndarray, np.ndarray]:
     """Return the numbers of features that are each other's nearest, (n,) of either image.
 
     Args:

@@ -7,7 +7,7 @@ import numpy as np
 from digs_warp.geometry.camera import Intrinsics
 from digs_warp.geometry.reproject import project, unproject
 from digs_warp.geometry.rigid import rigid, transform_points
-from digs_warp.measure.sift import alike, sift
+from digs_warp.measure.sift import match_descriptors, sift
 from digs_warp.poses import thresholds
 from digs_warp.poses.views import Picture
 
@@ -99,5 +99,5 @@ def matched(first: Features, second: Features, target: Intrinsics) -> Matches:
     if len(deep) < thresholds.MIN_INLIERS or len(second.px) < thresholds.MIN_INLIERS:
         return Matches(np.zeros((0, 3)), np.zeros((0, 2)), target)
     ratio = thresholds.MAX_DESCRIPTOR_RATIO
-    here, there = alike(first.descriptors[deep], second.descriptors, ratio)
+    here, there = match_descriptors(first.descriptors[deep], second.descriptors, ratio)
     return Matches(first.points[deep[here]], second.px[there], target)
