@@ -4,7 +4,6 @@ A setting that is None takes the default that its help names.
 """
 
 from dataclasses import dataclass, field, fields, replace
-from math import log
 from typing import Annotated, Literal
 
 from tyro.conf import arg
@@ -23,6 +22,13 @@ from digs_warp.settings import (
     Range,
     Settings,
 )
+from digs_warp.train.rates import (
+    DENSE_RATES,
+    END,
+    REFERENCE_RATES,
+    LearningRates,
+    rates_of_sparse_start,
+)
 
 DensityStrategy = Literal["fixed", "adaptive", "absgrad", "mcmc"]
 
@@ -39,43 +45,6 @@ VIEW_ORDER, BACKGROUND, SPLIT, RELOCATE, EXPLORE = range(5)
 
 # Iterations after which held-out views are measured: denser at first, where quality rises fast.
 EVALUATE_AT = (100, 300, 500, 1000, 3000, 7000, 12000)
-
-
-@dataclass(frozen=True)
-class LearningRates:
-    """Initial rates: of the means in units of the scene's extent, of the rest in units of the parameter."""
-
-    means: float
-    scales: float
-    quats: float
-    opacities: float
-    colors: float
-
-
-REFERENCE_RATES = LearningRates(1.6e-4, 5e-3, 1e-3, 5e-2, 2.5e-3)
-
-# Tuned for starts from dense depth: the splats are already in place, and only their shapes and colors are
-# left to learn. YCB mustard bottle at 800x450, 38,000 points, opaque start, held-out PSNR after 100 and
-# 300 steps: 36.5 and 39.7 dB; with the reference's rates 34.2 and 36.5 dB. 1.5 to 2 times these rates for
-# scales and colors change nothing; decaying the rates of shape and color to a tenth loses 1.5 dB.
-DENSE_RATES = LearningRates(5e-4, 2e-2, 1e-2, 5e-2, 2e-2)
-
-# The reference's rates are for 30,000 steps. In a run of a thirtieth of that, sparse points learn as fast as
-# dense ones; in between, by the logarithm. 300 steps from the points of a model, held-out PSNR: a stuffed
-# animal 21.5 dB, and 24.1 with these rates and more frequent refinement; a room through a lens, which was
-# kept aside, 19.6 and 26.4 dB.
-REFERENCE_STEPS, SHORT_STEPS = 30_000, 1_000
-
-
-def rates_of_sparse_start(steps: int) -> LearningRates:
-    """Return the rates of a run of this many steps from sparse points."""
-    shortness = log(REFERENCE_STEPS / max(steps, 1)) / log(REFERENCE_STEPS / SHORT_STEPS)
-    share = min(max(shortness, 0.0), 1.0)
-    pairs = (
-        (getattr(REFERENCE_RATES, rate.name), getattr(DENSE_RATES, rate.name))
-        for rate in fields(LearningRates)
-    )
-    return LearningRates(*(slow * (fast / slow) ** share for slow, fast in pairs))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -101,9 +70,9 @@ class Rates(Settings):
     """Learning rate of the base color; higher bands learn at a twentieth of it. Default: 0.02 with --density
     fixed and in runs of up to 1000 steps; 0.0025 (3DGS) at 30,000 and with mcmc."""
 
-    end: Annotated[float, Range(1e-6, 1000), NO_FLAG] = 1.0
-    """Fraction of their initial value that the rates of scales, rotations and colors decay to. 1, as in 3DGS,
-    is best up to 1000 iterations from a dense start; a smaller value stabilizes the end of long runs."""
+    end: Annotated[float, Range(1e-6, 1), NO_FLAG] = END
+    """Share of their initial values that the rates of scales, rotations, opacities and colors fall to in the
+    second half of the run; those of the centers fall to 1 % all along."""
 
     def or_default(self, default: LearningRates) -> LearningRates:
         """Return the rates, with those that are not set taken from ``default``."""

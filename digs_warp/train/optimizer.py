@@ -13,7 +13,7 @@ import warp as wp
 from digs_warp.device.contiguous import flat, floats_from
 from digs_warp.device.parallel import ParallelLaunch, put, run_together
 from digs_warp.splat.device import DeviceGaussians
-from digs_warp.train.config import TrainConfig
+from digs_warp.train.rates import LearningRates, late_decay
 from digs_warp.train.time_plan import Progress
 
 wp.set_module_options({"enable_backward": False, "max_unroll": 1, "optimization_level": 3})
@@ -191,20 +191,28 @@ def adam_kernel(
 
 
 class Adam:
-    """Optimizes ``gaussians`` in place from ``gradients``; counts its steps in ``step``."""
+    """Optimizes ``gaussians`` in place from ``gradients``; counts its steps in ``step``.
+
+    Args:
+        gaussians: the parameters.
+        gradients: of the loss in them.
+        rates: initial learning rates.
+        extent: of the scene, the unit of the rate of the centers [m].
+        progress: along which the rates fall.
+        threads: CPU threads; 0: all cores.
+    """
 
     def __init__(
         self,
         gaussians: DeviceGaussians,
         gradients: DeviceGaussians,
-        config: TrainConfig,
+        rates: LearningRates,
         extent: float,
+        progress: Progress,
         threads: int = 0,
-        progress: Progress | None = None,
     ) -> None:
-        self.config = config
-        self._first_rates = config.learning_rates
-        self.progress = progress or Progress(config.stop.iterations)
+        self._first_rates = rates
+        self.progress = progress
         self.extent = extent
         self.step = 0
         # The flat views below hold addresses only: keep what they point to alive.
@@ -223,13 +231,13 @@ class Adam:
             self._rates,
             strict=True,
         )
-        for value, gradient, first, second, rates in groups:
+        for value, gradient, first, second, steps in groups:
             arrays = [flat(array) for array in (gradient, value, first, second)]
             count = arrays[0].shape[0]
             pattern = _color_shares(gaussians) if value is gaussians.sh else np.ones(1)
             shares = np.resize(pattern, BLOCK + len(pattern)).astype(np.float32)
             shares = wp.array(shares, dtype=float, device=device)
-            inputs = [count, len(pattern), shares, rates, *arrays, self._flag]
+            inputs = [count, len(pattern), shares, steps, *arrays, self._flag]
             blocks = -(-count // BLOCK)
             self._launches.append(
                 ParallelLaunch(adam_kernel, blocks, inputs, device, threads, even=True)
@@ -250,10 +258,9 @@ class Adam:
     def rates(self) -> list[float]:
         """Return the learning rates of means, scales, quats, opacities and base colors."""
         rates = self._first_rates
-        share = self.config.rates.end**self._progress
-        means = self.means_rate() * self.extent
-        falling = [share * rate for rate in (rates.scales, rates.quats, rates.colors)]
-        return [means, falling[0], falling[1], rates.opacities, falling[2]]
+        share = late_decay(self._progress, rates.end)
+        falling = [share * r for r in (rates.scales, rates.quats, rates.opacities, rates.colors)]
+        return [self.means_rate() * self.extent, *falling]
 
     def means_rate(self) -> float:
         """Return the current rate of the centers, in units of the scene's extent."""

@@ -179,10 +179,8 @@ class Trainer:
     def _build_optimizer(self, step: int) -> None:
         """Create everything bound to the arrays of the current population, with zero moments."""
         self.renderer.statistics = self.control.statistics
-        gradients = self.renderer.gradients
-        self.optimizer = Adam(
-            self.gaussians, gradients, self.config, self._extent, progress=self.progress
-        )
+        gradients, rates = self.renderer.gradients, self.config.learning_rates
+        self.optimizer = Adam(self.gaussians, gradients, rates, self._extent, self.progress)
         self.optimizer.step = step
         self._finite = FiniteCheck(self.objective.sums)
 
