@@ -19,9 +19,36 @@ from digs_warp.geometry.camera import Camera
 from digs_warp.geometry.rigid import PixelBox
 from digs_warp.splat.camera_motion import STILL, RowMotion
 from digs_warp.splat.config import DEFAULT_OPTIONS, TILE_SIZE, RasterOptions
-from digs_warp.splat.row_pose import RowPose, moment_of
 
 wp.set_module_options({"enable_backward": False})
+
+
+@wp.struct
+class RowPose:
+    """The pose of the row in which a point lies; `digs_warp.splat.camera_motion` has the formulas."""
+
+    moment: float
+    varies: float  # 1, or 0 where the point lies above or below the image: the moment is that of the edge
+    turned: wp.mat33  # C
+    turn: wp.vec3  # w
+    shift: wp.vec3  # t
+
+
+@wp.func
+def moment_of(row: float) -> wp.vec2:
+    """When the row at this share of the image's height is read, and 1 if it is inside of the image."""
+    moment = row - 0.5
+    inside = wp.where(moment > -0.5, 1.0, 0.0) * wp.where(moment < 0.5, 1.0, 0.0)
+    return wp.vec2(wp.where(moment > 0.5, 0.5, wp.where(moment < -0.5, -0.5, moment)), inside)
+
+
+@wp.func
+def moment_gradient(pose: RowPose, d_turn: wp.vec3, d_shift: wp.vec3) -> float:
+    """dL/ds, from the gradient in a motion of the row's camera in its own axes."""
+    half = 0.5 * pose.moment * pose.turn
+    # The angle 2 atan(s |w| / 2) grows by |w| / (1 + s^2 |w|^2 / 4).
+    rate = wp.dot(d_turn, pose.turn) / (1.0 + wp.dot(half, half))
+    return pose.varies * (rate + wp.dot(pose.turned * d_shift, pose.shift))
 
 
 @wp.struct

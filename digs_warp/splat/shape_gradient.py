@@ -9,7 +9,13 @@ import warp as wp
 
 from digs_warp.device.elementary import sigmoid
 from digs_warp.splat.config import MIN_COMPENSATION
-from digs_warp.splat.footprint import Footprint, ViewParams, rotation_adjoint, spread_of
+from digs_warp.splat.footprint import (
+    Footprint,
+    ViewParams,
+    moment_gradient,
+    rotation_adjoint,
+    spread_of,
+)
 from digs_warp.splat.project import compensation
 from digs_warp.splat.records import (
     SPLAT_A,
@@ -20,7 +26,6 @@ from digs_warp.splat.records import (
     PairGradients,
     StatisticsArrays,
 )
-from digs_warp.splat.row_pose import moment_gradient
 from digs_warp.splat.shade import sh_adjoint
 
 wp.set_module_options({"enable_backward": False})
