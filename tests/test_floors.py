@@ -44,9 +44,9 @@ LINE_BUDGETS = {
     "formats": 4_950,
     "geometry": 600,
     "init": 4_350,
-    "losses": 900,
+    "losses": 950,
     "masks": 1_300,
-    "measure": 1_300,
+    "measure": 1_550,
     "pipeline": 2_200,
     "poses": 5_050,
     "record": 2_150,
@@ -65,7 +65,7 @@ LINE_BUDGETS = {
     "train": 3_800,
     "usd": 4_150,
 }
-MOST_LINES, MOST_FILES = 77_000, 522  # of the product; 65,000 in 500 files are the goal
+MOST_LINES, MOST_FILES = 77_000, 523  # of the product; 65,000 in 500 files are the goal
 # A shorter file with a single client in its folder belongs into that client.
 CRUMB = 60
 

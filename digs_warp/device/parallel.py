@@ -80,7 +80,7 @@ class ParallelLaunch:
         threads: int = 0,
         even: bool = False,
     ) -> None:
-        self.threads = threads or default_threads()
+        self.threads = (threads or default_threads()) if device == "cpu" else 1
         per_thread = EVEN_CHUNKS_PER_THREAD if even else CHUNKS_PER_THREAD
         pieces = self.threads * per_thread if device == "cpu" and self.threads > 1 else 1
         size = max(1, -(-dim // pieces))
@@ -104,6 +104,11 @@ class ParallelLaunch:
     def run(self) -> None:
         """Execute and wait."""
         run_together([self])
+
+
+def values_per_thread(device: str, block: int) -> int:
+    """Return how many neighbors one thread takes: ``block`` on a CPU; on a GPU 1, side by side in memory."""
+    return block if device == "cpu" else 1
 
 
 def run_together(launches: Sequence[ParallelLaunch]) -> None:

@@ -6,18 +6,72 @@ background of the step, so the mask also supervises the area outside the object:
 background is penalized.
 """
 
+from collections.abc import Callable
+from typing import Any, Protocol
+
 import numpy as np
 import warp as wp
 
 from digs_warp.device.image_planes import ImagePlanes
 from digs_warp.device.parallel import ParallelLaunch, put
 from digs_warp.measure.ssim import BLOCK_COLUMNS, BLOCK_ROWS, SEGMENT_ROWS, similarity_kernel
+from digs_warp.measure.ssim_pixels import PixelSimilarity
 
 # lambda of the 3DGS reference.
 DSSIM_WEIGHT = 0.2
 
-# Positions of the arguments that change from view to view.
+# Positions of the arguments of `similarity_kernel` that change from view to view.
 _LAYOUT, _WEIGHTED, _L1_WEIGHT, _DSSIM_WEIGHT = 0, 4, 6, 7
+
+
+class Similarity(Protocol):
+    """Launches that fill a gradient, and sums of |x - y| and of 1 - SSIM over parts of the image, (n, 2)."""
+
+    sums: wp.array
+
+    def weigh(self, layout: Any, l1_weight: float, dssim_weight: float) -> None:
+        """Set the `PlaneLayout` of the view, and the weights of a pixel's terms."""
+        ...
+
+    def run(self, weighted: bool) -> None:
+        """Compute; ``weighted``: pixels have weights."""
+        ...
+
+
+class StripSimilarity:
+    """`similarity_kernel`, for CPUs; the arguments are those of `PixelSimilarity`."""
+
+    def __init__(
+        self,
+        active: wp.array,
+        image: ImagePlanes,
+        target: ImagePlanes,
+        weights: ImagePlanes,
+        adj_image: ImagePlanes,
+        threads: int = 0,
+    ) -> None:
+        device = str(image.data.device)
+        strips = 3 * active.shape[1] * -(-image.max_height // SEGMENT_ROWS)
+        self.sums = wp.zeros((strips, 2), dtype=float, device=device)
+        read = [image.data, target.data, 0, weights.data]
+        self._launch = ParallelLaunch(
+            similarity_kernel,
+            strips,
+            [image.layout(), active, *read, 0.0, 0.0, adj_image.data, self.sums],
+            device,
+            threads,
+        )
+
+    def weigh(self, layout: Any, l1_weight: float, dssim_weight: float) -> None:
+        """Set the `PlaneLayout` of the view, and the weights of a pixel's terms."""
+        self._launch.set_param(_LAYOUT, layout)
+        self._launch.set_param(_L1_WEIGHT, l1_weight)
+        self._launch.set_param(_DSSIM_WEIGHT, dssim_weight)
+
+    def run(self, weighted: bool) -> None:
+        """Compute the gradient and the sums."""
+        self._launch.set_param(_WEIGHTED, int(weighted))
+        self._launch.run()
 
 
 class PhotometricLoss:
@@ -30,6 +84,7 @@ class PhotometricLoss:
         adj_image: where the gradient dL/dimage goes, same layout as ``image``.
         dssim_weight: lambda, in 0..1.
         threads: CPU threads; 0 means all cores.
+        similarity: which kernels compute. Default: those for the device.
 
     Attributes:
         sums: the array that `value` sums, on the device.
@@ -43,23 +98,17 @@ class PhotometricLoss:
         adj_image: ImagePlanes,
         dssim_weight: float = DSSIM_WEIGHT,
         threads: int = 0,
+        similarity: Callable[..., Similarity] | None = None,
     ) -> None:
         device = str(image.data.device)
         width, height = image.max_width, image.max_height
         self.dssim_weight = dssim_weight
         blocks_x, blocks_y = -(-width // BLOCK_COLUMNS), -(-height // BLOCK_ROWS)
-        strips = 3 * blocks_x * -(-height // SEGMENT_ROWS)
         self._active = wp.zeros((blocks_y, blocks_x), dtype=int, device=device)
-        self.sums = wp.zeros((strips, 2), dtype=float, device=device)
         self._layout = image.layout()
-        read = [image.data, target.data, 0, weights.data]
-        self._similarity = ParallelLaunch(
-            similarity_kernel,
-            strips,
-            [self._layout, self._active, *read, 0.0, 0.0, adj_image.data, self.sums],
-            device,
-            threads,
-        )
+        chosen = similarity or (StripSimilarity if device == "cpu" else PixelSimilarity)
+        self._similarity = chosen(self._active, image, target, weights, adj_image, threads)
+        self.sums = self._similarity.sums
         self._resize(width, height)
 
     def run(
@@ -77,11 +126,10 @@ class PhotometricLoss:
         """
         if size != self._size:
             self._resize(*size)
-        self._similarity.set_param(_WEIGHTED, int(weighted))
         active = np.zeros(self._active.shape, dtype=np.int32)
         active[: blocks.shape[0], : blocks.shape[1]] = blocks
         put(self._active, active)
-        self._similarity.run()
+        self._similarity.run(weighted)
 
     def value(self) -> tuple[float, float, float]:
         """Return (loss, L1, D-SSIM) of the last `run`; waits for the device."""
@@ -96,6 +144,5 @@ class PhotometricLoss:
         self._size = width, height
         self._count = 3 * width * height
         self._layout.width, self._layout.height = width, height
-        self._similarity.set_param(_LAYOUT, self._layout)
-        self._similarity.set_param(_L1_WEIGHT, (1.0 - self.dssim_weight) / self._count)
-        self._similarity.set_param(_DSSIM_WEIGHT, self.dssim_weight / self._count)
+        l1_weight, dssim_weight = 1.0 - self.dssim_weight, self.dssim_weight
+        self._similarity.weigh(self._layout, l1_weight / self._count, dssim_weight / self._count)

@@ -11,7 +11,7 @@ import warp as wp
 from digs_warp.checks import check_shape
 from digs_warp.device.contiguous import bytes_from, fill, floats_from
 from digs_warp.device.image_planes import ImagePlanes
-from digs_warp.device.parallel import ParallelLaunch, put
+from digs_warp.device.parallel import ParallelLaunch, put, values_per_thread
 from digs_warp.geometry.rigid import PixelBox
 from digs_warp.measure.color_gain import SATURATED, ColorGain
 
@@ -43,7 +43,9 @@ def at_least(goal: float, shown: float, photo: wp.uint8, takes_gain: int) -> flo
 
 @wp.kernel
 def compose_kernel(
-    row: int,
+    first_part: int,
+    parts: int,  # of a row of the image, each of ``columns``, side by side
+    columns: int,
     pitch: int,
     plane: int,
     origin: int,
@@ -60,20 +62,23 @@ def compose_kernel(
     target: wp.array[float],  # 3 padded planes
     mask: wp.array[float],  # 1 padded plane
 ):
-    """Fill one row of the region."""
-    y = row + wp.tid()
-    if y < region[1] or y >= region[3]:
+    """Fill one part of a row of the region."""
+    part = first_part + wp.tid()
+    y = part // parts
+    left = wp.max(region[0], part % parts * columns)
+    right = wp.min(region[2], (part % parts + 1) * columns)
+    if y < region[1] or y >= region[3] or left >= right:
         return
     # Columns first .. last show the photograph; the region's columns on both sides show the background.
-    first = region[2]
-    last = region[2]
+    first = right
+    last = right
     if y >= box[1] and y < box[3]:
-        first = wp.clamp(box[0], region[0], region[2])
-        last = wp.clamp(box[2], first, region[2])
+        first = wp.clamp(box[0], left, right)
+        last = wp.clamp(box[2], first, right)
     start = origin + y * pitch
     if with_mask != 0:
-        fill(mask, start + region[0], first - region[0], 0.0)
-        fill(mask, start + last, region[2] - last, 0.0)
+        fill(mask, start + left, first - left, 0.0)
+        fill(mask, start + last, right - last, 0.0)
     width = last - first
     size = (box[2] - box[0]) * (box[3] - box[1])
     source = (y - box[1]) * (box[2] - box[0]) + first - box[0]
@@ -111,12 +116,12 @@ def compose_kernel(
                     )
                     goal[tc] = at_least(mixed_tc, shown[tc], photo[tc], takes_gain)
     for side in range(3):
-        fill(target, start + side * plane + region[0], first - region[0], background[side])
-        fill(target, start + side * plane + last, region[2] - last, background[side])
+        fill(target, start + side * plane + left, first - left, background[side])
+        fill(target, start + side * plane + last, right - last, background[side])
 
 
 # Positions of the arguments that change from view to view in the inputs of `compose_kernel`.
-_PIXELS, _KEEPS_COLOR, _TAKES_GAIN, _RENDERED = 4, 6, 9, 10
+_PIXELS, _KEEPS_COLOR, _TAKES_GAIN, _RENDERED = 6, 8, 11, 12
 _UNCHANGED = np.array([1, 1, 1, 0, 0, 0], dtype=np.float32)
 
 
@@ -157,11 +162,21 @@ class Target:
         self._has_gain = False
         self._region = wp.zeros(4, dtype=int, device=device)
         self._box = wp.zeros(4, dtype=int, device=device)
+        columns = values_per_thread(device, width)
+        parts = -(-width // columns)
         layout = [self.image.pitch, self.image.plane, self.image.origin, self._region]
         self._compose = ParallelLaunch(
             compose_kernel,
-            height,
-            [*layout, wp.zeros(4, dtype=wp.uint8, device=device), self._box, 0, self._background]
+            height * parts,
+            [
+                parts,
+                columns,
+                *layout,
+                wp.zeros(4, dtype=wp.uint8, device=device),
+                self._box,
+                0,
+                self._background,
+            ]
             + [self._factors, 0, self.image.data, int(with_mask), self.image.data, self.mask.data],
             device,
             threads,

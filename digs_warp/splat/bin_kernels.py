@@ -246,7 +246,9 @@ def emit_kernel(
 
 @wp.kernel
 def pair_key_kernel(
-    ranges: wp.array[wp.vec4i],
+    first_tile_rows: wp.array[int],
+    row_starts: wp.array[int],
+    pair_starts: wp.array[int],
     spans: wp.array[wp.vec2i],
     depths: wp.array[float],
     columns: int,
@@ -257,13 +259,13 @@ def pair_key_kernel(
 ):
     """One (tile, depth) key per pair, one thread per splat."""
     g = wp.tid()
-    drawn = ranges[g]
-    for row in range(drawn[2]):
-        span = spans[drawn[1] + row]
+    begin = row_starts[g]
+    for row in range(begin, row_starts[g + 1]):
+        span = spans[row]
         x0 = span_first(span[0])
         for column in range(x0, span_end(span[0])):
-            pair = drawn[3] + span[1] + column - x0
-            tile = (drawn[0] + row) * columns + column
+            pair = pair_starts[g] + span[1] + column - x0
+            tile = (first_tile_rows[g] + row - begin) * columns + column
             keys[pair] = (wp.int64(tile) << wp.int64(32)) | wp.int64(wp.cast(depths[g], wp.int32))
             pairs[pair] = pair
             pair_splats[pair] = g
@@ -271,19 +273,26 @@ def pair_key_kernel(
 
 @wp.kernel
 def unpack_kernel(
+    count: int,
+    tiles: int,
     keys: wp.array[wp.int64],
     pairs: wp.array[int],
     pair_splats: wp.array[int],
     # outputs
     tile_splats: wp.array[int],
     tile_pairs: wp.array[int],
-    tile_changes: wp.array2d[int],  # [1, tiles + 1]
+    tile_starts: wp.array[int],  # [tiles + 1]
 ):
-    """Turn sorted keys into tile lists; integer atomics, so the counts are exact on every device."""
+    """Turn ``count`` sorted keys into tile lists; one thread more than keys, which ends the last lists."""
     slot = wp.tid()
-    pair = pairs[slot]
-    tile_splats[slot] = pair_splats[pair]
-    tile_pairs[slot] = pair
-    tile = int(keys[slot] >> wp.int64(32))
-    wp.atomic_add(tile_changes, 0, tile, 1)
-    wp.atomic_add(tile_changes, 0, tile + 1, -1)
+    before = int(-1)
+    tile = int(tiles)
+    if slot > 0:
+        before = int(keys[slot - 1] >> wp.int64(32))
+    if slot < count:
+        tile = int(keys[slot] >> wp.int64(32))
+        pair = pairs[slot]
+        tile_splats[slot] = pair_splats[pair]
+        tile_pairs[slot] = pair
+    for begun in range(before + 1, tile + 1):
+        tile_starts[begun] = slot

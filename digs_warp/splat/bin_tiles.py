@@ -120,21 +120,11 @@ class TileBinner:
 
     def bin(self) -> TileLists:
         """Build the lists from ``splats``, ``depths``, ``first_tile_rows`` and ``row_counts``."""
-        lists = self.lists
-        self._row_scan.launch()
-        self.total_rows = self._last(lists.row_starts)
-        if self.total_rows > len(lists.spans):
-            self._grow_rows()
-        run_together([self._sort_launch, self._span_launch])
-        self._number_pairs.launch()
-        self.total_pairs = self._last(lists.pair_starts)
-        if self.total_pairs > len(lists.tile_splats):
-            self._grow_pairs()
         if self.counting:
             self._bin_by_counting()
         else:
             self._bin_by_sorting()
-        return lists
+        return self.lists
 
     def drawn_tiles(self) -> np.ndarray:
         """Return which tiles have splats, shape (rows, columns), bool."""
@@ -146,37 +136,63 @@ class TileBinner:
         return pixels_of(self.drawn_tiles(), self.width, self.height)
 
     def _bin_by_counting(self) -> None:
-        self.lists.tile_changes.zero_()
+        lists = self.lists
+        self._row_scan.launch()
+        self._hold_rows(lists.row_starts.numpy()[self.count])
+        run_together([self._sort_launch, self._span_launch])
+        self._number_pairs.launch()
+        self._hold_pairs(lists.pair_starts.numpy()[self.count])
+        lists.tile_changes.zero_()
         self._count_launch.run()
-        self._scan_tiles()
+        self._tile_scan.set_param_at_index(1, self.tiles)
+        self._tile_scan.launch()
         self._emit_launch.run()
 
     def _bin_by_sorting(self) -> None:
         lists = self.lists
+        self._hold_rows(self._running_sum(lists.row_counts, lists.row_starts))
+        self._span_launch.run()
+        self._hold_pairs(self._running_sum(lists.pair_counts, lists.pair_starts))
         pairs = self.total_pairs
-        keys = wp.zeros(2 * max(pairs, 1), dtype=wp.int64, device=self.device)
-        values = self._zeros(2 * max(pairs, 1))
-        pair_splats = self._zeros(max(pairs, 1))
+        keys = wp.empty(2 * pairs, dtype=wp.int64, device=self.device)  # pyright: ignore[reportArgumentType]
+        values = wp.empty(2 * pairs, dtype=int, device=self.device)
+        pair_splats = wp.empty(pairs, dtype=int, device=self.device)
         wp.launch(
             pair_key_kernel,
             dim=self.count,
-            inputs=[lists.ranges, lists.spans, lists.depths, self.columns],
+            inputs=[lists.first_tile_rows, lists.row_starts, lists.pair_starts]
+            + [lists.spans, lists.depths, self.columns],
             outputs=[keys, values, pair_splats],
             device=self.device,
             record_tape=False,
         )
-        if pairs:
-            wp.utils.radix_sort_pairs(keys, values, pairs)
-        lists.tile_changes.zero_()
+        tile_bits = self.tiles.bit_length()
+        wp.utils.radix_sort_pairs(keys, values, pairs, end_bit=32 + tile_bits)
         wp.launch(
             unpack_kernel,
-            dim=pairs,
-            inputs=[keys, values, pair_splats],
-            outputs=[lists.tile_splats, lists.tile_pairs, lists.tile_changes],
+            dim=pairs + 1,
+            inputs=[pairs, self.tiles, keys, values, pair_splats],
+            outputs=[lists.tile_splats, lists.tile_pairs, lists.tile_starts],
             device=self.device,
             record_tape=False,
         )
-        self._scan_tiles()
+
+    def _running_sum(self, counts: wp.array, starts: wp.array) -> int:
+        """Fill ``starts`` behind its first 0, and return the total; waits for the device."""
+        wp.utils.array_scan(counts, starts[1:])  # pyright: ignore[reportArgumentType]
+        return int(starts[self.count :].numpy()[0])  # pyright: ignore[reportAttributeAccessIssue]
+
+    def _hold_rows(self, total: int) -> None:
+        """Make room for the spans of a view."""
+        self.total_rows = int(total)
+        if self.total_rows > len(self.lists.spans):
+            self._grow_rows()
+
+    def _hold_pairs(self, total: int) -> None:
+        """Make room for the pairs of a view."""
+        self.total_pairs = int(total)
+        if self.total_pairs > len(self.lists.tile_splats):
+            self._grow_pairs()
 
     def _allocate(self) -> TileLists:
         n = max(self.count, 1)
@@ -268,15 +284,8 @@ class TileBinner:
         """Record a kernel that runs in one thread; `launch` on what is returned runs it."""
         return recorded(kernel, 1, inputs, self.device)
 
-    def _scan_tiles(self) -> None:
-        self._tile_scan.set_param_at_index(1, self.tiles)
-        self._tile_scan.launch()
-
     def _make_spans(self, count: int) -> wp.array:
         return wp.zeros(count, dtype=wp.vec2i, device=self.device)
-
-    def _last(self, starts: wp.array) -> int:
-        return int(starts.numpy()[self.count])
 
     def _zeros_by_part(self) -> wp.array:
         return wp.zeros((self._parts, self._capacity + 1), dtype=int, device=self.device)

@@ -7,7 +7,7 @@ import warp as wp
 
 from digs_warp.device.contiguous import flat, floats_from
 from digs_warp.device.image_planes import ALIGNMENT, ImagePlanes
-from digs_warp.device.parallel import ParallelLaunch, put, run_together
+from digs_warp.device.parallel import ParallelLaunch, put, run_together, values_per_thread
 from digs_warp.geometry.camera import Camera
 from digs_warp.geometry.rigid import PixelBox
 from digs_warp.splat.background import tiles_with_background
@@ -19,7 +19,7 @@ from digs_warp.splat.renderer import WHITE, SplatRenderer
 
 wp.set_module_options({"enable_backward": False, "max_unroll": 1, "optimization_level": 3})
 
-# Values of a gradient that one thread adds.
+# Values of a gradient that one thread adds on a CPU.
 BLOCK = 4096
 
 _PIECE = wp.constant(ALIGNMENT)
@@ -63,13 +63,14 @@ def mean_kernel(
     first: int,
     count: int,
     share: float,
+    block: int,  # values of a thread, at most `BLOCK`
     source: wp.array[float],
     # outputs
     target: wp.array[float],
 ):
     """Set a block of values to ``share * (target + source)``."""
-    begin = (first + wp.tid()) * _BLOCK
-    size = wp.min(_BLOCK, count - begin)
+    begin = (first + wp.tid()) * block
+    size = wp.min(block, count - begin)
     here = floats_from(source, begin, size)
     there = floats_from(target, begin, size)
     if size == _BLOCK:  # only a loop of fixed length becomes vector code
@@ -265,12 +266,13 @@ class BlurRenderer:
     def _bind_gradients(self) -> None:
         """Record what adds the gradients of every further moment to those of the first."""
         first = self.middle
+        block = values_per_thread(first.device, BLOCK)
         self._sums = [
             [
                 ParallelLaunch(
                     mean_kernel,
-                    -(-target.shape[0] // BLOCK),
-                    [target.shape[0], 1.0, source, target],
+                    -(-target.shape[0] // block),
+                    [target.shape[0], 1.0, block, source, target],
                     first.device,
                     first.threads,
                     even=True,

@@ -11,14 +11,14 @@ import numpy as np
 import warp as wp
 
 from digs_warp.device.contiguous import flat, floats_from
-from digs_warp.device.parallel import ParallelLaunch, put, run_together
+from digs_warp.device.parallel import ParallelLaunch, put, run_together, values_per_thread
 from digs_warp.splat.device import DeviceGaussians
 from digs_warp.train.rates import LearningRates, late_decay
 from digs_warp.train.time_plan import Progress
 
 wp.set_module_options({"enable_backward": False, "max_unroll": 1, "optimization_level": 3})
 
-# Values that one kernel thread checks.
+# Values that one kernel thread checks on a CPU.
 CHECKED_BLOCK = 4096
 
 _CHECKED_BLOCK = wp.constant(CHECKED_BLOCK)
@@ -35,6 +35,7 @@ def is_broken(bits: int) -> int:
 @wp.kernel
 def finite_kernel(
     first: int,
+    length: int,  # of a block, at most `CHECKED_BLOCK`
     blocks: wp.array[int],  # [k + 1] first block of each array, and the number of blocks
     addresses: wp.array[wp.uint64],  # [k] where each array begins
     counts: wp.array[int],  # [k] its number of values
@@ -46,8 +47,8 @@ def finite_kernel(
     which = int(0)
     while block >= blocks[which + 1]:
         which += 1
-    begin = (block - blocks[which]) * _CHECKED_BLOCK
-    size = wp.min(_CHECKED_BLOCK, counts[which] - begin)
+    begin = (block - blocks[which]) * length
+    size = wp.min(length, counts[which] - begin)
     address = addresses[which] + wp.uint64(4) * wp.uint64(begin)
     bits = wp.array(ptr=address, shape=(size,), dtype=int)
     broken = int(0)
@@ -73,13 +74,15 @@ class FiniteCheck:
         device = str(arrays[0].device)
         self._kept_alive = arrays  # the kernel only holds addresses
         counts = [flat(array).shape[0] for array in arrays]
-        blocks = np.cumsum([0, *(-(-count // CHECKED_BLOCK) for count in counts)])
+        length = values_per_thread(device, CHECKED_BLOCK)
+        blocks = np.cumsum([0, *(-(-count // length) for count in counts)])
         addresses = np.array([array.ptr for array in arrays], dtype=np.uint64)
         self._flag = wp.zeros(1, dtype=int, device=device)
         self._launch = ParallelLaunch(
             finite_kernel,
             int(blocks[-1]),
             [
+                length,
                 wp.array(blocks, dtype=int, device=device),
                 wp.array(addresses, dtype=wp.uint64, device=device),
                 wp.array(counts, dtype=int, device=device),
@@ -114,7 +117,7 @@ HIGHER_BANDS_SHARE = 1.0 / 20.0
 # A second moment this large makes every step vanish, for more steps than a training has.
 HELD = 1e36
 
-# Values that one thread updates.
+# Values that one thread updates on a CPU.
 BLOCK = 4096
 
 _BETA_1 = wp.constant(BETA_1)
@@ -152,6 +155,7 @@ def adam_step(
 def adam_kernel(
     first: int,
     count: int,
+    block: int,  # values of a thread, at most `BLOCK`
     period: int,
     shares: wp.array[
         float
@@ -165,8 +169,8 @@ def adam_kernel(
     flag: wp.array[int],  # [1] set to 1 where a value is not finite; all threads write the same
 ):
     """Update one block of values."""
-    begin = (first + wp.tid()) * _BLOCK
-    size = wp.min(_BLOCK, count - begin)
+    begin = (first + wp.tid()) * block
+    size = wp.min(block, count - begin)
     share = floats_from(shares, begin % period, size)
     gradient = floats_from(gradients, begin, size)
     value = floats_from(values, begin, size)
@@ -223,6 +227,7 @@ class Adam:
         self._rates = [wp.zeros(2, dtype=float, device=device) for _ in gaussians.arrays]
         self._flag = wp.zeros(1, dtype=int, device=device)
         self._launches = []
+        block = values_per_thread(device, BLOCK)
         groups = zip(
             gaussians.arrays,
             gradients.arrays,
@@ -237,8 +242,8 @@ class Adam:
             pattern = _color_shares(gaussians) if value is gaussians.sh else np.ones(1)
             shares = np.resize(pattern, BLOCK + len(pattern)).astype(np.float32)
             shares = wp.array(shares, dtype=float, device=device)
-            inputs = [count, len(pattern), shares, steps, *arrays, self._flag]
-            blocks = -(-count // BLOCK)
+            inputs = [count, block, len(pattern), shares, steps, *arrays, self._flag]
+            blocks = -(-count // block)
             self._launches.append(
                 ParallelLaunch(adam_kernel, blocks, inputs, device, threads, even=True)
             )

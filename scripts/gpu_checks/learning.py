@@ -8,10 +8,11 @@ import warp as wp
 from digs_warp.data.gaussians import FIELDS, Gaussians
 from digs_warp.device.image_planes import ImagePlanes
 from digs_warp.geometry.camera import Camera
-from digs_warp.losses.photometric import PhotometricLoss
+from digs_warp.losses.photometric import PhotometricLoss, StripSimilarity
 from digs_warp.losses.regions import read_region
 from digs_warp.losses.target import Target, pack_view
 from digs_warp.measure.ssim import BLOCK_COLUMNS, BLOCK_ROWS
+from digs_warp.measure.ssim_pixels import PixelSimilarity
 from digs_warp.splat.backend import RasterBackend
 from digs_warp.splat.device import DeviceGaussians
 from digs_warp.splat.renderer import SplatRenderer
@@ -141,10 +142,10 @@ def ssim(run: Run, findings: Findings) -> None:
 
         def compare(weighted: bool = weighted) -> None:
             found = []
-            for device in ("cpu", run.device):
-                given = [ImagePlanes.of(x, device) for x in (shown, wanted, weights)]
+            for device, kernels in (("cpu", StripSimilarity), (run.device, PixelSimilarity)):
+                image, target, plane = (ImagePlanes.of(x, device) for x in (shown, wanted, weights))
                 adjoint = ImagePlanes(*size, 3, device)
-                loss = PhotometricLoss(*given, adjoint)
+                loss = PhotometricLoss(image, target, plane, adjoint, similarity=kernels)
                 loss.run(size, all_blocks(*size), weighted)
                 found.append((loss.value(), adjoint.to_numpy()))
             (expected, gradient), (values, tried) = found

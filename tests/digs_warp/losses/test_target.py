@@ -20,6 +20,13 @@ from digs_warp.measure.color_gain import SATURATED, ColorGain
 BACKGROUND = np.array([0.1, 0.6, 0.9])
 
 
+@pytest.fixture(autouse=True, params=["a row", "a pixel"])
+def part_of_a_thread(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A thread of a GPU fills a pixel."""
+    if request.param == "a pixel":
+        monkeypatch.setattr("digs_warp.losses.target.values_per_thread", lambda *_: 1)
+
+
 def composed(
     image: np.ndarray, mask: np.ndarray, region: PixelBox, keep_color: bool = False
 ) -> tuple[np.ndarray, np.ndarray]:

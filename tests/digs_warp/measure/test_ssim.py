@@ -4,13 +4,22 @@ import numpy as np
 import pytest
 
 from digs_warp.device.image_planes import ImagePlanes
+from digs_warp.losses import photometric
 from digs_warp.losses.photometric import PhotometricLoss
 from digs_warp.losses.regions import blocks_of, loss_blocks, tiles_of
 from digs_warp.measure.metrics import psnr, ssim_map
 from digs_warp.measure.ssim import window_weights
+from digs_warp.measure.ssim_pixels import PixelSimilarity
 
 # Sizes below, at and across the kernel's blocks of 64 x 16.
 SIZES = [(1, 1), (5, 3), (64, 16), (65, 17), (150, 70)]
+
+
+@pytest.fixture(autouse=True, params=["for CPUs", "for GPUs"])
+def kernels(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
+    """All tests here are of both kinds of kernels."""
+    if request.param == "for GPUs":
+        monkeypatch.setattr(photometric, "StripSimilarity", PixelSimilarity)
 
 
 def brute_force_ssim(x: np.ndarray, y: np.ndarray, row: int, column: int) -> float:

@@ -7,11 +7,16 @@ from pathlib import Path
 import pytest
 import warp as wp
 
+from digs_warp.losses import depth, regularizers, target, unknown
+from digs_warp.measure import ssim_pixels
 from digs_warp.splat import (
     background,
     bin_kernels,
+    blur_renderer,
+    camera_gradient,
     project,
     project_adjoint,
+    skin,
 )
 from digs_warp.splat.backend import CooperativeBackend, backend_for
 from digs_warp.splat.cooperative import (
@@ -19,9 +24,14 @@ from digs_warp.splat.cooperative import (
     backward_cooperative_kernel,
     forward_cooperative_kernel,
 )
+from digs_warp.train import optimizer
 from reference import plain_raster
 
-MODULES = (background, bin_kernels, project, project_adjoint, plain_raster)
+MODULES = (
+    *(background, bin_kernels, project, project_adjoint, plain_raster),
+    *(skin, blur_renderer, camera_gradient),
+    *(target, depth, regularizers, unknown, ssim_pixels, optimizer),
+)
 
 
 @pytest.mark.parametrize("module", MODULES, ids=lambda module: module.__name__.split(".")[-1])

@@ -27,7 +27,10 @@ def adam_of(
     return Adam(gaussians, given, config.learning_rates, extent, Progress(config.stop.iterations))
 
 
-def test_five_steps_equal_the_twin() -> None:
+@pytest.mark.parametrize("block", [BLOCK, 1])
+def test_five_steps_equal_the_twin(block: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    # A GPU has a thread for each value.
+    monkeypatch.setattr("digs_warp.train.optimizer.values_per_thread", lambda *_: block)
     # 1500 Gaussians: every group crosses the kernel's blocks of 4096 values at another place.
     start = random_gaussians(1500, seed=0, degree=2)
     gaussians = DeviceGaussians.from_numpy(start)
