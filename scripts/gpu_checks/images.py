@@ -21,8 +21,8 @@ from gpu_checks.scenes import NEAR, body_in_room, cameras
 MOST_RMS = 1e-4  # 80 dB
 VISIBLE = 1e-3  # a quarter of a step of 8 bits
 MOST_VISIBLE = 1e-3  # share of the pixels
-# Sums of thousands of pixels, with those at the cut among them.
-MOST_GRADIENT = 1e-3  # |difference| / |gradient|
+# Sums over thousands of pixels with random signs, those at the cut among them: much of them cancels.
+MOST_GRADIENT = 2e-3  # |difference| / |gradient|
 
 BACKGROUND = (0.2, 0.5, 0.9)
 

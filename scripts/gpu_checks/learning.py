@@ -31,8 +31,9 @@ MOST_LOSS_GRADIENT = 1e-4  # |difference| / |gradient|
 # One update is a few operations; ten of them add their rounding.
 MOST_UPDATE = 1e-4  # |difference| / |change|
 # Adam's first steps do not depend on the size of a gradient, only on its sign: gradients near zero go other
-# ways, and two trainings drift apart. They have to arrive at the same quality.
-MOST_PSNR_APART = 0.1  # dB
+# ways, and two trainings drift apart. They have to arrive at the same quality. (Centers moved by 1e-6 m at
+# the start: 42.96 to 43.01 dB after 300 steps.)
+MOST_PSNR_APART = 0.15  # dB
 LEAST_GAIN = 0.03  # dB a step over the start, but
 MOST_LEAST_GAIN = 10.0  # dB are enough
 

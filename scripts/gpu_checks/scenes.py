@@ -30,7 +30,7 @@ def body_in_room(count: int, seed: int = 0) -> Gaussians:
         BODY_RADIUS * np.sqrt(4.0 * np.pi / max(body, 1)),
         ROOM_RADIUS * np.sqrt(4.0 * np.pi / max(room, 1)),
     )
-    scales = 0.6 * spacings[:, None] * np.exp(0.4 * rng.normal(size=(count, 3)))
+    scales = 0.8 * spacings[:, None] * np.exp(0.6 * rng.normal(size=(count, 3)))
     scales[:, 2] *= 0.15
     sh = 0.05 * rng.normal(size=(count, coefficient_count(DEGREE), 3))
     sh[:, 0] = sh_from_rgb(_texture(means) + 0.05 * rng.normal(size=(count, 3)))
@@ -38,7 +38,7 @@ def body_in_room(count: int, seed: int = 0) -> Gaussians:
         means=means,
         log_scales=np.log(scales),
         quats=_quats_with_axis(normals, rng),
-        opacity_logits=rng.normal(2.0, 1.5, count),
+        opacity_logits=rng.normal(0.5, 2.0, count),
         sh=sh,
     )
 

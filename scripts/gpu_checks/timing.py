@@ -11,7 +11,7 @@ from gpu_checks.learning import Training, make_training
 from gpu_checks.parts import Findings, Run
 
 REPEATS = 20
-MOST_SECONDS = 3.0  # for one figure: a slow stage is repeated less often
+MOST_SECONDS = 2.0  # for one figure: a slow stage is repeated less often
 
 # gsplat's documentation: docs/source/tests/profile.rst (version 1.0.0, not packed) and eval.rst.
 PUBLISHED = {
