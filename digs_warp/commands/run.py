@@ -17,7 +17,7 @@ from digs_warp.commands.reconstruction_options import (
 from digs_warp.commands.simulate import RECORDING_FLAGS
 from digs_warp.record import layout
 from digs_warp.record.run_log import RunLog
-from digs_warp.record.typed import from_json
+from digs_warp.record.typed import from_json, to_json
 from digs_warp.sim.config import SimulateConfig
 from digs_warp.usd.convert import WriteOptions
 from digs_warp.words import format_facts
@@ -107,9 +107,11 @@ class Run(ReconstructionOptions, _Recording):
             reading_ahead(() if self.output.resume else capture.frames),
         ):
             result = reconstruct(capture, config, reconstruction, self.output.resume, watch)
+        other_sizes = result.scores.other_sizes
         log.results = {
             "gaussians": len(result.gaussians),
             "held_out": result.scores.mean.to_json(),
+            "other_sizes": other_sizes and to_json(other_sizes),
         }
         with log.saved(record), log.stage("export"):
             scene = folder / layout.SCENE

@@ -79,6 +79,39 @@ class ViewScore(Score):
     name: str
 
 
+@dataclass(frozen=True, kw_only=True)
+class OtherSizes:
+    """PSNR on the object [dB] of the same views from four distances, color-aligned; NaN if undefined.
+
+    The further away, the smaller the image of the object. Photographs have one size: what is finer,
+    photograph or drawing, is averaged over the area of each pixel of the other.
+
+    Attributes:
+        views: how many were drawn.
+        trained: at the size of the photographs.
+        half: at half that size, from twice the distance.
+        four_thirds: at 4/3 of that size, from three quarters of the distance.
+        double: at twice that size, from half the distance.
+    """
+
+    views: int = 0
+    trained: float = math.nan
+    half: float = math.nan
+    four_thirds: float = math.nan
+    double: float = math.nan
+
+    def __str__(self) -> str:
+        """Return one phrase; empty where nothing is known."""
+        named = {
+            "as trained": self.trained,
+            "from 3/4 of the distance": self.four_thirds,
+            "from half the distance": self.double,
+            "from twice the distance": self.half,
+        }
+        known = {name: value for name, value in named.items() if not math.isnan(value)}
+        return ", ".join(f"{value:.2f} dB {name}" for name, value in known.items())
+
+
 @dataclass(frozen=True)
 class Scores:
     """The record of the evaluation; empty if nothing was measured.
@@ -87,16 +120,22 @@ class Scores:
         views: of every held-out view; evaluation.json has them.
         mean: of each metric over the views where it is defined.
         surface: how far the surface is from the true one; None where that is not known.
+        other_sizes: how some of the views look from other distances; None where that was not measured.
     """
 
     views: Annotated[tuple[ViewScore, ...], NOT_STORED] = ()
     mean: Score = Score()
     surface: Annotated[SurfaceError | None, Figure("surface")] = None
+    other_sizes: Annotated[OtherSizes | None, Figure("PSNR from other distances")] = None
 
     @staticmethod
-    def of(views: Sequence[ViewScore], surface: SurfaceError | None = None) -> "Scores":
+    def of(
+        views: Sequence[ViewScore],
+        surface: SurfaceError | None = None,
+        other_sizes: OtherSizes | None = None,
+    ) -> "Scores":
         """Return the record of some views."""
-        return Scores(tuple(views), mean_score(views), surface)
+        return Scores(tuple(views), mean_score(views), surface, other_sizes)
 
     def __str__(self) -> str:
         """Return one phrase for summaries, of an object."""

@@ -41,6 +41,7 @@ from digs_warp.splat.device import DeviceGaussians
 from digs_warp.surface.rendered import surface_error
 from digs_warp.surface.true_surface import read_true_surface
 from digs_warp.train.evaluate import measure_views
+from digs_warp.train.other_sizes import measure_other_sizes
 from digs_warp.train.session import (
     Watch,
 )
@@ -135,21 +136,20 @@ def _reconstruct(
 
 
 def _evaluate(result: Reconstruction, found: Optimized, config: ReconstructConfig) -> Scores:
-    """Measure the held-out views, keep their renders, and compare the surface with the true one."""
+    """Measure the held-out views at all sizes, keep their renders, and compare the surface with the truth."""
     assert result.folder is not None
     folder, trained = result.folder, found.trained
     with ThreadPoolExecutor(default_threads()) as beside:
         truth = beside.submit(_true_surface, result, config)
-        measured = trained.measured
-        if measured is None:
-            gaussians = DeviceGaussians.from_numpy(trained.gaussians, config.train.device)
-            measured = measure_views(gaussians, found.test_views)
+        gaussians = DeviceGaussians.from_numpy(trained.gaussians, config.train.device)
+        measured = trained.measured or measure_views(gaussians, found.test_views)
         pairs = zip(found.test_views, measured.renderings, strict=True)
         writes = [beside.submit(write_render, folder, view.name, one.image) for view, one in pairs]
+        sizes = measure_other_sizes(gaussians, found.test_views, measured.scores)
         surface = _surface_error(result, truth.result(), config)
         for write in writes:
             write.result()
-        scores = Scores.of(measured.scores, surface)
+        scores = Scores.of(measured.scores, surface, sizes)
         write_scores(folder, scores)
     return scores
 

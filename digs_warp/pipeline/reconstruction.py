@@ -267,7 +267,7 @@ class Reconstruction:
             poses=stored(Poses, run, folder, frames=frames),
             start=start,
             training=stored(Training, run, folder, course=course),
-            scores=replace(scores, surface=measured.surface),
+            scores=replace(scores, surface=measured.surface, other_sizes=measured.other_sizes),
             run=run or RunRecord("", {}, {}),
             folder=folder,
             capture=place,

@@ -4,7 +4,7 @@ Nobody knows the exposure and white balance of a held-out photograph. The raw fi
 colors of the Gaussians as they are; the aligned ones first give these the gain that fits the photograph.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 
@@ -21,7 +21,7 @@ from digs_warp.measure.scores import ViewScore
 from digs_warp.poses.in_training import filled_depth, motion_between, moved
 from digs_warp.splat.blur_renderer import BlurRenderer
 from digs_warp.splat.camera_motion import Blur, RowMotion
-from digs_warp.splat.config import RasterOptions
+from digs_warp.splat.config import DEFAULT_OPTIONS, RasterOptions
 from digs_warp.splat.device import DeviceGaussians
 from digs_warp.splat.footprint import near_plane
 from digs_warp.splat.surface_depth import covered_depth
@@ -112,10 +112,19 @@ def render_views(
     gaussians: DeviceGaussians, views: Sequence[TestView], with_depth: bool = False
 ) -> list[Rendering]:
     """Render the Gaussians in each view over white."""
-    options = RasterOptions(outputs="mean depth" if with_depth else "color")
+    return list(drawn_views(gaussians, views, with_depth=with_depth))
+
+
+def drawn_views(
+    gaussians: DeviceGaussians,
+    views: Sequence[TestView],
+    options: RasterOptions = DEFAULT_OPTIONS,
+    with_depth: bool = False,
+) -> Iterator[Rendering]:
+    """Render the views one after the other, so that many large ones need not be kept."""
+    options = replace(options, outputs="mean depth" if with_depth else "color")
     center = gaussians.means.numpy().mean(axis=0)
     moments = max((view.blur.moments for view in views if view.blur), default=1)
-    renderings = []
     renderer = None
     for view in views:
         k = view.camera.intrinsics
@@ -126,8 +135,7 @@ def render_views(
         behind = renderer.transmittance.to_numpy()[..., 0]
         whole = (0, 0, k.width, k.height)
         depth = covered_depth(renderer.middle, whole) if with_depth else None
-        renderings.append(Rendering(renderer.image.to_numpy(), 1.0 - behind, depth))
-    return renderings
+        yield Rendering(renderer.image.to_numpy(), 1.0 - behind, depth)
 
 
 @dataclass(frozen=True, eq=False)

@@ -177,5 +177,12 @@ def _header(capture: Capture, result: Reconstruction, records: RunRecords, path:
     about = f"{frames} of {k.width} by {k.height} pixels, {held_out} of them held out."
     return (
         f"<header><h1>{escape(_subject(capture, records))}</h1><p>{escape(about)}</p>"
-        f"<div class=cards>{''.join(cards)}</div>{_links(path.parent)}</header>"
+        f"<div class=cards>{''.join(cards)}</div>{_distances(result)}{_links(path.parent)}</header>"
     )
+
+
+def _distances(result: Reconstruction) -> str:
+    """Return the line on other distances; nothing where they were not measured."""
+    words = str(result.scores.other_sizes or "")
+    what = "PSNR" if result.poses.subject == "scene" else "PSNR on the object"
+    return f"<p>{what}, exposure fitted: {escape(words)}.</p>" if words else ""

@@ -197,6 +197,8 @@ def _facts(result: Reconstruction) -> tuple[str, ...]:
     if result.scores.views:
         mean = result.scores.mean
         facts.append(f"held out: {mean.psnr_object:.2f} dB, SSIM {mean.ssim_object:.3f}")
+    if result.scores.other_sizes is not None:
+        facts.append(f"from other distances: {result.scores.other_sizes}")
     if result.scores.surface is not None:
         facts.append(f"accuracy {1e3 * result.scores.surface.accuracy:.2f} mm")
     if result.training.adherence is not None:

@@ -27,6 +27,7 @@ from digs_warp.study.engine.case import Case, with_settings
 from digs_warp.study.engine.input_errors import perturbed_capture, write_degraded_masks
 from digs_warp.study.engine.placement import mesh_in_place, motion_to_truth, pose_pixels
 from digs_warp.study.engine.scores import (
+    OTHER_SIZES,
     YARDSTICK,
     psnr_in_place,
     psnr_in_scale,
@@ -65,12 +66,12 @@ def run_case(case: Case, folder: Path) -> dict[str, Any]:
     """Reconstruct and return what was measured, JSON-like; only the numbers stay.
 
     The keys: ``metrics`` (quality on the held-out views), ``course`` (the same along iterations and
-    seconds), ``yardstick`` (quality on views of a perfect camera on another walk: comparable between
-    recordings), ``surface`` (distances of points and Gaussians to the true surface), ``finishes`` (see
-    `engine.scores`), ``scale_error`` (share that the scale is missed by), ``seconds`` (of stages; compiling
-    kernels apart), ``cpu_seconds`` (of all threads, for everything but the recording and structure from
-    motion: does not depend on what else the machine does), ``recording_seconds``, ``results`` (counts),
-    ``memory_mb`` (peak of this process), ``versions``, ``machine``.
+    seconds), ``yardstick`` (quality on views of a perfect camera on another walk, at four sizes: comparable
+    between recordings), ``surface`` (distances of points and Gaussians to the true surface), ``finishes``
+    (see `engine.scores`), ``scale_error`` (share that the scale is missed by), ``seconds`` (of stages;
+    compiling kernels apart), ``cpu_seconds`` (of all threads, for everything but the recording and structure
+    from motion: does not depend on what else the machine does), ``recording_seconds``, ``results`` (counts),
+    ``memory_mb`` (peak of this process until the result is there), ``versions``, ``machine``.
 
     Args:
         case: its recording is taken from the study's ``folder`` or made there; structure from motion with
@@ -88,6 +89,7 @@ def run_case(case: Case, folder: Path) -> dict[str, Any]:
     with Stopwatch() as watch:
         result = reconstruct(given, config, work)
     compiling = compile_seconds() - before
+    memory = _peak_memory_mb()
     measured = _measure(result)
     if _is_shared(config) and MATCHING in measured["seconds"]:  # it read what is there
         measured["seconds"][MATCHING] = _matching_seconds(case, config, folder)
@@ -95,7 +97,7 @@ def run_case(case: Case, folder: Path) -> dict[str, Any]:
     measured |= {
         "cpu_seconds": round(watch.cpu_seconds, 3),
         "recording_seconds": _recording_seconds(capture),
-        "memory_mb": _peak_memory_mb(),
+        "memory_mb": memory,
         "versions": versions(),
         "machine": processor(),
     }
@@ -198,6 +200,9 @@ def _against_truth(
     score = score_on_yardstick(result.gaussians, yardstick)
     to_truth = motion_to_truth(result.frames.training, capture.frames, result.gaussians)
     score["psnr_object_in_place"] = psnr_in_place(result.gaussians, yardstick, to_truth)
+    for size in OTHER_SIZES:
+        seen = _yardstick(case, folder, size)
+        score[f"psnr_object_in_place_{size}"] = psnr_in_place(result.gaussians, seen, to_truth)
     if config.sfm.poses != "capture" or case.perturbed:
         posed = result.frames.training
         scale = pose_pixels(capture.frames, posed).scale
@@ -212,11 +217,12 @@ def _against_truth(
     }
 
 
-def _yardstick(case: Case, folder: Path) -> Sequence[Frame]:
-    """Return views that no case has seen; they are recorded once per scene."""
+def _yardstick(case: Case, folder: Path, size: str = "") -> Sequence[Frame]:
+    """Return views that no case has seen, at another ``size`` if given; they are recorded once per scene."""
     scene = {name: case.recording[name] for name in SCENE_SETTINGS if name in case.recording}
-    config = with_settings(SimulateConfig(**YARDSTICK), scene)
-    return _recorded(config, f"yardstick-{digest(scene)}", folder).frames
+    config = with_settings(SimulateConfig(**(YARDSTICK | OTHER_SIZES.get(size, {}))), scene)
+    name = f"yardstick-{size}-" if size else "yardstick-"
+    return _recorded(config, f"{name}{digest(scene)}", folder).frames
 
 
 def _scale_error(capture: Capture, config: "ReconstructConfig", posed: PosedFrames) -> float:

@@ -77,6 +77,10 @@ one_gain_psnr = number("yardstick", "psnr_object_one_gain")
 _gain_of_each = number("yardstick", "psnr_object_aligned")
 # After one rigid motion, too: found poses leave it open where the whole scene lies.
 placed_psnr = number("yardstick", "psnr_object_in_place")
+# The same in an image of twice the size, as from half the distance, and what tables call it; records that are
+# older than the four sizes do not have it.
+AT_TWICE = "at twice the size"
+double_psnr = number("yardstick", "psnr_object_in_place_double")
 # After one similarity; only of found poses.
 scaled_psnr = number("yardstick", "psnr_object_in_scale")
 

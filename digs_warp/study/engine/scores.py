@@ -30,6 +30,14 @@ YARDSTICK: dict[str, Any] = {
     **{"samples_per_pixel": 4, "seed": 20260521},
 }
 
+# The same views from other distances: the names of sizes in records, and what differs. The object is as large
+# in the image as from twice, three quarters of and half the distance, and all pixels are true ones.
+OTHER_SIZES: dict[str, dict[str, Any]] = {
+    "half": {"width": 320, "height": 180, "samples_per_pixel": 16},
+    "four_thirds": {"width": 854, "height": 480},
+    "double": {"width": 1280, "height": 720},
+}
+
 # Smallest alpha that is drawn; the first is the usual one, one step of an 8-bit image.
 ALPHA_CUTS = (1 / 255, 0.02, 0.05, 0.1)
 # Each view is drawn this many times; the median counts.

@@ -11,9 +11,11 @@ from typing import Any
 from digs_warp.study.charts import Chart, Curve
 from digs_warp.study.engine.case import Case
 from digs_warp.study.engine.records import (
+    AT_TWICE,
     Column,
     Record,
     at_iteration,
+    double_psnr,
     final_psnr,
     group_by,
     number,
@@ -225,6 +227,7 @@ def _course_chart(name: str, title: str, records: Sequence[Record]) -> Chart:
 def _end(records: Sequence[Record]) -> Section:
     columns = [
         Column("PSNR, object [dB]", 2, final_psnr),
+        Column(f"{AT_TWICE} [dB]", 2, double_psnr),
         Column("SSIM, object", 4, number("yardstick", "ssim_object")),
         Column("PSNR, frame [dB]", 2, number("yardstick", "psnr_frame")),
         Column("FLIP", 4, number("yardstick", "flip")),
@@ -236,6 +239,7 @@ def _end(records: Sequence[Record]) -> Section:
         "and true depth. FLIP replaces the paper's LPIPS: it is also a perceptual difference (0: none) but "
         "needs no trained weights. Depth error: mean absolute difference between the surface's depth and "
         "the true depth, over the pixels of the object with an alpha of at least one half. "
+        f"{AT_TWICE.capitalize()}: the PSNR on the object in the same views from half the distance. "
         "Poses are estimated, so an error of a few mm comes from aligning them with the world of the "
         "recording."
     )

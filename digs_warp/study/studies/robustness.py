@@ -6,12 +6,14 @@ from typing import Any
 from digs_warp.study.charts import Chart
 from digs_warp.study.engine.case import Case
 from digs_warp.study.engine.records import (
+    AT_TWICE,
     Column,
     Groups,
     Record,
     Spread,
     at_iteration,
     curve,
+    double_psnr,
     final_psnr,
     group_by,
     number,
@@ -92,6 +94,7 @@ COLUMNS = (
     Column("points: Chamfer [mm]", 2, number("surface", "points", "chamfer", factor=1e3)),
     *(Column(f"PSNR after {i} [dB]", 2, at_iteration(i, "psnr_object")) for i in ITERATIONS),
     Column("PSNR at the end [dB]", 2, final_psnr),
+    Column(f"{AT_TWICE} [dB]", 2, double_psnr),
 )
 
 
@@ -119,7 +122,8 @@ def _strategies(groups: Groups) -> Section:
         "All effects at once, at 0, 1, 2 and 4 times their real strength. Default and Random do not start "
         "from depth: their loss comes from the photographs alone (blur, grain, vignetting). PSNR at the end "
         "is measured after one brightness and white balance are fitted to all views: where the camera adapts "
-        "to the light, nothing tells those of the scene."
+        f"to the light, nothing tells those of the scene. {AT_TWICE.capitalize()}: the same in views from "
+        "half the distance."
     )
     table = tabulate("strategies", ("strategy", "strength"), rows, COLUMNS)
     return Section("All effects together", text, [table], [chart])

@@ -1,12 +1,21 @@
 """What accuracy costs in time: each knob of the chain alone, the Pareto front, and choices after training."""
 
 from collections.abc import Mapping, Sequence
-from typing import Any
+from statistics import fmean
+from typing import Any, NamedTuple
 
 from digs_warp.splat.config import TILE_SIZE
 from digs_warp.study.charts import Chart, Curve
 from digs_warp.study.engine.case import Case
-from digs_warp.study.engine.records import Record, Spread, final_psnr, group_by, pareto_front
+from digs_warp.study.engine.records import (
+    AT_TWICE,
+    Record,
+    Spread,
+    double_psnr,
+    final_psnr,
+    group_by,
+    pareto_front,
+)
 from digs_warp.study.page import Section
 from digs_warp.study.scenes import VOXEL, Objects, voxel_size
 from digs_warp.study.studies import held_surface
@@ -117,7 +126,20 @@ def total_seconds(record: Record) -> float:
     return reconstruction + sum(record["recording_seconds"].values())
 
 
-Measured = dict[tuple[Any, ...], tuple[Spread, Spread]]
+class Worth(NamedTuple):
+    """What a setting costs and gives: seconds, PSNR [dB], and that at twice the size if it is known."""
+
+    seconds: Spread
+    quality: Spread
+    double: Spread | None
+
+    def cells(self) -> list[str]:
+        """Return seconds and PSNR as tables show them."""
+        double = self.double.text(2) if self.double else ""
+        return [self.seconds.text(1), self.quality.text(2), double]
+
+
+Measured = dict[tuple[Any, ...], Worth]
 
 
 def _measured(records: Sequence[Record]) -> Measured:
@@ -132,6 +154,7 @@ def _measured(records: Sequence[Record]) -> Measured:
     if not usual:
         return {}
     levels = [sum(pair[i] for pair in usual.values()) / len(usual) for i in (0, 1)]
+    double = _at_twice(records)
     found: Measured = {}
     for key, group in group_by(records, "knob", "value").items():
         pairs = [
@@ -140,8 +163,22 @@ def _measured(records: Sequence[Record]) -> Measured:
         seconds = Spread.of(levels[0] * own[0] / base[0] for own, base in pairs)
         quality = Spread.of(levels[1] + own[1] - base[1] for own, base in pairs)
         if seconds and quality:
-            found[key] = (seconds, quality)
+            found[key] = Worth(seconds, quality, double.get(key))
     return found
+
+
+def _at_twice(records: Sequence[Record]) -> dict[tuple[Any, ...], Spread]:
+    """Return the PSNR at twice the size [dB] of every setting, compared in the same way."""
+    known = [(record, value) for record in records if (value := double_psnr(record)) is not None]
+    usual = {_subject(r): value for r, value in known if r["labels"].get("knob") == USUAL}
+    values: dict[tuple[Any, ...], list[float]] = {}
+    for record, value in known:
+        if _subject(record) in usual:
+            key = (record["labels"].get("knob"), record["labels"].get("value"))
+            values.setdefault(key, []).append(value - usual[_subject(record)])
+    level = fmean(usual.values()) if usual else 0.0
+    spreads = {key: Spread.of(level + gain for gain in gains) for key, gains in values.items()}
+    return {key: spread for key, spread in spreads.items() if spread}
 
 
 def _choices(measured: Measured) -> Measured:
@@ -160,12 +197,9 @@ def _numbers(record: Record) -> tuple[float, float] | None:
 
 def _front(measured: Measured) -> Section:
     keys = list(measured)
-    points = [(seconds.mean, quality.mean) for seconds, quality in measured.values()]
+    points = [(worth.seconds.mean, worth.quality.mean) for worth in measured.values()]
     front = pareto_front(points)
-    rows = [
-        [name_of(keys[i]), measured[keys[i]][0].text(1), measured[keys[i]][1].text(2)]
-        for i in front
-    ]
+    rows = [[name_of(keys[i]), *measured[keys[i]].cells()] for i in front]
     curves = [
         Curve("all settings", [x for x, _ in points], [y for _, y in points], line=False),
         Curve(
@@ -185,9 +219,10 @@ def _front(measured: Measured) -> Section:
         "and PSNR on the same views of a perfect camera along a walk that no recording took. One brightness "
         "and white balance are fitted to all views before, because a camera that adapts leaves them open. "
         "Each object is compared with its own usual settings, which therefore have no spread; ± shows how "
-        "much objects differ in the cost and gain of a setting."
+        f"much objects differ in the cost and gain of a setting. {AT_TWICE.capitalize()}: the same in views "
+        "from half the distance, where a scene that only suits the size of its photographs falls apart."
     )
-    table = Table("front", ["setting", "seconds", "PSNR [dB]"], rows)
+    table = Table("front", ["setting", "seconds", "PSNR [dB]", f"{AT_TWICE} [dB]"], rows)
     return Section("What is worth its time", text, [table], [chart])
 
 
@@ -200,40 +235,38 @@ def _knob_sections(measured: Measured) -> list[Section]:
             continue
         base = measured[base_key]
         rows = [
-            [str(key[1]), seconds.text(1), quality.text(2), *_price(seconds, quality, base)]
-            for key, (seconds, quality) in turned.items()
+            [str(key[1]), *worth.cells(), *_price(worth, base)] for key, worth in turned.items()
         ]
-        rows.append([f"{USUAL} ({_usual_value(knob)})", base[0].text(1), base[1].text(2), "", ""])
-        headings = [knob, "seconds", "PSNR [dB]", "seconds more", "dB more"]
+        rows.append([f"{USUAL} ({_usual_value(knob)})", *base.cells(), "", ""])
+        headings = [knob, "seconds", "PSNR [dB]", f"{AT_TWICE} [dB]", "seconds more", "dB more"]
         name = f"knob_{knob.split(' [')[0].replace(' ', '_')}"
         text = f"{BUYS[knob]} {_sentence(turned, base)}"
         found.append(Section(knob[0].upper() + knob[1:], text, [Table(name, headings, rows)]))
     return found
 
 
-def _sentence(turned: Measured, usual: tuple[Spread, Spread]) -> str:
+def _sentence(turned: Measured, usual: Worth) -> str:
     """Describe what the best and the fastest value of a knob gain over the usual one."""
-    best = max(turned, key=lambda key: turned[key][1].mean)
-    fastest = min(turned, key=lambda key: turned[key][0].mean)
+    best = max(turned, key=lambda key: turned[key].quality.mean)
+    fastest = min(turned, key=lambda key: turned[key].seconds.mean)
     words = []
-    first = "Best" if turned[best][1].mean > usual[1].mean else "None is better; nearest"
+    first = "Best" if turned[best].quality.mean > usual.quality.mean else "None is better; nearest"
     for title, key in ((first, best), ("Fastest", fastest)):
-        seconds, quality = _difference(*turned[key], usual)
+        seconds, quality = _difference(turned[key], usual)
         words.append(f"{title}: {key[1]}, {quality:+.2f} dB for {seconds:+.1f} s")
     return (
         "; ".join(words if best != fastest else words[:1]) + ", compared with the usual settings."
     )
 
 
-def _price(seconds: Spread, quality: Spread, usual: tuple[Spread, Spread]) -> tuple[str, str]:
-    more_seconds, more_quality = _difference(seconds, quality, usual)
+def _price(worth: Worth, usual: Worth) -> tuple[str, str]:
+    more_seconds, more_quality = _difference(worth, usual)
     return f"{more_seconds:+.1f}", f"{more_quality:+.2f}"
 
 
-def _difference(
-    seconds: Spread, quality: Spread, usual: tuple[Spread, Spread]
-) -> tuple[float, float]:
-    return seconds.mean - usual[0].mean, quality.mean - usual[1].mean
+def _difference(worth: Worth, usual: Worth) -> tuple[float, float]:
+    seconds = worth.seconds.mean - usual.seconds.mean
+    return seconds, worth.quality.mean - usual.quality.mean
 
 
 def _usual_value(knob: str) -> Any:

@@ -12,6 +12,7 @@ from digs_warp.pipeline.reconstruct import ReconstructConfig
 from digs_warp.sim.config import SimulateConfig
 from digs_warp.study.catalogue import STUDIES, Study, find_study
 from digs_warp.study.engine.case import Case, with_settings
+from digs_warp.study.engine.scores import OTHER_SIZES
 from digs_warp.study.engine.store import Store
 from digs_warp.study.page import write_pages
 from reference.study_records import record_of
@@ -52,6 +53,8 @@ def test_cases_are_measured_once_and_reported(tmp_path: Path) -> None:
         study.run(cases, out / "plots")
     measured = Store(out).finished()[0]
     assert measured["yardstick"]["psnr_object"] > 5
+    for size in OTHER_SIZES:
+        assert measured["yardstick"][f"psnr_object_in_place_{size}"] > 5
     assert 0 < measured["yardstick"]["depth_mae"] < 0.2
     assert 0 < measured["yardstick"]["depth_seen"] <= 1
     assert 0 < measured["surface"]["points"]["chamfer"] < 0.2
@@ -90,8 +93,52 @@ def test_a_knob_is_priced_on_the_objects_that_both_settings_have() -> None:
                 }
             )
     sections = {section.title: section for section in find_study("tradeoff").sections(records)}
-    assert sections["Iterations"].tables[0].rows[0] == ["100", "10.0", "26.50", "-10.0", "+1.50"]
+    assert sections["Iterations"].tables[0].rows[0] == [
+        "100",
+        "10.0",
+        "26.50",
+        "",
+        "-10.0",
+        "+1.50",
+    ]
     assert "Best: 100, +1.50 dB" in sections["Iterations"].text
+
+
+def test_quality_at_twice_the_size_stands_beside_the_usual_one() -> None:
+    """Of the boot's records one is older than the four sizes: it has no part in that column."""
+    case = find_study("tradeoff").cases(1, 1, 1000)[0]
+    records = []
+    for name, knob, value, double in (
+        *(("mug", "usual", "", 22.0), ("mug", "iterations", 100, 21.5)),
+        *(("boot", "usual", "", 26.0), ("boot", "iterations", 100, None)),
+        ("boot", "iterations", 250, 26.25),
+    ):
+        record = record_of(case, 0)
+        record["labels"] = {"object": name, "knob": knob, "value": value, "seed": 0}
+        if double is not None:
+            record["yardstick"]["psnr_object_in_place_double"] = double
+        records.append(record)
+    sections = {section.title: section for section in find_study("tradeoff").sections(records)}
+    table = sections["Iterations"].tables[0]
+    column = table.headings.index("at twice the size [dB]")
+    assert [row[column] for row in table.rows] == ["23.50", "24.25", "24.00 ± 0.00"]
+    front = sections["What is worth its time"].tables[0]
+    assert front.headings[-1] == "at twice the size [dB]"
+
+
+@pytest.mark.parametrize("name", ["initialization", "robustness"])
+def test_pages_have_a_column_at_twice_the_size_and_older_records_a_blank(name: str) -> None:
+    study = find_study(name)
+    old = [record_of(case, number) for number, case in enumerate(study.cases(1, 1, 1000))]
+    sizes = {"psnr_object_in_place_half": 21.0, "psnr_object_in_place_double": 23.25}
+    new = [record | {"yardstick": record["yardstick"] | sizes} for record in old]
+    for records, shown in ((old, {""}), (new, {"23.25"})):
+        tables = [table for section in study.sections(records) for table in section.tables]
+        tables = [t for t in tables if t.name in ("end", "strategies", "effects")]
+        assert tables
+        for table in tables:
+            column = table.headings.index("at twice the size [dB]")
+            assert {row[column].split(" ±")[0] for row in table.rows} == shown
 
 
 def test_meshes_of_ones_own_are_the_objects(tmp_path: Path) -> None:

@@ -58,6 +58,22 @@ def test_key_numbers_times_and_settings_are_there(run: tuple[Capture, Path, Path
         assert expected in text, expected
 
 
+def test_other_distances_are_shown_where_they_were_measured(
+    run: tuple[Capture, Path, Path],
+) -> None:
+    words = "30.65 dB as trained, 28.85 dB from half the distance, 27.12 dB from twice the distance"
+    assert "from half the distance" not in write_and_parse(run).text
+    path = run[1] / "run.json"
+    record = json.loads(path.read_text())
+    sizes = {"views": 8, "trained": 30.65, "half": 27.12, "four_thirds": None, "double": 28.85}
+    record["results"]["scores"]["other_sizes"] = sizes
+    path.write_text(json.dumps(record))
+    text = write_and_parse(run).text
+    assert f"PSNR on the object, exposure fitted: {words}." in text  # in the header
+    assert "PSNR from other distances" in text  # among the figures
+    assert text.count(words) == 2
+
+
 def test_contact_sheet_shows_every_kind_of_image_of_six_frames(
     run: tuple[Capture, Path, Path],
 ) -> None:

@@ -16,6 +16,7 @@ from digs_warp.geometry.camera import Camera
 from digs_warp.pipeline.reconstruct import ReconstructConfig
 from digs_warp.poses.from_images.config import SfmConfig
 from digs_warp.record.files import write_atomically
+from digs_warp.sim.config import SimulateConfig
 from digs_warp.study.engine.case import Case, with_settings
 from digs_warp.study.engine.chain import (
     NOTE,
@@ -24,7 +25,9 @@ from digs_warp.study.engine.chain import (
     _matching_seconds,
     _scale_error,
     _workplace,
+    _yardstick,
 )
+from digs_warp.study.engine.scores import OTHER_SIZES
 from reference.ball_capture import ball_views, write_capture
 
 
@@ -85,6 +88,26 @@ def test_what_a_killed_case_had_begun_to_match_goes_on(matched: list[Path], tmp_
     work = _workplace(case, CAPTURE, config, tmp_path)
     assert matched == [_matched(case, config, tmp_path)]
     assert {path.name for path in (work / "sfm").iterdir()} == {"half", "model", NOTE}
+
+
+def test_the_yardstick_shows_the_same_views_at_four_sizes(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    recorded: dict[str, SimulateConfig] = {}
+
+    def record(config: SimulateConfig, key: str, folder: Path) -> SimpleNamespace:
+        recorded[key] = config
+        return SimpleNamespace(frames=())
+
+    monkeypatch.setattr("digs_warp.study.engine.chain._recorded", record)
+    case, _ = case_of()
+    for size in ("", *OTHER_SIZES):
+        _yardstick(case, tmp_path, size)
+    usual, half, larger, double = recorded.values()
+    assert [one.width for one in (half, usual, larger, double)] == [320, 640, 854, 1280]
+    assert half.samples_per_pixel == 4 * usual.samples_per_pixel  # as many for the same surface
+    sizes = {name: getattr(usual, name) for name in ("width", "height", "samples_per_pixel")}
+    assert all(replace(other, **sizes) == usual for other in (half, larger, double))
 
 
 @pytest.mark.parametrize("factor", [1.0, 1.03, 0.98])
