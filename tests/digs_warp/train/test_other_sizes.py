@@ -59,8 +59,12 @@ def blank_view(name: str = "0000") -> TestView:
 
 
 def test_the_size_of_the_photographs_gives_the_usual_score() -> None:
-    scene, view = sheet(1.0, 0.6, 0.8, 20), blank_view()
+    """The photograph is brighter than the scene, which the gain makes up for."""
+    scene = sheet(1.0, 0.6, 0.8, 20)
+    brighter = 1.2 * render_views(scene, [blank_view()])[0].image
+    view = replace(blank_view(), target=np.minimum(brighter, 1.0))
     score = measure_views(scene, [view]).scores[0]
+    assert score.psnr_object_aligned > score.psnr_object + 1
     assert psnr_at_size(scene, [view], 1.0) == score.psnr_object_aligned
 
 
