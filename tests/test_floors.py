@@ -62,10 +62,10 @@ LINE_BUDGETS = {
     "study": 2_800,
     "surface": 700,
     "torch": 150,
-    "train": 3_800,
+    "train": 3_900,
     "usd": 4_150,
 }
-MOST_LINES, MOST_FILES = 77_000, 523  # of the product; 65,000 in 500 files are the goal
+MOST_LINES, MOST_FILES = 77_000, 524  # of the product; 65,000 in 500 files are the goal
 # A shorter file with a single client in its folder belongs into that client.
 CRUMB = 60
 
