@@ -30,6 +30,9 @@ SMALLEST_MIN_ALPHA = 1.0 / 255.0
 # bound for a splat that degenerates to a line (the floor of the 3DGS reference, sqrt(2.5e-5)).
 MIN_COMPENSATION = 0.005
 
+# The least dilation on the image [px^2]: a thirtieth of a pixel.
+LEAST_DILATION = 1.0e-3
+
 Outputs = Literal["color", "mean depth", "depth", "normals"]
 DepthOf = Literal["center", "skin"]
 
@@ -48,8 +51,9 @@ class RasterOptions:
             capped, its gradient is zero.
         min_transmittance: a pixel whose transmittance would fall below this stops; that splat and all behind
             it are not drawn.
-        dilation: added to the diagonal of the projected covariance [px^2]: no splat is thinner than a pixel.
-            A renderer that uses another value shows our scenes thinner or thicker.
+        dilation: added to the diagonal of the projected covariance [px^2]. What our training makes is drawn
+            without (`digs_warp.train.smoothing`); the little that is left keeps the inverse of the
+            covariance of an infinitely thin splat finite. Scenes of 3DGS are made for 0.3.
         antialias: scale the opacity by sqrt(det / det') of the covariance before and after the dilation
             (Mip-Splatting), so that a splat smaller than a pixel does not gain weight. Scenes trained with it
             must be drawn with it.
@@ -68,7 +72,7 @@ class RasterOptions:
     min_alpha: float = SMALLEST_MIN_ALPHA
     max_alpha: float = 0.99
     min_transmittance: float = 1.0e-4
-    dilation: float = 0.3
+    dilation: float = LEAST_DILATION
     antialias: bool = False
     jacobian_margin: float = 0.3
     near_share: float = 0.05
@@ -82,7 +86,7 @@ class RasterOptions:
             "min_alpha": (SMALLEST_MIN_ALPHA, 1.0),
             "max_alpha": (self.min_alpha, 0.999),
             "min_transmittance": (0.0, 0.5),
-            "dilation": (1.0e-3, 100.0),
+            "dilation": (LEAST_DILATION, 100.0),
             "jacobian_margin": (0.0, 10.0),
             "near_share": (0.0, 1.0),
             "max_sh_degree": (0, MAX_DEGREE),

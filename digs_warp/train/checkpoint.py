@@ -23,6 +23,7 @@ _CONTROL = "control_"
 _EXPOSURE = "exposure_"
 _DEPTH = "depth_"
 _POSES = "poses_"
+_SMOOTHING = "smoothing_"
 
 
 def save_checkpoint(path: Path, trainer: Trainer) -> bool:
@@ -46,6 +47,8 @@ def save_checkpoint(path: Path, trainer: Trainer) -> bool:
         return False
     for name, array in trainer.control.state().items():
         state[_CONTROL + name] = array
+    for name, array in trainer.smoothing.state().items():
+        state[_SMOOTHING + name] = array
     for prefix, fitted in _fitted(trainer).items():
         for name, array in fitted.state().items():
             state[prefix + name] = array
@@ -73,11 +76,13 @@ def load_checkpoint(path: Path, trainer: Trainer) -> None:
     try:
         groups = [_group(saved, group) for group in ("value", "first", "second")]
         control = _control(saved, trainer)
+        smoothing = _smoothing(saved)
         _restore_fitted(saved, trainer)
     except (KeyError, ValueError) as error:
         raise _unreadable(path, error) from error
     trainer.control.restore(control)
-    trainer.restore(groups[0], (groups[1], groups[2]), int(_scalar(saved, "step", path)))
+    step = int(_scalar(saved, "step", path))
+    trainer.restore(groups[0], (groups[1], groups[2]), smoothing, step)
     trainer.seconds = _scalar(saved, "seconds", path)
     trainer.progress.restore(tuple(check_shape("progress", saved["progress"], (4,)).tolist()))
 
@@ -110,6 +115,15 @@ def _control(saved: dict[str, np.ndarray], trainer: Trainer) -> dict[str, np.nda
     return {
         name: check_shape(name, saved[_CONTROL + name], (count,))
         for name in trainer.control.state()
+    }
+
+
+def _smoothing(saved: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
+    """Return the state of the filter in 3D."""
+    shapes = {"learned": saved["value_log_scales"].shape, "distances": (len(saved["value_means"]),)}
+    return {
+        name: check_finite(name, check_shape(name, saved[_SMOOTHING + name], shape))
+        for name, shape in shapes.items()
     }
 
 

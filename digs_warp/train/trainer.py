@@ -29,6 +29,7 @@ from digs_warp.train.depth_errors import (
 from digs_warp.train.exposure import Exposures, rendered_samples
 from digs_warp.train.objective import Objective
 from digs_warp.train.optimizer import Adam, FiniteCheck, non_finite_rows
+from digs_warp.train.smoothing import SmoothingFilter
 from digs_warp.train.time_plan import Progress
 from digs_warp.train.view_store import ViewStore
 from digs_warp.train.views import View, scene_extent
@@ -51,8 +52,10 @@ class Trainer:
         constant_exposure: whether the exposure of the views is known to be constant.
 
     Attributes:
-        gaussians: the parameters on the device; `DeviceGaussians.to_numpy` gives a copy.
+        gaussians: the parameters on the device, with effective scales; `DeviceGaussians.to_numpy` gives a
+            copy.
         optimizer: holds the step count and the moments.
+        smoothing: the filter in 3D, with the scales that are learned.
         control: the strategy that changes the number of Gaussians.
         exposures: the gains of the photographs; None where they are not fitted.
         depth_judge: knows the errors of the measured depth; None where that does not count.
@@ -131,7 +134,9 @@ class Trainer:
         if self.poses is not None:
             self._move_camera(self.poses, view)
         means_rate = self.optimizer.means_rate()
+        self.smoothing.before_update()
         self.optimizer.update()
+        self.smoothing.after_update(self.optimizer.step)
         self._require_finite(view)
         refinement = self.control.after_update(self.gaussians, self.optimizer.step, means_rate)
         if refinement is not None:
@@ -148,10 +153,15 @@ class Trainer:
                 array.assign(refinement.moments(name, getattr(old, name)))
 
     def restore(
-        self, gaussians: Gaussians, moments: tuple[Gaussians, Gaussians], step: int
+        self,
+        gaussians: Gaussians,
+        moments: tuple[Gaussians, Gaussians],
+        smoothing: dict[str, np.ndarray],
+        step: int,
     ) -> None:
-        """Continue from a saved state: parameters, both moments, and steps taken."""
+        """Continue from a saved state: parameters, both moments, that of the filter, and steps taken."""
         self._replace(gaussians, step)
+        self.smoothing.restore(smoothing)
         restored = (self.optimizer.moments_1, self.optimizer.moments_2)
         for saved, new in zip(moments, restored, strict=True):
             for name, array in zip(FIELDS, new.arrays, strict=True):
@@ -182,16 +192,20 @@ class Trainer:
         gradients, rates = self.renderer.gradients, self.config.learning_rates
         self.optimizer = Adam(self.gaussians, gradients, rates, self._extent, self.progress)
         self.optimizer.step = step
+        self.smoothing = SmoothingFilter(self.gaussians, gradients, self.views.cameras)
         self._finite = FiniteCheck(self.objective.sums)
 
     def _require_finite(self, view: View) -> None:
         """Raise if the loss or a parameter is not finite; the renderer would just skip such a Gaussian."""
         if self.optimizer.is_finite and self._finite.passes():
             return
+        # Effective scales are finite even where the learned ones are not.
+        values = [array.numpy() for array in self.gaussians.arrays]
+        values[FIELDS.index("log_scales")] = self.smoothing.learned.numpy()
         broken = [
             f"{name} of {counted(len(rows), 'Gaussian')} (the first is {rows[0]})"
-            for name, array in zip(FIELDS, self.gaussians.arrays, strict=True)
-            if len(rows := non_finite_rows(array.numpy()))
+            for name, value in zip(FIELDS, values, strict=True)
+            if len(rows := non_finite_rows(value))
         ]
         raise DigsError(
             f"training diverged at iteration {self.optimizer.step}, view '{view.name}': loss "
