@@ -17,7 +17,14 @@ from digs_warp.init.config import InitConfig
 from digs_warp.init.normals import flat_points
 from digs_warp.init.start import DepthReport
 from digs_warp.init.view_points import FILTERS, ViewPoints, map_frames, view_points
-from digs_warp.init.visibility import DepthViews, agreement_of_views, not_isolated, not_seen_through
+from digs_warp.init.visibility import (
+    THINNED,
+    DepthViews,
+    agreement_of_views,
+    not_isolated,
+    not_seen_through,
+    onto_surface,
+)
 from digs_warp.init.voxel import GrowingGrid, VoxelSums, final_voxel_size, first_voxel_size
 from digs_warp.record.run_log import timed
 from digs_warp.words import counted
@@ -94,21 +101,21 @@ def depth_points(
         voxels = grid.merged()
     if len(voxels) == 0:
         raise _no_points_error(len(frames), report.pixels, config)
+    report.voxels["occupied"] = len(voxels)
+    if config.visibility_check:
+        with timed(report.seconds, "visibility", time.process_time):
+            views = DepthViews.of(seen)
+            voxels = _thinned(_seen(voxels, views, size, report), views, size)
+        report.voxels["on the surface"] = len(voxels)
     report.voxel_size = final_voxel_size(voxels, size, config)
     if report.voxel_size > size:
         voxels = voxels.coarser(report.voxel_size)
-    report.voxels["occupied"] = len(voxels)
+        report.voxels["coarser"] = len(voxels)
     if report.voxel_size == size and len(voxels) < (config.target_points or 0):
         logger.warning(
             "--target-points: %d wanted, %d found; %s",
             *(config.target_points, len(voxels), filter_summary(report)),
         )
-    if config.visibility_check:
-        with timed(report.seconds, "visibility", time.process_time):
-            views = DepthViews.of(seen)
-            visible = not_seen_through(voxels.points_world, views, report.voxel_size)
-        voxels = voxels.select(visible) if visible.any() else voxels
-        report.voxels["not seen through"] = len(voxels)
     with timed(report.seconds, "strays", time.process_time):
         voxels = voxels.select(not_isolated(voxels.points_world, report.voxel_size))
     report.voxels["not alone"] = len(voxels)
@@ -121,6 +128,23 @@ def depth_points(
             agreement = agreement_of_views(voxels.points_world, views, report.voxel_size)
         points = replace(points, agreement=agreement)
     return points, report
+
+
+def _seen(
+    voxels: VoxelSums, views: DepthViews, voxel_size: float, report: DepthReport
+) -> VoxelSums:
+    """Return the voxels that no more views contradict than confirm; all where that leaves none."""
+    visible = not_seen_through(voxels.points_world, views, voxel_size)
+    voxels = voxels.select(visible) if visible.any() else voxels
+    report.voxels["not seen through"] = len(voxels)
+    return voxels
+
+
+def _thinned(voxels: VoxelSums, views: DepthViews, voxel_size: float) -> VoxelSums:
+    """Return a cloud about one voxel thick, where the views together measured the surface."""
+    for _ in range(THINNED):
+        voxels = voxels.moved(onto_surface(voxels.points_world, views, voxel_size), voxel_size)
+    return voxels
 
 
 def points_of(voxels: VoxelSums, config: InitConfig, voxel_size: float) -> PointCloud:

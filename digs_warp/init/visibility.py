@@ -7,6 +7,11 @@ the view says nothing about it.
 Wrong depth can also put a point metres away from the object, where only one view looks: no other view sees
 through it, and in small images most voxels hold as few measurements as it does. A surface, however thin, is
 a chain of points one voxel apart; such an outlier has next to nothing around it.
+
+Views that disagree by a few voxels make a cloud several voxels thick. `onto_surface` moves its points to
+where the views together measured the surface: the zero of the mean of their truncated signed distances
+(Curless and Levoy 1996, section 3), each weighted by how little it differs and how straight it looks at the
+surface. The points of a voxel then become one.
 """
 
 from collections.abc import Sequence
@@ -31,9 +36,24 @@ TOLERANCE_SHARE = 0.01
 # measured it within the second disagrees.
 AGREES_VOXELS, NEAR_VOXELS = 1.0, 4.0
 
+# A cloud is thinned this many times: views are compared anew where its points lie by then. Mustard bottle,
+# vase and spot, 500 steps: 102,000 points and 30.95 dB before; 51,000 and 30.82 dB after two, 42,000 and
+# 30.75 dB after four times. A coarser grid of 38,000 points: 30.4 dB.
+THINNED = 4
+
+# Power of the cosine to the middle ray of the views that a view counts with: near a silhouette the pixels
+# beside a point lie behind it or before it, and those behind are out of reach.
+FACING = 4.0
+
 _AGREES = wp.constant(wp.float64(AGREES_VOXELS))
 _NEAR = wp.constant(wp.float64(NEAR_VOXELS))
 _VOXELS = wp.constant(wp.float64(TOLERANCE_VOXELS))
+# A point this near to the surface stays [voxels]: its mean of many measurements is better than the nearest
+# pixels of the views, and a cloud of one voxel is one layer.
+STAYS = 0.4
+
+_FACING = wp.constant(wp.float64(FACING))
+_STAYS = wp.constant(wp.float64(STAYS))
 _SHARE = wp.constant(wp.float64(TOLERANCE_SHARE))
 
 
@@ -111,6 +131,53 @@ def agreement_kernel(
         agreement[i] = 1.0
 
 
+@wp.func
+def ray_to(eye: Eye, point: wp.vec3d, depth: wp.float64) -> wp.vec3d:
+    """The way from a camera to a point, in the world, for one metre of planar depth."""
+    seen = wp.transform_point(eye.cam_from_world, point)
+    return wp.transform_vector(wp.transpose(eye.cam_from_world), seen / depth)
+
+
+@wp.kernel
+def onto_surface_kernel(
+    first: int,
+    points: wp.array[wp.vec3d],  # [n] in the world [m]
+    eyes: wp.array[Eye],
+    depth: wp.array[float],  # depth maps of all eyes [m], NaN: unknown
+    voxel_size: wp.float64,  # [m]
+    # output
+    moved: wp.array[wp.vec3d],  # [n]
+):
+    """Move a point along its mean ray by the mean distance to what the views near it measured."""
+    i = first + wp.tid()
+    point = points[i]
+    reach = _NEAR * voxel_size
+    middle = wp.vec3d()
+    for e in range(eyes.shape[0]):
+        measured, own = depths_at(eyes[e], depth, point)
+        # Comparisons with NaN, where nothing was measured, are False.
+        if wp.abs(measured - own) < reach:
+            middle += wp.normalize(ray_to(eyes[e], point, own))
+    middle = wp.normalize(middle)
+    weights = wp.float64(0.0)
+    distance = wp.float64(0.0)
+    ray = wp.vec3d()
+    for e in range(eyes.shape[0]):
+        measured, own = depths_at(eyes[e], depth, point)
+        apart = measured - own
+        if wp.abs(apart) < reach:
+            toward = ray_to(eyes[e], point, own)
+            # The surface faces the middle of the views that see it; those that graze it tell little.
+            facing = wp.max(wp.dot(wp.normalize(toward), middle), wp.float64(0.0))
+            weight = (wp.float64(1.0) - wp.abs(apart) / reach) * wp.pow(facing, _FACING)
+            weights += weight
+            distance += weight * apart
+            ray += weight * toward
+    if wp.abs(distance) > _STAYS * voxel_size * weights:
+        point += (distance / weights) * (ray / weights)
+    moved[i] = point
+
+
 @dataclass(frozen=True, eq=False)
 class DepthViews:
     """Views as the kernels look them up: cameras, and depth maps [m] one after the other."""
@@ -177,6 +244,17 @@ def agreement_of_views(
     inputs = [*_inputs(points_world, views, voxel_size), agreement]
     launch_parallel(agreement_kernel, len(points_world), inputs)
     return agreement.numpy()
+
+
+def onto_surface(points_world: np.ndarray, views: DepthViews, voxel_size: float) -> np.ndarray:
+    """Return points moved to where the views that measured something near them put the surface [m], (n, 3).
+
+    Views count whose depth is within `NEAR_VOXELS` of the point. Arguments as of `not_seen_through`.
+    """
+    moved = wp.empty(len(points_world), dtype=wp.vec3d, device="cpu")
+    inputs = [*_inputs(points_world, views, voxel_size), moved]
+    launch_parallel(onto_surface_kernel, len(points_world), inputs)
+    return moved.numpy()
 
 
 def count_views(points_world: np.ndarray, views: DepthViews, voxel_size: float) -> ViewCounts:

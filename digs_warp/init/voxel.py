@@ -82,6 +82,13 @@ class VoxelSums:
         """
         return _sum_by_key(voxel_keys(self.points_world, voxel_size), self.sums)
 
+    def moved(self, points_world: np.ndarray, voxel_size: float) -> "VoxelSums":
+        """Return the sums with other mean positions [m], (n, 3), on a grid; those in one voxel are joined."""
+        sums = self.sums.copy()
+        first = 1 + POSITION
+        sums[:, first : first + 3] = points_world * sums[:, :1]
+        return _sum_by_key(voxel_keys(points_world, voxel_size), sums)
+
 
 class GrowingGrid:
     """Voxel sums of many views.

@@ -33,7 +33,7 @@ from digs_warp.splat.records import (
 wp.set_module_options(GROUP_OPTIONS)
 
 # [standard deviations] With it, the surface without a depth term is least biased: see docs/training.md.
-REACH = 2.5
+REACH = 2.0
 
 # A splat as wide as its distance has its skin at this share of the distance, not behind the camera.
 _LEAST_SHARE = wp.constant(0.1)

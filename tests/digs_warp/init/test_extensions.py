@@ -77,10 +77,10 @@ def test_floaters_before_the_object_are_removed(tmp_path: Path) -> None:
     plain = initialize(capture.frames, config).points.points_world
     checked = initialize(capture.frames, replace(config, visibility_check=True))
     assert np.linalg.norm(plain, axis=1).max() > 0.35
-    assert np.linalg.norm(checked.points.points_world, axis=1).max() < RADIUS + 0.001
+    assert np.linalg.norm(checked.points.points_world, axis=1).max() < RADIUS + 0.005
     assert len(checked.points) > 0.95 * (len(plain) - 100)
     assert checked.depth is not None
-    assert checked.depth.voxels["not seen through"] == len(checked.points)
+    assert checked.depth.voxels["not alone"] == len(checked.points)
 
 
 # Shapes.

@@ -208,7 +208,7 @@ def test_a_matte_recording_keeps_the_usual_degree(tmp_path: Path) -> None:
     capture = write_tiny_capture(tmp_path / "capture")
     found = view_dependence(look_up(capture.frames, ball(400).means))
     assert found.degree == 1
-    assert found.points > 40
+    assert found.points > 30
 
 
 def test_points_that_few_views_see_decide_nothing(tmp_path: Path) -> None:

@@ -100,14 +100,15 @@ def test_a_needle_turns_to_its_target_at_the_rate_of_float64() -> None:
     target = Parameters.of(needle)
     angle = np.deg2rad(25.0)
     target.quats[:] = (0.0, np.sin(angle / 2), 0.0, np.cos(angle / 2))
-    photo = render_twin(target, view, NEAR, BACKGROUND).image
+    options = RasterOptions(dilation=0.3)
+    photo = render_twin(target, view, NEAR, BACKGROUND, options).image
 
     def angle_of(quat: np.ndarray) -> float:
         """Between the needle and its target."""
         axis = matrix_from_quat_xyzw(quat.astype(np.float64))[:, 0]
         return float(np.arccos(np.clip(axis @ matrix_from_quat_xyzw(target.quats[0])[:, 0], -1, 1)))
 
-    renderer = SplatRenderer(DeviceGaussians.from_numpy(needle), 24, 20)
+    renderer = SplatRenderer(DeviceGaussians.from_numpy(needle), 24, 20, options=options)
     p = Parameters.of(needle)
     nothing, rate = np.zeros((20, 24)), 0.015
     for _ in range(30):
@@ -117,8 +118,9 @@ def test_a_needle_turns_to_its_target_at_the_rate_of_float64() -> None:
         quats = renderer.gaussians.quats
         quats.assign(quats.numpy() - rate * renderer.gradients.quats.numpy())
 
-        twin = render_twin(p, view, NEAR, BACKGROUND)
+        twin = render_twin(p, view, NEAR, BACKGROUND, options)
         adjoints = Adjoints(twin.image - photo, nothing, nothing, np.zeros((20, 24, 3)))
-        p.quats -= rate * twin_gradients(p, view, twin, BACKGROUND, adjoints).parameters.quats
+        gradients = twin_gradients(p, view, twin, BACKGROUND, adjoints, options)
+        p.quats -= rate * gradients.parameters.quats
         assert angle_of(quats.numpy()[0]) == pytest.approx(angle_of(p.quats[0]), abs=1e-4)
     assert angle_of(p.quats[0]) < 0.1 * angle

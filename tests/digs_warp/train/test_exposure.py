@@ -62,7 +62,7 @@ def trained(
 ) -> Trainer:
     config = TrainConfig(
         stop=Stop(iterations=STEPS),
-        rates=Rates(colors=0.1),
+        rates=Rates(colors=0.1, end=1.0),  # too few steps for a late decay
         sh_degree=0,
         depth_weight=0.0,  # depth of a sphere; the photographs show splats on it, which reach farther
         fit_exposure=fit_exposure,

@@ -27,9 +27,9 @@ void main() {
   vec2 t = clamp(p.xy / p.z, -limit, limit);
   vec3 u = focal / p.z * (axes * vec3(1.0, 0.0, -t.x));
   vec3 v = focal / p.z * (axes * vec3(0.0, 1.0, -t.y));
-  float a = dot(u, sigma * u) + 0.3, b = dot(u, sigma * v), c = dot(v, sigma * v) + 0.3;
+  float a = dot(u, sigma * u) + 0.01, b = dot(u, sigma * v), c = dot(v, sigma * v) + 0.01;
   float middle = 0.5 * (a + c), half_gap = length(vec2(0.5 * (a - c), b));
-  vec2 spread = sqrt(vec2(middle + half_gap, max(middle - half_gap, 0.1)));
+  vec2 spread = sqrt(vec2(middle + half_gap, max(middle - half_gap, 0.01)));
   vec2 along = abs(b) > 1e-6 * middle ? normalize(vec2(b, middle + half_gap - a))
     : (a >= c ? vec2(1.0, 0.0) : vec2(0.0, 1.0));
   place = corner * sqrt(2.0 * log(255.0 * first.w));  // to where alpha is 1/255
