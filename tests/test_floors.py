@@ -43,7 +43,7 @@ LINE_BUDGETS = {
     "files at the top": 800,
     "formats": 4_950,
     "geometry": 600,
-    "init": 4_350,
+    "init": 4_400,
     "losses": 950,
     "masks": 1_300,
     "measure": 1_600,
@@ -62,10 +62,10 @@ LINE_BUDGETS = {
     "study": 2_800,
     "surface": 700,
     "torch": 150,
-    "train": 3_900,
+    "train": 4_150,
     "usd": 4_150,
 }
-MOST_LINES, MOST_FILES = 77_000, 524  # of the product; 65,000 in 500 files are the goal
+MOST_LINES, MOST_FILES = 78_000, 525  # of the product; 65,000 in 500 files are the goal
 # A shorter file with a single client in its folder belongs into that client.
 CRUMB = 60
 
