@@ -34,7 +34,7 @@ from digs_warp.usd.convert import WriteOptions, asset_arrays
 from digs_warp.usd.files import export_layer, package_folder
 from digs_warp.usd.frames import ASSET_FROM_WORLD
 from digs_warp.usd.lod import LEVELS, level_of_detail
-from digs_warp.usd.metadata import portable_json, usd_from_json
+from digs_warp.usd.metadata import portable_json, usd_from_json, with_filter
 from digs_warp.usd.writer import write_splat_crate
 
 if TYPE_CHECKING:
@@ -168,6 +168,11 @@ class CaptureScene:
         labels = variant_names([each.name for each in self.variants])
         if not labels:
             raise UsdError("capture scene: no reconstruction, expected at least one")
+        if len({each.gaussians.screen_filter for each in self.variants}) > 1:
+            raise UsdError(
+                "capture scene: reconstructions of different versions, made for different renderers; "
+                "expected one kind: reconstruct the older ones again"
+            )
         if len(set(labels)) < len(labels):
             raise UsdError(
                 f"capture scene: reconstructions named {', '.join(labels)}; expected different names"
@@ -212,7 +217,8 @@ def write_capture_scene(
     options = options or WriteOptions()
     with package_folder(path) as folder:
         root = Sdf.Layer.CreateNew(str(folder / names.PACKAGE_ROOT))
-        stage = begin_asset(scene.metadata, root)
+        shown = scene.variants[0].gaussians.screen_filter
+        stage = begin_asset(with_filter(scene.metadata, shown, f"'{path}'"), root)
         labels = variant_names([each.name for each in scene.variants])
         boxes = []
         total = len(labels) * len(LEVELS) + len(scene.course)

@@ -6,14 +6,53 @@ back as it was.
 """
 
 import json
+import logging
 from pathlib import PurePosixPath, PureWindowsPath
 from typing import Any
 
 from digs_warp.checks import UsdError
-from digs_warp.record.fields import parse_json
+from digs_warp.data.gaussians import MOST_DILATION, NO_FILTER, ScreenFilter
+from digs_warp.record.fields import Fields, parse_json
 from digs_warp.record.files import to_json
 
+logger = logging.getLogger(__name__)
+
 JSON_MARK = "json:"
+
+_KERNEL, _DILATION, _ANTIALIAS = "kernel", "dilation_px2", "antialias"
+
+
+def with_filter(metadata: dict[str, Any], screen_filter: ScreenFilter, what: str) -> dict[str, Any]:
+    """Return metadata that also says what the splats of ``what`` are drawn with, if it is anything.
+
+    USD has no attribute for it, and its renderers add nothing: a warning says so.
+    """
+    if screen_filter == NO_FILTER:
+        return metadata
+    logger.warning(
+        "%s: these splats are for viewers that widen them by %g px^2 on the screen. Renderers of USD do not, "
+        "and show them thinner; what 'digs-warp reconstruct' makes today looks the same in both",
+        *(what, screen_filter.dilation),
+    )
+    kernel = metadata.get(_KERNEL, {}) | filter_metadata(screen_filter)
+    return metadata | {_KERNEL: kernel}
+
+
+def filter_metadata(screen_filter: ScreenFilter) -> dict[str, Any]:
+    """Return what the kernel's entry in the metadata says about the filter."""
+    said: dict[str, Any] = {_DILATION: screen_filter.dilation}
+    return said | {_ANTIALIAS: True} if screen_filter.antialias else said
+
+
+def filter_of(metadata: dict[str, Any], what: str) -> ScreenFilter:
+    """Return what splats are drawn with, by the metadata of their scene.
+
+    Raises:
+        UsdError: the entry has another form.
+    """
+    kernel = Fields(metadata, what, UsdError).section(_KERNEL, optional=True)
+    dilation = kernel.number(_DILATION, 0, MOST_DILATION, 0.0, f"0 to {MOST_DILATION:g} px^2")
+    return ScreenFilter(dilation, kernel.flag(_ANTIALIAS, False))
 
 
 def portable_json(metadata: dict[str, Any]) -> dict[str, Any]:

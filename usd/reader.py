@@ -1,7 +1,7 @@
 """Reads Gaussians, or facts about them, from a USD scene, ours or another program's, into our world."""
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, fields, replace
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -33,7 +33,7 @@ from digs_warp.usd.field import (
 )
 from digs_warp.usd.files import HINT, opened_stage
 from digs_warp.usd.frames import similarity_from_matrix, world_from_prim
-from digs_warp.usd.metadata import json_from_usd
+from digs_warp.usd.metadata import filter_of, json_from_usd
 
 if TYPE_CHECKING:
     from pxr import Usd
@@ -169,22 +169,6 @@ def read_fields(path: Path, options: ReadOptions | None = None) -> list[UsdScene
         return [_read(stage, prim, path, options) for prim in prims]
 
 
-def merged(parts: Sequence[Gaussians]) -> Gaussians:
-    """Return the Gaussians of at least one part as one; lower degrees are filled up with zeros."""
-    degree = max(part.sh_degree for part in parts)
-    count = (degree + 1) ** 2
-    padded = [
-        replace(part, sh=np.pad(part.sh, ((0, 0), (0, count - part.sh.shape[1]), (0, 0))))
-        for part in parts
-    ]
-    return Gaussians(
-        **{
-            f.name: np.concatenate([getattr(part, f.name) for part in padded])
-            for f in fields(Gaussians)
-        }
-    )
-
-
 def read_metadata(stage: "Usd.Stage") -> dict[str, Any]:
     """Return our provenance dictionary of the scene, empty when it has none."""
     data = stage.GetMetadata("customLayerData") or {}
@@ -194,8 +178,12 @@ def read_metadata(stage: "Usd.Stage") -> dict[str, Any]:
 
 def _read(stage: "Usd.Stage", prim: "Usd.Prim", path: Path, options: ReadOptions) -> UsdScene:
     # A separate function, so that no array outlives the stage: USD would copy the mapped file.
-    gaussians = _read_gaussians(prim, f"USD scene '{path}', {prim.GetPath()}", options)
-    return UsdScene(gaussians, read_metadata(stage), str(prim.GetPath()))
+    metadata = read_metadata(stage)
+    gaussians = replace(
+        _read_gaussians(prim, f"USD scene '{path}', {prim.GetPath()}", options),
+        screen_filter=filter_of(metadata, f"USD scene '{path}', metadata"),
+    )
+    return UsdScene(gaussians, metadata, str(prim.GetPath()))
 
 
 def _read_gaussians(prim: "Usd.Prim", what: str, options: ReadOptions) -> Gaussians:

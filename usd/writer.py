@@ -35,6 +35,7 @@ from digs_warp.usd.convert import (
 )
 from digs_warp.usd.crate import SplicedCrate, splice, write_at
 from digs_warp.usd.files import check_suffix, export_layer, finished_file
+from digs_warp.usd.metadata import with_filter
 from digs_warp.usd.package import PackageWriter
 
 if TYPE_CHECKING:
@@ -211,7 +212,7 @@ def write_gaussians(
     path = Path(path)
     check_suffix(path)
     options = options or WriteOptions()
-    stage = begin_asset(metadata or {})
+    stage = begin_asset(with_filter(metadata or {}, gaussians.screen_filter, f"'{path}'"))
     field = stage.DefinePrim(names.GAUSSIANS_PATH, names.FIELD_TYPE)
     suffix = path.suffix.lower()
     with finished_file(path) as unfinished:

@@ -14,7 +14,7 @@ from digs_warp.data.index_rules import INDEX_NAME
 from digs_warp.formats.captures.formats import CaptureFormat, RecordingFormat
 from digs_warp.record.layout import RUN_RECORD, find_gaussians
 from digs_warp.record.run_log import RunLog
-from digs_warp.settings import FIELD_OF_VIEW, FRAMES, Settings
+from digs_warp.settings import FIELD_OF_VIEW, FRAMES, SIDE, Settings
 from digs_warp.words import counted
 
 if TYPE_CHECKING:
@@ -25,7 +25,7 @@ logger = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True, kw_only=True)
-class SplatConversion(SplatOptions):
+class SplatConversion(SplatOptions, Settings):
     """For Gaussians: what the files of other programs do not say or leave open."""
 
     spz_version: Literal[2, 3, 4] = 3
@@ -36,6 +36,20 @@ class SplatConversion(SplatOptions):
     """Also write red, green and blue to PLY files, so that Open3D, trimesh and MeshLab show the splats as
     colored points. Leave them out for programs that expect rows of floats only: the SIBR viewer of 3D
     Gaussian splatting, and old versions of UnityGaussianSplatting."""
+
+    made_for: Annotated[Literal["classic"] | None, tyro.conf.arg(name="for")] = None
+    """For PLY, SPZ and .splat: classic makes splats thinner by what most viewers add on the screen (0.3 px²
+    at every distance), so that they show them as this program does. Best near one image size, that of the
+    recording or --for-width. Default: as they are, for viewers and renderers that add nothing."""
+
+    for_width: Annotated[int | None, SIDE] = None
+    """With --for classic: width of the images in which the splats are looked at [px], for the field of view
+    of the recording. Default: that of its images."""
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.for_width is not None and self.made_for is None:
+            raise DigsError("--for-width needs --for classic")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -184,11 +198,13 @@ def convert_splats(source: Path, target: Path, overwrite: bool, options: SplatCo
     Raises:
         DigsError: the source cannot be used, or the target not be written.
     """
-    from digs_warp.pipeline.scene_files import check_target, write_scene_file
+    from digs_warp.pipeline.scene_files import check_target, for_viewers, write_scene_file
 
     check_target(target)
     check_output_file(target, overwrite, [find_gaussians(source)])
     result = options.read(source)
+    if options.made_for is not None:
+        result = for_viewers(result, source, target, options.for_width)
     write_scene_file(target, result, source, options.up, options.spz_version, options.vertex_colors)
     gaussians = result.gaussians
     size = target.stat().st_size / 1e6

@@ -1,15 +1,51 @@
 """The Gaussians of a scene: raw parameters for the optimizer, activated values for a renderer."""
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
-from digs_warp.checks import check_shape
+from digs_warp.checks import DigsError, check_shape
 from digs_warp.geometry.sh import degree_from_count
 from digs_warp.record.arrays import open_arrays, write_arrays
 
 FIELDS = ("means", "log_scales", "quats", "opacity_logits", "sh")
+
+# The widest dilation that a file may ask for [px^2]: a standard deviation of ten pixels.
+MOST_DILATION = 100.0
+
+_NOTE = "screen_filter"
+
+
+@dataclass(frozen=True)
+class ScreenFilter:
+    """What a renderer has to do to splats on the screen, because they were trained with it.
+
+    It is of one size in pixels at every distance, so that such splats look right near the image size that
+    they were trained at only.
+
+    Attributes:
+        dilation: added to the diagonal of each splat's covariance on the image [px^2], 0 to `MOST_DILATION`.
+        antialias: scale the opacity by sqrt(det / det') of the covariance before and after the dilation.
+    """
+
+    dilation: float = 0.0
+    antialias: bool = False
+
+    def __post_init__(self) -> None:
+        if not 0.0 <= self.dilation <= MOST_DILATION:
+            raise DigsError(
+                f"screen filter: dilation {self.dilation} px^2, expected 0 to {MOST_DILATION:g}"
+            )
+
+
+# Our own scenes, the particle fields of USD, ray tracers.
+NO_FILTER = ScreenFilter()
+# 3D Gaussian splatting (2023) and nearly every viewer.
+CLASSIC = ScreenFilter(0.3)
+# Mip-Splatting, "antialiased" of gsplat, and "mip" of splat-transform.
+ANTIALIASED = ScreenFilter(0.3, antialias=True)
 
 
 @dataclass(frozen=True, eq=False)
@@ -22,6 +58,7 @@ class Gaussians:
         quats: rotations world-from-local, xyzw, not normalized, (n, 4); zero means no rotation.
         opacity_logits: logit of the opacity, (n,).
         sh: spherical-harmonics coefficients of the color in sRGB, (n, K, 3), see `digs_warp.geometry.sh`.
+        screen_filter: what they are drawn with.
     """
 
     means: np.ndarray
@@ -29,6 +66,7 @@ class Gaussians:
     quats: np.ndarray
     opacity_logits: np.ndarray
     sh: np.ndarray
+    screen_filter: ScreenFilter = NO_FILTER
 
     def __post_init__(self) -> None:
         for name in FIELDS:
@@ -64,18 +102,41 @@ class Gaussians:
 
     def select(self, keep: np.ndarray | slice) -> "Gaussians":
         """Return the Gaussians at ``keep``: a bool mask, (n,), indices, or a slice (a view)."""
-        return Gaussians(*(getattr(self, name)[keep] for name in FIELDS))
+        return replace(self, **{name: getattr(self, name)[keep] for name in FIELDS})
 
     def save(self, path: Path) -> None:
         """Write an ``.npz`` with one array per field; the file appears only when complete."""
-        write_arrays(path, {name: getattr(self, name) for name in FIELDS})
+        arrays = {name: getattr(self, name) for name in FIELDS}
+        note = np.array([self.screen_filter.dilation, self.screen_filter.antialias])
+        write_arrays(path, arrays | {_NOTE: note})
 
     @staticmethod
     def load(path: Path) -> "Gaussians":
-        """Read a file that `save` wrote.
+        """Read a file that `save` wrote. One without a note of the filter is older: `CLASSIC`.
 
         Raises:
             DigsError: the file is missing, truncated, or lacks a field.
         """
         with open_arrays(path, "Gaussians", FIELDS) as arrays:
-            return Gaussians(**{name: arrays[name] for name in FIELDS})
+            found = CLASSIC
+            if _NOTE in arrays:
+                dilation, antialias = check_shape(_NOTE, arrays[_NOTE], (2,)).tolist()
+                found = ScreenFilter(dilation, bool(antialias))
+            return Gaussians(**{name: arrays[name] for name in FIELDS}, screen_filter=found)
+
+
+def joined(parts: Sequence[Gaussians]) -> Gaussians:
+    """Return all Gaussians of one or more parts; lower degrees of the color are filled up with zeros.
+
+    Raises:
+        DigsError: the parts are drawn with different filters.
+    """
+    filters = {part.screen_filter for part in parts}
+    if len(filters) > 1:
+        raise DigsError(f"Gaussians for different renderers cannot be one set: {filters}")
+    bands = max(part.sh.shape[1] for part in parts)
+    sh = [np.pad(part.sh, ((0, 0), (0, bands - part.sh.shape[1]), (0, 0))) for part in parts]
+    columns = {
+        name: np.concatenate([getattr(each, name) for each in parts]) for name in FIELDS[:-1]
+    }
+    return replace(parts[0], **columns, sh=np.concatenate(sh))

@@ -1,5 +1,6 @@
 """A PLY file (Turk 1994) as tables. Its header may promise anything; memory stays below the file's size."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -63,11 +64,13 @@ class PlyHeader:
         encoding: "ascii" or a key of `BYTE_ORDERS`.
         elements: the tables in the order in which their data follows.
         data_start: where the data begins [bytes].
+        comments: its comments, without the word "comment".
     """
 
     encoding: str
     elements: tuple[PlyElement, ...]
     data_start: int
+    comments: tuple[str, ...] = ()
 
 
 def read_ply_header(path: Path) -> PlyHeader:
@@ -89,12 +92,14 @@ def read_ply_header(path: Path) -> PlyHeader:
             f"{what}: no 'end_header' in the first {len(start)} bytes; truncated, or no PLY file"
         )
     data_start = sum(len(line) for line in lines[: end + 1])
-    encoding, elements = "", []
+    encoding, elements, comments = "", [], []
     for number, line in enumerate(lines[1:end], start=2):
         words = line.decode("latin-1").split()
         where = f"{what}, header line {number}"
         match words:
-            case [] | ["comment" | "obj_info", *_]:
+            case ["comment", *said]:
+                comments.append(" ".join(said))
+            case [] | ["obj_info", *_]:
                 pass
             case ["format", name, "1.0"] if name == ASCII or name in BYTE_ORDERS:
                 encoding = name
@@ -108,7 +113,7 @@ def read_ply_header(path: Path) -> PlyHeader:
                 raise DigsError(f"{where}: cannot be understood: '{' '.join(words)[:60]}'")
     if not encoding:
         raise DigsError(f"{what}: the header has no 'format' line; truncated or damaged")
-    return PlyHeader(encoding, tuple(elements), data_start)
+    return PlyHeader(encoding, tuple(elements), data_start, tuple(comments))
 
 
 def _count(text: str, where: str) -> int:
@@ -123,17 +128,20 @@ def _add_column(element: PlyElement, name: str, kind: str, where: str) -> None:
     element.columns[name] = kind
 
 
-def write_vertices(path: Path, table: np.ndarray) -> None:
+def write_vertices(path: Path, table: np.ndarray, comments: Sequence[str] = ()) -> None:
     """Write a structured array, shape (n,), as the only element of a binary file; see `write_atomically`.
 
     Args:
         path: the file.
         table: fields of little-endian float32 and uint8, without gaps; their names become those of the
             properties.
+        comments: for the header, a line each.
     """
     header = ["ply", "format binary_little_endian 1.0", f"element vertex {len(table)}"]
     for name in table.dtype.names or ():
         header.append(f"property {_NAMES[table.dtype[name].str[1:]]} {name}")
+    # At the end: the SIBR viewer expects the number of rows in the third line.
+    header += [f"comment {each}" for each in comments]
     write_atomically(path, "\n".join([*header, "end_header", ""]).encode() + table.tobytes())
 
 

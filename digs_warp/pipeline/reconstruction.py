@@ -162,7 +162,7 @@ class Reconstruction:
         """What a USD scene says about the making."""
         from digs_warp.pipeline.usd_scene import scene_metadata
 
-        return scene_metadata(self.run, self.poses, self.scores)
+        return scene_metadata(self.gaussians, self.run, self.poses, self.scores)
 
     def in_scene(self) -> "SceneResult":
         """Return what the USD scene of a capture shows."""

@@ -91,20 +91,19 @@ def _surface(gaussians: Gaussians, poses: Poses) -> "TriangleMesh":
     return extract_mesh(gaussians, poses).mesh
 
 
-def scene_metadata(run: RunRecord, poses: Poses, scores: Scores) -> dict[str, Any]:
+def scene_metadata(
+    gaussians: Gaussians, run: RunRecord, poses: Poses, scores: Scores
+) -> dict[str, Any]:
     """Return what is known about the making of a reconstruction.
 
     It includes the constants of the renderer that the training used, for which USD has no attributes.
     """
     from digs_warp.splat.config import DEFAULT_OPTIONS as options
+    from digs_warp.usd.metadata import filter_metadata
 
-    metadata: dict[str, Any] = {
-        "kernel": {
-            "dilation_px2": options.dilation,
-            "min_alpha": options.min_alpha,
-            "max_alpha": options.max_alpha,
-        }
-    }
+    kernel = filter_metadata(gaussians.screen_filter)
+    kernel |= {"min_alpha": options.min_alpha, "max_alpha": options.max_alpha}
+    metadata: dict[str, Any] = {"kernel": kernel}
     if run.versions:
         metadata |= {"settings": run.settings, "versions": run.versions}
     if poses.metric_scale is not None:

@@ -7,7 +7,7 @@ import numpy as np
 import warp as wp
 
 from digs_warp.checks import check_finite
-from digs_warp.data.gaussians import FIELDS, Gaussians
+from digs_warp.data.gaussians import FIELDS, NO_FILTER, Gaussians, ScreenFilter
 from digs_warp.device.parallel import packed
 from digs_warp.device.warp_start import require_device
 from digs_warp.geometry.rigid import quat_multiply, quat_xyzw_from_matrix, transform_points
@@ -62,6 +62,7 @@ class DeviceGaussians:
     quats: wp.array  # [n] vec4, xyzw
     opacity_logits: wp.array  # [n]
     sh: wp.array  # [n, K] vec3
+    screen_filter: ScreenFilter = NO_FILTER
 
     def __len__(self) -> int:
         return self.means.shape[0]
@@ -78,7 +79,7 @@ class DeviceGaussians:
 
     def for_kernels(self) -> Any:
         """Return the arrays as kernels take them, `GaussianArrays`."""
-        return packed(GaussianArrays, **vars(self))
+        return packed(GaussianArrays, **dict(zip(FIELDS, self.arrays, strict=True)))
 
     @staticmethod
     def from_numpy(gaussians: Gaussians, device: str = "cpu") -> "DeviceGaussians":
@@ -100,15 +101,16 @@ class DeviceGaussians:
             put(gaussians.quats, wp.vec4),
             put(gaussians.opacity_logits, wp.float32),
             put(gaussians.sh, wp.vec3),
+            gaussians.screen_filter,
         )
 
     def to_numpy(self) -> Gaussians:
         """Return a copy on the host."""
-        return Gaussians(*(array.numpy().copy() for array in self.arrays))
+        return Gaussians(*(array.numpy().copy() for array in self.arrays), self.screen_filter)
 
     def zeros_like(self) -> "DeviceGaussians":
         """Return the same arrays, filled with zeros."""
-        return DeviceGaussians(*(wp.zeros_like(array) for array in self.arrays))
+        return DeviceGaussians(*map(wp.zeros_like, self.arrays), self.screen_filter)
 
 
 def move_gaussians(gaussians: DeviceGaussians, motion: np.ndarray) -> None:

@@ -4,6 +4,7 @@ The trainer's tier; `digs_warp.splat.render.render` takes and returns NumPy valu
 """
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 import warp as wp
@@ -35,7 +36,8 @@ class SplatRenderer:
             `set_gaussians`.
         width: width of the largest view [px].
         height: height of the largest view [px].
-        options: how splats are drawn, and what a view gives.
+        options: how splats are drawn, and what a view gives. The filter on the screen that the Gaussians are
+            made for is added.
         camera_gradient: whether `backward` also gives the gradient of the camera.
         backend: which kernels draw. Default: those for the device.
         adjoint_of: a renderer of the same size and options, or more outputs, whose ``adj_`` planes this one
@@ -62,7 +64,7 @@ class SplatRenderer:
     ) -> None:
         device = gaussians.device
         self.device = device
-        self.options = options
+        self._asked = self.options = options
         self.backend = backend or backend_for(device)
         self.threads = self.backend.threads(threads)
 
@@ -96,6 +98,12 @@ class SplatRenderer:
         count = len(gaussians)
         self.gaussians = gaussians
         self.gradients = gaussians.zeros_like()
+        made_for = gaussians.screen_filter
+        self.options = replace(
+            self._asked,
+            dilation=max(self._asked.dilation, made_for.dilation),
+            antialias=self._asked.antialias or made_for.antialias,
+        )
         self._statistics = None
         self._normals = wp.zeros(
             count if self.options.has_normals else 0, dtype=wp.vec3, device=self.device

@@ -15,10 +15,13 @@ optimizer works on ln s.
 """
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 import warp as wp
 
+from digs_warp.checks import DigsError
+from digs_warp.data.gaussians import CLASSIC, NO_FILTER, Gaussians
 from digs_warp.device.contiguous import flat, floats_from
 from digs_warp.device.elementary import exp_of, log_of
 from digs_warp.device.parallel import ParallelLaunch, launch_parallel
@@ -150,6 +153,37 @@ def sampling_distances(
     return distances
 
 
+def without_filter(log_scales: np.ndarray, distances: np.ndarray, variance: float) -> np.ndarray:
+    """Return ln s of s^2 = s_eff^2 - variance p^2, at least `OWN_SHARE` of s_eff^2; (n, 3), float64.
+
+    Args:
+        log_scales: ln s_eff, (n, 3).
+        distances: p [m], (n,).
+        variance: in squares of p.
+    """
+    whole = np.exp(2.0 * log_scales.astype(np.float64))
+    added = variance * np.square(distances.astype(np.float64))
+    return 0.5 * np.log(np.maximum(whole - added[:, None], OWN_SHARE * whole))
+
+
+def for_classic_viewers(gaussians: Gaussians, cameras: Sequence[Camera]) -> Gaussians:
+    """Return Gaussians that look in a viewer that adds 0.3 px^2 as these do in one that adds nothing.
+
+    That holds at the size of the cameras' images: at others, such a viewer adds too much or too little.
+
+    Raises:
+        DigsError: they are made for such a viewer already.
+    """
+    if gaussians.screen_filter != NO_FILTER:
+        raise DigsError(
+            "these splats are already made for viewers that widen them on the screen; leave out --for"
+        )
+    means = wp.array(gaussians.means, dtype=wp.vec3, device="cpu")
+    distances = sampling_distances(means, cameras).numpy()
+    own = without_filter(gaussians.log_scales, distances, CLASSIC.dilation)
+    return replace(gaussians, log_scales=own, screen_filter=CLASSIC)
+
+
 class SmoothingFilter:
     """Filters the scales of ``gaussians`` in place.
 
@@ -175,7 +209,8 @@ class SmoothingFilter:
         self._gaussians, self._cameras = gaussians, cameras
         self._center = gaussians.means.numpy().mean(axis=0)
         self.distances = sampling_distances(gaussians.means, cameras, self._center)
-        self.learned = wp.array(self._own(), dtype=wp.vec3, device=device)
+        own = without_filter(gaussians.log_scales.numpy(), self.distances.numpy(), VARIANCE)
+        self.learned = wp.array(own, dtype=wp.vec3, device=device)
         self._kept_alive = gradients  # a launch holds addresses only
         count = 3 * len(gaussians)
         scales, learned = flat(gaussians.log_scales), flat(self.learned)
@@ -186,12 +221,6 @@ class SmoothingFilter:
         self._after = ParallelLaunch(effective_kernel, blocks, given, device, threads, even=True)
         gaussians.log_scales.assign(self.learned)
         self.after_update()
-
-    def _own(self) -> np.ndarray:
-        """Return ln s of effective scales, (n, 3)."""
-        variance = np.exp(2.0 * self._gaussians.log_scales.numpy().astype(np.float64))
-        added = VARIANCE * np.square(self.distances.numpy().astype(np.float64))
-        return 0.5 * np.log(np.maximum(variance - added[:, None], OWN_SHARE * variance))
 
     def before_update(self) -> None:
         """Give the optimizer the learned scales and the gradient in them."""

@@ -11,7 +11,7 @@ from digs_warp.usd.cameras import CameraPath
 from digs_warp.usd.capture_scene import CaptureScene, SceneVariant
 
 BASELINE = 0.05
-KERNEL = {"dilation_px2": 0.3, "min_alpha": 1 / 255, "max_alpha": 0.99}
+KERNEL = {"dilation_px2": 0.0, "min_alpha": 1 / 255, "max_alpha": 0.99}
 
 
 def splats(count: int, seed: int = 0, degree: int = 3) -> Gaussians:

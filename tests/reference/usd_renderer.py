@@ -3,7 +3,7 @@
 It shares no code with the package: attributes and metadata are read by their names, pixels come from the
 frustum of `Gf.Camera`, Jacobians from differences, spherical harmonics from Legendre functions. Splats are
 drawn as OpenUSD's reference renderer draws particle fields (front to back by planar depth, alpha capped
-at 0.99, color 0.5 + SH), with the low-pass and the alpha cut that the file's metadata names.
+at 0.99, color 0.5 + SH), nothing is added to them, and alpha is cut where the file's metadata says.
 """
 
 from math import factorial, pi, sqrt
@@ -107,7 +107,7 @@ def render_usd(path: Path, camera_path: str, time: float, background: np.ndarray
         center = project(splats["positions"][i : i + 1])[0]
         jacobian = _jacobian(project, splats["positions"][i])
         half = jacobian @ splats["rotations"][i] @ np.diag(splats["scales"][i])
-        covariance = half @ half.T + kernel["dilation_px2"] * np.eye(2)
+        covariance = half @ half.T
         offset = pixels - center
         power = np.einsum("hwi,ij,hwj->hw", offset, np.linalg.inv(covariance), offset)
         alpha = np.minimum(kernel["max_alpha"], splats["opacities"][i] * np.exp(-0.5 * power))

@@ -50,7 +50,7 @@ def test_reconstructions_of_one_capture_become_variants_with_its_cameras(
         scene = read_scene(path, options=ReadOptions(variants={"init": variant}))
         assert len(scene.gaussians) == count
         assert scene.gaussians.sh_degree == 1
-    assert scene.metadata["kernel"]["dilation_px2"] == 0.3
+    assert scene.metadata["kernel"]["dilation_px2"] == 0
     assert validate(path).findings == ()
     stage = Usd.Stage.Open(str(path))
     rig = stage.GetPrimAtPath("/Asset/Rig")

@@ -1,10 +1,14 @@
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from digs_warp.checks import UsdError
+from digs_warp.data.gaussians import CLASSIC, NO_FILTER
+from digs_warp.usd.capture_scene import CaptureScene, SceneVariant
 from digs_warp.usd.metadata import json_from_usd, portable_json, usd_from_json
+from digs_warp.usd.reader import read_gaussians
 from digs_warp.usd.writer import write_gaussians
 
 
@@ -38,6 +42,32 @@ def test_numpy_values_become_plain_ones():
         "counts": [0, 1, 2],
         "flag": True,
     }
+
+
+def test_older_scenes_are_drawn_with_the_dilation_that_they_name(tmp_path: Path, random_gaussians):
+    path = tmp_path / "scene.usdc"
+    for metadata, expected in (
+        ({"kernel": {"dilation_px2": 0.3, "min_alpha": 1 / 255}}, CLASSIC),
+        ({"kernel": {"dilation_px2": 0.0}}, NO_FILTER),
+        ({"source": "a.ply"}, NO_FILTER),
+    ):
+        write_gaussians(path, random_gaussians(2), metadata)
+        assert read_gaussians(path).screen_filter == expected
+
+
+@pytest.mark.parametrize("dilation", [-1.0, 1e9, "0.3", [0.3]])
+def test_a_dilation_that_is_none_is_refused(tmp_path: Path, random_gaussians, dilation: object):
+    path = tmp_path / "scene.usdc"
+    write_gaussians(path, random_gaussians(2), {"kernel": {"dilation_px2": dilation}})
+    with pytest.raises(UsdError, match=r"dilation_px2.*expected"):
+        read_gaussians(path)
+
+
+def test_variants_for_different_renderers_are_refused(random_gaussians):
+    ours = random_gaussians(2)
+    variants = SceneVariant("a", ours), SceneVariant("b", replace(ours, screen_filter=CLASSIC))
+    with pytest.raises(UsdError, match="different renderers"):
+        CaptureScene(variants)
 
 
 def test_text_that_only_looks_like_ours_stays_text():

@@ -14,11 +14,11 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
 from digs_warp.checks import UsdError
-from digs_warp.data.gaussians import Gaussians
+from digs_warp.data.gaussians import Gaussians, joined
 from digs_warp.formats.splats.files import read_splat_file
 from digs_warp.geometry.rigid import matrix_from_quat_xyzw
 from digs_warp.geometry.sh import rgb_from_sh
-from digs_warp.usd.reader import ReadOptions, merged, read_fields, read_gaussians, read_scene
+from digs_warp.usd.reader import ReadOptions, read_fields, read_gaussians, read_scene
 from digs_warp.usd.writer import write_gaussians
 from reference.capture_scenes import splats
 from reference.usd_files import Y_UP, covariances
@@ -224,7 +224,7 @@ def two_fields(tmp_path: Path) -> Path:
 def test_several_fields_are_read_apart_or_merged(tmp_path: Path):
     scenes = read_fields(two_fields(tmp_path))
     assert [scene.prim_path for scene in scenes] == ["/World/A", "/World/B"]
-    together = merged([scene.gaussians for scene in scenes])
+    together = joined([scene.gaussians for scene in scenes])
     assert len(together) == 12
     assert together.sh_degree == 3
     assert_array_equal(together.means[:5], splats(5, 1).means)

@@ -3,7 +3,8 @@
 Position (3 float32), standard deviations (3 float32, linear), color and opacity (4 bytes RGBA, the color
 of degree 0, sRGB), quaternion (4 bytes wxyz, (q + 1) * 128 cut to 255). Positions are
 exact, scales to float32 rounding, colors and opacities to half of 1/255, components of quaternions to
-1/256. It has no view-dependent color.
+1/256. It has no view-dependent color. Its viewers add 0.3 px^2 to splats on the screen, so that is what is
+read; the file cannot say it.
 """
 
 import logging
@@ -12,7 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from digs_warp.checks import DigsError, require_file
-from digs_warp.data.gaussians import Gaussians
+from digs_warp.data.gaussians import CLASSIC, Gaussians
 from digs_warp.formats.splats.rows import (
     SMALLEST_SCALE,
     codes_from_logits,
@@ -60,6 +61,7 @@ def read_dot_splat(path: Path) -> Gaussians:
         quats=quats[:, _XYZW_FROM_WXYZ],
         opacity_logits=logits_from_codes(rows["rgba"][:, 3]),
         sh=sh_from_rgb(rows["rgba"][:, :3] / 255.0)[:, None],
+        screen_filter=CLASSIC,
     )
 
 

@@ -4,22 +4,28 @@ One ``vertex`` element, a row per Gaussian, float32: x y z, nx ny nz (zeros), f_
 opacity, scale_0..2, rot_0..3; then, on request, red green blue in 8 bits. Scales are logarithms, opacities
 logits, quaternions wxyz and not normalized: the raw parameters, so that nothing is lost. ``f_rest`` is
 channel-major: all of red, then of green, then of blue; 0, 9, 24 or 45 of them for degrees 0 to 3.
+
+A comment in the header says what the splats are drawn with: ours, ``digs_warp screen dilation 0 px^2``, or
+that of Brush and splat-transform, ``SplatRenderMode: default`` (0.3 px^2) or ``mip`` (the same, antialiased),
+or Postshot's ``antialiased 1``. Most files have none, and want 0.3 px^2.
 """
 
 import logging
+import re
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 
 from digs_warp.checks import DigsError
-from digs_warp.data.gaussians import Gaussians
+from digs_warp.data.gaussians import ANTIALIASED, CLASSIC, Gaussians, ScreenFilter
 from digs_warp.data.images import to_uint8
 from digs_warp.data.ply_table import (
     read_ply_header,
     read_table,
     write_vertices,
 )
-from digs_warp.formats.splats.rows import LARGEST_LOGIT
+from digs_warp.formats.splats.rows import LARGEST_LOGIT, nearest_known
 from digs_warp.geometry.sh import C0, MAX_DEGREE, coefficient_count
 
 logger = logging.getLogger(__name__)
@@ -35,6 +41,14 @@ REST = "f_rest_{}"
 
 # Files of degree 4 exist; its 9 further coefficients a channel are left out with a warning.
 _DEGREE_OF_REST = {3 * ((degree + 1) ** 2 - 1): degree for degree in range(MAX_DEGREE + 2)}
+
+_OUR_NOTE = "digs_warp screen dilation {} px^2"
+_OUR_NOTE_READ = re.compile(r"digs_warp screen dilation (\d{1,2}(?:\.\d{1,9})?(?:e-\d\d?)?) px\^2")
+_MODES = {
+    "SplatRenderMode: default": CLASSIC,
+    "SplatRenderMode: mip": ANTIALIASED,
+    "antialiased 1": ANTIALIASED,
+}
 
 _WXYZ_FROM_XYZW = [3, 0, 1, 2]
 _XYZW_FROM_WXYZ = [1, 2, 3, 0]
@@ -75,6 +89,7 @@ def read_ply(path: Path) -> Gaussians:
         quats=_columns(table, QUATERNION, what)[:, _XYZW_FROM_WXYZ],
         opacity_logits=logits,
         sh=_read_sh(table, what),
+        screen_filter=_noted_filter(header.comments),
     )
 
 
@@ -116,7 +131,30 @@ def write_ply(path: Path, gaussians: Gaussians, vertex_colors: bool = False) -> 
     blocks["f4"] = np.concatenate(columns, axis=1)
     if vertex_colors:
         blocks["u1"] = to_uint8(0.5 + C0 * gaussians.sh[:, 0])
-    write_vertices(path, blocks.view(kinds))
+    write_vertices(path, blocks.view(kinds), _notes_of(gaussians.screen_filter))
+
+
+def _noted_filter(comments: Sequence[str]) -> ScreenFilter:
+    """Return what the splats are drawn with, by the comments of a header."""
+    modes = {mode.lower(): screen_filter for mode, screen_filter in _MODES.items()}
+    found = CLASSIC
+    for comment in comments:
+        if ours := _OUR_NOTE_READ.fullmatch(comment):
+            return ScreenFilter(float(ours[1]))
+        found = modes.get(comment.lower(), found)
+    return found
+
+
+def _notes_of(screen_filter: ScreenFilter) -> list[str]:
+    """Return the comments; those of others know no other dilation than the usual one.
+
+    For viewers that know only theirs, splats without a filter are nearer to "mip" (`nearest_known`).
+    """
+    nearest = nearest_known(screen_filter)
+    mode = next(mode for mode, found in _MODES.items() if found == nearest)
+    if screen_filter.antialias or screen_filter == nearest:
+        return [mode]
+    return [_OUR_NOTE.format(f"{screen_filter.dilation:g}"), mode]
 
 
 def _columns(table: np.ndarray, names: tuple[str, ...], what: str) -> np.ndarray:

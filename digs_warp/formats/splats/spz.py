@@ -2,6 +2,9 @@
 
 The file's frame is the one of OpenGL: x right, **y up**, z to the viewer (RUB). Our world (z up) is turned
 into it and back: positions, orientations and spherical harmonics.
+
+Readers add 0.3 px^2 to splats on the screen; a flag says whether they keep the opacity of small ones
+(antialiased). The format cannot say that nothing is to be added: such scenes get the flag.
 """
 
 import logging
@@ -11,11 +14,12 @@ import numpy as np
 
 from digs_warp.bounds import GAUSSIANS
 from digs_warp.checks import DigsError
-from digs_warp.data.gaussians import FIELDS, Gaussians
+from digs_warp.data.gaussians import ANTIALIASED, CLASSIC, FIELDS, Gaussians
 from digs_warp.formats.splats.rows import (
     WORLD_FROM_Y_UP,
     codes_from_logits,
     logits_from_codes,
+    nearest_known,
     turned,
     warn_of_loss,
 )
@@ -179,6 +183,7 @@ def read_spz(path: Path) -> Gaussians:
         quats=np.empty((count, 4), np.float32),
         opacity_logits=np.empty(count, np.float32),
         sh=np.empty((count, coefficient_count(degree), 3), np.float32),
+        screen_filter=ANTIALIASED if packed.antialiased else CLASSIC,
     )
     # Decoding takes several times the memory of its result.
     for start in range(0, count, ROWS_AT_A_TIME):
@@ -236,7 +241,8 @@ def write_spz(path: Path, gaussians: Gaussians, version: int = DEFAULT_VERSION) 
         "rotations": encode_quats(quats),
         "sh": encode_sh(splats.sh[:, 1:]),
     }
-    packed = PackedSplats(version, len(splats), splats.sh_degree, bits, False, streams)
+    antialiased = nearest_known(gaussians.screen_filter).antialias
+    packed = PackedSplats(version, len(splats), splats.sh_degree, bits, antialiased, streams)
     write_spz_container(path, packed)
 
 

@@ -12,7 +12,7 @@ import numpy as np
 
 from digs_warp.checks import DigsError
 from digs_warp.data.frame import Frame
-from digs_warp.data.gaussians import FIELDS, Gaussians
+from digs_warp.data.gaussians import NO_FILTER, Gaussians, joined
 from digs_warp.geometry.rigid import quat_xyzw_from_matrix
 from digs_warp.show.view import nodes
 from digs_warp.show.view.contents import Contents, Stage
@@ -22,14 +22,6 @@ from digs_warp.show.view.streamer import Shown, Streamer, TrueRenderer
 
 if TYPE_CHECKING:
     import viser
-
-
-def joined(sets: Sequence[Gaussians]) -> Gaussians:
-    """Return all Gaussians of one or more sets; lower degrees of the color are filled up with zeros."""
-    bands = max(each.sh.shape[1] for each in sets)
-    columns = {name: np.concatenate([getattr(each, name) for each in sets]) for name in FIELDS[:-1]}
-    sh = [np.pad(each.sh, ((0, 0), (0, bands - each.sh.shape[1]), (0, 0))) for each in sets]
-    return Gaussians(**columns, sh=np.concatenate(sh))
 
 
 logger = logging.getLogger(__name__)
@@ -213,7 +205,7 @@ class Page:
             numbers = [n for n in everyone if self.controls.shows(n, nodes.GAUSSIANS)]
             if self._renderer is None or self._rendered != numbers:
                 found = [page for n in numbers if (page := self._page_gaussians(n)) is not None]
-                self._renderer = TrueRenderer(joined(found)) if found else None
+                self._renderer = TrueRenderer(_together(found)) if found else None
                 self._rendered = numbers
             return (self._renderer, shown) if self._renderer else None
 
@@ -232,6 +224,16 @@ class Page:
         streamer = self._streamers.pop(client.client_id, None)
         if streamer is not None:
             streamer.end()
+
+
+def _together(sets: Sequence[Gaussians]) -> Gaussians:
+    """Return all Gaussians; those for different renderers are drawn without a filter on the screen."""
+    if len({each.screen_filter for each in sets}) > 1:
+        logger.warning(
+            "side by side, splats for different renderers are all drawn without dilation; alone, as meant"
+        )
+        sets = [replace(each, screen_filter=NO_FILTER) for each in sets]
+    return joined(sets)
 
 
 def _placed(contents: Sequence[Contents]) -> list[Placement]:

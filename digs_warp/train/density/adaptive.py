@@ -11,8 +11,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from digs_warp.data.gaussians import Gaussians
-from digs_warp.train.density.refinement import Refinement, joined, rotation_matrices
+from digs_warp.data.gaussians import Gaussians, joined
+from digs_warp.train.density.refinement import Refinement, rotation_matrices
 
 # Values of the 3DGS reference. Steps count from 1.
 REFINE_EVERY = 100

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from digs_warp.data.gaussians import FIELDS, Gaussians
+from digs_warp.data.gaussians import Gaussians
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,12 +40,6 @@ def unchanged(gaussians: Gaussians) -> Refinement:
     """Return the same Gaussians, with their moments."""
     count = len(gaussians)
     return Refinement(gaussians, np.arange(count), np.ones(count, dtype=bool))
-
-
-def joined(parts: list[Gaussians]) -> Gaussians:
-    """Return all Gaussians of ``parts``, one after the other."""
-    columns = ([getattr(part, name) for part in parts] for name in FIELDS)
-    return Gaussians(*(np.concatenate(column) for column in columns))
 
 
 def rotation_matrices(quats: np.ndarray) -> np.ndarray:

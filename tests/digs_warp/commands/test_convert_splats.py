@@ -1,5 +1,6 @@
 """`digs-warp convert` on Gaussians: any format into any other, decided by what the source is."""
 
+from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
 
@@ -8,13 +9,15 @@ import pytest
 import trimesh
 
 from digs_warp.cli import EXIT_BAD_INPUT, EXIT_OK, main
-from digs_warp.data.gaussians import Gaussians
+from digs_warp.data.gaussians import ANTIALIASED, CLASSIC, NO_FILTER, Gaussians
+from digs_warp.data.posed_frames import PosedFrames
+from digs_warp.formats.splats.files import write_splat_file
 from digs_warp.geometry.sh import C0
 from digs_warp.pipeline import scene_files
 from digs_warp.record.run_log import RunLog
 from digs_warp.usd.reader import read_scene
 from reference.splat_files import random_gaussians, shapes
-from reference.tiny_capture import write_tiny_capture
+from reference.tiny_capture import ball, write_tiny_capture
 
 DEGREE = 1
 
@@ -128,6 +131,63 @@ def test_what_cannot_be_converted_is_said(
     code, text = run(capsys, tmp_path / source, tmp_path / target)
     assert (code, message in text) == (EXIT_BAD_INPUT, True), text
     assert sorted(tmp_path.rglob("*")) == before
+
+
+def classic(folder: Path) -> Path:
+    """A reconstruction folder without a filter, beside its recording."""
+    capture = write_tiny_capture(folder / "capture", frames=5)
+    training, held_out = capture.split(4)
+    PosedFrames(tuple(training), tuple(held_out)).save(folder / "result")
+    ball().save(folder / "result/gaussians.npz")
+    RunLog("reconstruct", {}).save(folder / "result/run.json")
+    return folder / "result"
+
+
+@pytest.mark.parametrize("suffix", scene_files.SPLAT_SUFFIXES)
+def test_files_for_classic_viewers_have_thinner_splats(tmp_path: Path, suffix: str, capsys) -> None:
+    source = classic(tmp_path)
+    scales = []
+    for name, flags in (("plain", []), ("wide", ["--for-width", "2000"]), ("same", [])):
+        made_for = [] if name == "plain" else ["--for", "classic"]
+        target = tmp_path / f"{name}{suffix}"
+        code, text = run(capsys, source, target, *made_for, *flags)
+        assert code == EXIT_OK, text
+        read = scene_files.read_scene(target).gaussians
+        scales.append(np.median(read.scales))
+        assert name == "plain" or read.screen_filter == CLASSIC
+    assert scales[0] >= scales[1] > scales[2]
+    code, text = run(capsys, tmp_path / f"same{suffix}", tmp_path / f"b{suffix}", "--for=classic")
+    assert (code, "already made for viewers" in text) == (EXIT_BAD_INPUT, True), text
+
+
+@pytest.mark.parametrize(
+    ("target", "flags", "message"),
+    [
+        ("b.usdz", ["--for", "classic"], "expected .ply, .spz, .splat; what reads other files"),
+        ("b.npz", ["--for", "classic"], "expected .ply, .spz, .splat"),
+        ("b.ply", ["--for", "classic"], "no recording with cameras"),
+        ("b.ply", ["--for-width", "640"], "--for-width needs --for classic"),
+    ],
+)
+def test_what_no_file_for_classic_viewers_can_be_made_of(
+    tmp_path: Path, gaussians: Gaussians, target: str, flags: list[str], message: str, capsys
+) -> None:
+    gaussians.save(tmp_path / "a.npz")
+    code, text = run(capsys, tmp_path / "a.npz", tmp_path / target, *flags)
+    assert code != EXIT_OK
+    assert message in " ".join(text.split())
+    assert not (tmp_path / target).exists()
+
+
+@pytest.mark.parametrize("suffix", scene_files.USD_SUFFIXES)
+def test_a_scene_of_thinner_splats_says_so(tmp_path: Path, suffix: str, gaussians, capsys) -> None:
+    """USD has no attribute for it and its renderers add nothing; our own reading does."""
+    for made_for, warns in ((NO_FILTER, False), (CLASSIC, True), (ANTIALIASED, True)):
+        source, target = tmp_path / "a.ply", tmp_path / f"b{suffix}"
+        write_splat_file(source, replace(gaussians, screen_filter=made_for))
+        code, text = run(capsys, source, target, "--overwrite")
+        assert (code, "show them thinner" in text) == (EXIT_OK, warns), text
+        assert scene_files.read_scene(target).gaussians.screen_filter == made_for
 
 
 def test_existing_files_are_replaced_only_on_request(

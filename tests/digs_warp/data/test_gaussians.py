@@ -3,13 +3,23 @@
 import io
 import warnings
 import zipfile
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from digs_warp.checks import DigsError
-from digs_warp.data.gaussians import FIELDS, Gaussians
+from digs_warp.data.gaussians import (
+    ANTIALIASED,
+    CLASSIC,
+    FIELDS,
+    NO_FILTER,
+    Gaussians,
+    ScreenFilter,
+    joined,
+)
+from digs_warp.splat.device import DeviceGaussians
 
 
 def random_gaussians(count: int, sh_degree: int = 1) -> Gaussians:
@@ -126,3 +136,33 @@ def test_a_file_that_promises_terabytes_is_refused(tmp_path: Path) -> None:
             archive.writestr(f"{name}.npy", header.getvalue() + bytes(40))
     with pytest.raises(DigsError, match=r"a\.npz.*promises 120,000,000,000,000 bytes"):
         Gaussians.load(tmp_path / "a.npz")
+
+
+@pytest.mark.parametrize("made_for", [NO_FILTER, CLASSIC, ANTIALIASED, ScreenFilter(0.001)])
+def test_a_file_says_what_the_splats_are_drawn_with(tmp_path: Path, made_for: ScreenFilter) -> None:
+    gaussians = replace(random_gaussians(4), screen_filter=made_for)
+    gaussians.save(tmp_path / "g.npz")
+    assert Gaussians.load(tmp_path / "g.npz").screen_filter == made_for
+    assert gaussians.select(slice(2)).screen_filter == made_for
+    assert DeviceGaussians.from_numpy(gaussians).to_numpy().screen_filter == made_for
+    assert joined([gaussians, gaussians]).screen_filter == made_for
+
+
+def test_an_older_file_is_for_the_dilation_that_we_trained_with_then(tmp_path: Path) -> None:
+    gaussians = random_gaussians(4)
+    np.savez(tmp_path / "g.npz", **{name: getattr(gaussians, name) for name in FIELDS})
+    assert Gaussians.load(tmp_path / "g.npz").screen_filter == CLASSIC
+
+
+@pytest.mark.parametrize("note", [[np.nan, 0.0], [-1.0, 0.0], [1e9, 0.0], [0.3]])
+def test_a_damaged_note_is_named(tmp_path: Path, note: list[float]) -> None:
+    arrays = {name: getattr(random_gaussians(4), name) for name in FIELDS}
+    np.savez(tmp_path / "g.npz", **arrays, screen_filter=np.array(note))
+    with pytest.raises(DigsError, match=r"g\.npz.*expected"):
+        Gaussians.load(tmp_path / "g.npz")
+
+
+def test_splats_for_different_renderers_are_not_mixed() -> None:
+    ours = random_gaussians(2)
+    with pytest.raises(DigsError, match="different renderers"):
+        joined([ours, replace(ours, screen_filter=CLASSIC)])

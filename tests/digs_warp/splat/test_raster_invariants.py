@@ -7,7 +7,7 @@ import pytest
 import warp as wp
 
 from digs_warp.checks import DigsError
-from digs_warp.data.gaussians import FIELDS, Gaussians
+from digs_warp.data.gaussians import ANTIALIASED, CLASSIC, FIELDS, Gaussians, ScreenFilter
 from digs_warp.geometry.camera import Camera
 from digs_warp.splat.backend import CooperativeBackend, RasterBackend
 from digs_warp.splat.camera_gradient import CameraGradient
@@ -161,3 +161,17 @@ def test_a_renderer_refuses_a_larger_camera() -> None:
 def test_an_absurdly_wide_image_is_refused() -> None:
     with pytest.raises(DigsError, match="width"):
         SplatRenderer(DeviceGaussians.from_numpy(random_gaussians(1, seed=0)), 16 * (1 << 15), 1)
+
+
+@pytest.mark.parametrize("made_for", [CLASSIC, ANTIALIASED])
+def test_what_gaussians_are_made_for_is_drawn_without_being_asked(made_for: ScreenFilter) -> None:
+    asked = RasterOptions(dilation=made_for.dilation, antialias=made_for.antialias)
+    expected = rendered(MANY, options=asked).image.to_numpy()
+    found = rendered(replace(MANY, screen_filter=made_for))
+    np.testing.assert_array_equal(found.image.to_numpy(), expected)
+    wider = rendered(MANY, options=replace(asked, dilation=2.0)).image.to_numpy()
+    both = rendered(replace(MANY, screen_filter=made_for), options=RasterOptions(dilation=2.0))
+    np.testing.assert_array_equal(both.image.to_numpy(), wider)
+    found.set_gaussians(DeviceGaussians.from_numpy(MANY))
+    found.forward(VIEW, near=NEAR, background=BACKGROUND)
+    np.testing.assert_array_equal(found.image.to_numpy(), rendered(MANY).image.to_numpy())

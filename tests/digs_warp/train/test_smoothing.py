@@ -1,22 +1,32 @@
 """The filter in 3D against its float64 twin, and what it promises."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import warp as wp
 
+from digs_warp.checks import DigsError
+from digs_warp.data.gaussians import CLASSIC
 from digs_warp.geometry.camera import Camera, Intrinsics
+from digs_warp.measure.metrics import psnr
+from digs_warp.show.film.camera_path import find_subject, orbit
 from digs_warp.splat.device import DeviceGaussians
 from digs_warp.splat.footprint import near_plane
+from digs_warp.splat.render import render
 from digs_warp.train.smoothing import (
     BLOCK,
     OWN_SHARE,
     SAMPLED_EVERY,
     VARIANCE,
     SmoothingFilter,
+    for_classic_viewers,
     sampling_distances,
+    without_filter,
 )
 from reference.smoothing_twin import effective_twin, sampling_distances_twin
 from reference.splat_scenes import random_gaussians
+from reference.tiny_capture import ball
 
 # Crosses a block of the kernels, and ends within one.
 COUNT = BLOCK // 3 + 77
@@ -71,6 +81,35 @@ def test_learned_and_effective_scales_and_gradients_equal_the_twin() -> None:
     np.testing.assert_array_equal(smoothing.learned.numpy(), moved)
     expected = effective_twin(moved, distances, VARIANCE)
     np.testing.assert_allclose(gaussians.log_scales.numpy(), expected, rtol=1e-5, atol=2e-6)
+
+
+def test_what_the_filter_adds_is_taken_out_again() -> None:
+    rng = np.random.default_rng(3)
+    own, distances = rng.uniform(-9.0, -3.0, (300, 3)), rng.uniform(1e-4, 0.02, 300)
+    whole = effective_twin(own, distances, 0.3)
+    found = without_filter(whole, distances, 0.3)
+    # A share of the whole stays where less than it was its own.
+    floor = whole + 0.5 * np.log(OWN_SHARE)
+    np.testing.assert_allclose(found, np.maximum(own, floor), rtol=1e-9)
+    assert 0.1 < (own < floor).mean() < 0.9
+
+
+@pytest.mark.parametrize("width", [160, 320])
+def test_a_classic_viewer_shows_what_we_show_at_the_size_it_is_for(width: int) -> None:
+    """Splats of a ball, somewhat wider than the filter makes them at that size."""
+    ours = ball()
+    camera = orbit(find_subject(ours), Intrinsics.from_fov(width, width * 3 // 4, 40.0), 3)[1]
+    p = sampling_distances(wp.array(ours.means, dtype=wp.vec3), [camera]).numpy()
+    widths = p[:, None] * np.random.default_rng(4).uniform(0.7, 1.5, (len(ours), 3))
+    ours = replace(ours, log_scales=np.log(widths))
+    classic = for_classic_viewers(ours, [camera])
+    assert classic.screen_filter == CLASSIC
+    expected = render(ours, camera).image
+    as_it_is = render(replace(ours, screen_filter=CLASSIC), camera).image
+    assert psnr(render(classic, camera).image, expected) > 45
+    assert psnr(as_it_is, expected) < 35
+    with pytest.raises(DigsError, match="already made for viewers"):
+        for_classic_viewers(classic, [camera])
 
 
 def test_a_start_keeps_its_size_unless_it_is_thinner_than_the_filter() -> None:

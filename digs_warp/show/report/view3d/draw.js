@@ -9,6 +9,8 @@ uniform vec2 size;  // of the image [px]
 uniform float focal, near;
 in vec2 corner;
 in uint splat;
+uniform float dilation;  // [px^2]
+uniform bool antialias;
 out vec2 place;  // in standard deviations
 out vec4 color;
 
@@ -21,24 +23,29 @@ void main() {
   gl_Position = vec4(0.0, 0.0, 2.0, 1.0);  // outside
   vec4 first = texel(0), second = texel(1), third = texel(2);
   vec3 p = (first.xyz - eye) * axes;
-  if (p.z < near || first.w < 1.0 / 255.0) return;
+  if (p.z < near) return;
   mat3 sigma = mat3(second.x, second.y, second.z, second.y, second.w, third.x, second.z, third.x, third.y);
   vec2 limit = 1.3 * 0.5 * size / focal;
   vec2 t = clamp(p.xy / p.z, -limit, limit);
   vec3 u = focal / p.z * (axes * vec3(1.0, 0.0, -t.x));
   vec3 v = focal / p.z * (axes * vec3(0.0, 1.0, -t.y));
-  float a = dot(u, sigma * u) + 0.01, b = dot(u, sigma * v), c = dot(v, sigma * v) + 0.01;
+  float a = dot(u, sigma * u), b = dot(u, sigma * v), c = dot(v, sigma * v);
+  float before = max(a * c - b * b, 0.0);
+  a += dilation;
+  c += dilation;
+  float opacity = first.w * (antialias ? sqrt(before / (a * c - b * b)) : 1.0);
+  if (opacity < 1.0 / 255.0) return;
   float middle = 0.5 * (a + c), half_gap = length(vec2(0.5 * (a - c), b));
-  vec2 spread = sqrt(vec2(middle + half_gap, max(middle - half_gap, 0.01)));
+  vec2 spread = sqrt(vec2(middle + half_gap, max(middle - half_gap, dilation)));
   vec2 along = abs(b) > 1e-6 * middle ? normalize(vec2(b, middle + half_gap - a))
     : (a >= c ? vec2(1.0, 0.0) : vec2(0.0, 1.0));
-  place = corner * sqrt(2.0 * log(255.0 * first.w));  // to where alpha is 1/255
+  place = corner * sqrt(2.0 * log(255.0 * opacity));  // to where alpha is 1/255
   vec2 offset = place.x * spread.x * along + place.y * spread.y * vec2(-along.y, along.x);
   vec2 px = focal * p.xy / p.z + offset;
   gl_Position = vec4(2.0 * px.x / size.x, -2.0 * px.y / size.y, 0.0, 1.0);
   float rgb = third.z;
   color = vec4(floor(rgb / 65536.0), mod(floor(rgb / 256.0), 256.0), mod(rgb, 256.0), 0.0) / 255.0;
-  color.a = first.w;
+  color.a = opacity;
 }`;
 
 const SPLAT_FRAGMENT = `#version 300 es
@@ -83,15 +90,20 @@ void main() {
   painted = vec4(color, 1.0);
 }`;
 
+// Keeps the inverse of the covariance of an infinitely thin splat finite [px^2].
+const LEAST_DILATION = 1e-3;
+
 // WebGL draws lines one pixel wide: several beside each other are wider.
 const LINE_SHIFTS = [[-0.5, -0.5], [0.5, -0.5], [-0.5, 0.5], [0.5, 0.5]];
 
 class Drawing {
+  // filter: what the splats are drawn with, its dilation in px^2 and whether it is antialiased.
   // lines: x, y, z, red, green, blue of every end. Throws where WebGL 2 cannot do it.
-  constructor(canvas, splats, lines) {
+  constructor(canvas, splats, filter, lines) {
     const gl = canvas.getContext("webgl2", { alpha: false, antialias: true, depth: false });
     if (!gl) throw new Error("no WebGL 2");
     this.gl = gl;
+    this.filter = filter;
     this.order = new DepthOrder(splats.centers);
     this.ends = lines.length / 6;
     this.splatProgram = program(gl, SPLAT_VERTEX, SPLAT_FRAGMENT);
@@ -134,6 +146,8 @@ class Drawing {
     gl.bindBuffer(gl.ARRAY_BUFFER, this.orderBuffer);
     gl.bufferData(gl.ARRAY_BUFFER, this.order.order, gl.DYNAMIC_DRAW, 0, shown);
     this.setView(this.splatProgram, orbit, pose, near);
+    gl.uniform1f(gl.getUniformLocation(this.splatProgram, "dilation"), Math.max(this.filter.dilation, LEAST_DILATION));
+    gl.uniform1i(gl.getUniformLocation(this.splatProgram, "antialias"), this.filter.antialias ? 1 : 0);
     if (shown) gl.drawArraysInstanced(gl.TRIANGLE_STRIP, 0, 4, shown);
     if (withLines) this.drawLines(orbit, pose, near, -1);
     gl.readPixels(0, 0, 1, 1, gl.RGBA, gl.UNSIGNED_BYTE, new Uint8Array(4)); // waits until it is drawn

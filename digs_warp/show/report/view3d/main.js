@@ -17,7 +17,7 @@ function start(place) {
   let drawing;
   try {
     const splats = unpack(document.getElementById("view3d-splats").textContent, about.splats);
-    drawing = new Drawing(canvas, splats, cameraLines(about.cameras));
+    drawing = new Drawing(canvas, splats, about.splats, cameraLines(about.cameras));
   } catch (error) {
     note.textContent = `This browser cannot draw it (${error.message}): this is a picture.`;
     return;

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from digs_warp.data.gaussians import Gaussians
+from digs_warp.data.gaussians import FIELDS, Gaussians, ScreenFilter
 from digs_warp.geometry.sh import C0
 
 WORDS = 5
@@ -38,6 +38,7 @@ class PackedSplats:
         low: the corner of the box of the centers [m], shape (3,), and ``step``: one step [m], shape (3,).
         log_low, log_step: the same of the log scales.
         total: number of Gaussians that these were chosen from.
+        screen_filter: what they are drawn with.
     """
 
     words: np.ndarray
@@ -46,6 +47,7 @@ class PackedSplats:
     log_low: float
     log_step: float
     total: int
+    screen_filter: ScreenFilter
 
     def __len__(self) -> int:
         return len(self.words)
@@ -65,13 +67,13 @@ def pack(gaussians: Gaussians, most: int = MOST_SPLATS) -> PackedSplats:
     words[:, :3] = places | np.rint((logs - log_low) / log_step).astype(np.uint32) << 24
     words[:, 3] = _packed_quats(gaussians.quats)
     words[:, 4] = _packed_colors(gaussians)
-    return PackedSplats(words, low, step, log_low, log_step, total)
+    return PackedSplats(words, low, step, log_low, log_step, total, gaussians.screen_filter)
 
 
 def _finite(gaussians: Gaussians) -> Gaussians:
     keep = np.ones(len(gaussians), bool)
-    for values in vars(gaussians).values():
-        keep &= np.isfinite(values.reshape(len(gaussians), -1)).all(axis=1)
+    for name in FIELDS:
+        keep &= np.isfinite(getattr(gaussians, name).reshape(len(gaussians), -1)).all(axis=1)
     return gaussians if keep.all() else gaussians.select(keep)
 
 

@@ -132,6 +132,8 @@ def _about(splats: PackedSplats, shot: Shot, by_time: list[tuple[Frame, bool]]) 
                 "step": splats.step.tolist(),
                 "logLow": splats.log_low,
                 "logStep": splats.log_step,
+                "dilation": splats.screen_filter.dilation,
+                "antialias": splats.screen_filter.antialias,
             },
             "start": {
                 "target": shot.target.tolist(),

@@ -1,5 +1,6 @@
 """Splat files by suffix: frames, broken rows, what happens when writing fails."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -7,6 +8,7 @@ import pytest
 from full_disks.disk import largest_file
 
 from digs_warp.checks import DigsError
+from digs_warp.data.gaussians import ANTIALIASED, CLASSIC, NO_FILTER, ScreenFilter
 from digs_warp.formats.splats.files import SUFFIXES, read_splat_file, write_splat_file
 from digs_warp.formats.splats.rows import (
     WORLD_FROM_UP,
@@ -14,7 +16,11 @@ from digs_warp.formats.splats.rows import (
     logits_from_codes,
     turned,
 )
+from digs_warp.geometry.camera import Camera, Intrinsics
+from digs_warp.geometry.rigid import look_at
 from digs_warp.geometry.sh import rgb_from_sh
+from digs_warp.splat.config import RasterOptions
+from digs_warp.splat.render import render
 from reference.splat_files import random_gaussians, shapes
 
 
@@ -131,3 +137,40 @@ def test_no_gaussians_at_all(tmp_path: Path, suffix: str) -> None:
     path = tmp_path / f"a{suffix}"
     write_splat_file(path, random_gaussians(0, 2), up="y")
     assert len(read_splat_file(path, up="y")) == 0
+
+
+@pytest.mark.parametrize(
+    ("suffix", "made_for", "read"),
+    [
+        (".ply", NO_FILTER, NO_FILTER),
+        (".ply", ScreenFilter(0.05), ScreenFilter(0.05)),
+        *((suffix, CLASSIC, CLASSIC) for suffix in SUFFIXES),
+        *((suffix, ANTIALIASED, ANTIALIASED) for suffix in (".ply", ".spz")),
+        # What the formats cannot say: see `nearest_known`.
+        (".spz", NO_FILTER, ANTIALIASED),
+        (".splat", NO_FILTER, CLASSIC),
+    ],
+)
+def test_what_a_file_is_for_stands_in_it(
+    tmp_path: Path, suffix: str, made_for: ScreenFilter, read: ScreenFilter
+) -> None:
+    path = tmp_path / f"a{suffix}"
+    write_splat_file(path, replace(random_gaussians(5, 1), screen_filter=made_for), up="y")
+    assert read_splat_file(path, up="y").screen_filter == read
+
+
+@pytest.mark.parametrize("suffix", SUFFIXES)
+def test_files_of_others_are_drawn_as_their_viewers_draw_them(
+    sample_data: Path, suffix: str
+) -> None:
+    stem = sample_data / "splats/three_trained_points/test-splat.3-points-from-train"
+    theirs = read_splat_file(stem.with_name(stem.name + suffix), up="-y")
+    assert theirs.screen_filter == CLASSIC
+    middle, reach = theirs.means.mean(axis=0), 4 * float(np.ptp(theirs.means, axis=0).max())
+    view = look_at(middle + [reach, 0.0, 0.0], middle, np.array([0.0, 0.0, 1.0]))
+    camera = Camera(Intrinsics.from_fov(64, 48, 40.0), view)
+    drawn = render(theirs, camera).image
+    plain = replace(theirs, screen_filter=NO_FILTER)
+    dilated = render(plain, camera, options=RasterOptions(dilation=0.3)).image
+    np.testing.assert_array_equal(drawn, dilated)
+    assert np.abs(drawn - render(plain, camera).image).max() > 0.01

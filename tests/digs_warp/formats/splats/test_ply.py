@@ -7,7 +7,14 @@ import pytest
 import trimesh
 
 from digs_warp.checks import DigsError
-from digs_warp.data.gaussians import FIELDS, Gaussians
+from digs_warp.data.gaussians import (
+    ANTIALIASED,
+    CLASSIC,
+    FIELDS,
+    NO_FILTER,
+    Gaussians,
+    ScreenFilter,
+)
 from digs_warp.data.ply_table import read_ply_header
 from digs_warp.formats.splats.files import read_splat_file
 from digs_warp.formats.splats.ply import read_ply, write_ply
@@ -44,6 +51,41 @@ def test_layout_is_the_one_of_graphdeco(tmp_path: Path) -> None:
     assert [row[name] for name in rest] == [*red, *green, *blue]
     assert row["opacity"] == g.opacity_logits[0]
     assert row["nx"] == 0
+
+
+@pytest.mark.parametrize(
+    ("comments", "expected"),
+    [
+        ([], CLASSIC),
+        (["Exported from Brush", "SplatRenderMode: mip"], ANTIALIASED),
+        (["SPLATRENDERMODE:   Default"], CLASSIC),
+        (["SplatRenderMode: banana"], CLASSIC),
+        (["antialiased 1"], ANTIALIASED),
+        (["antialiased 0"], CLASSIC),
+        (["digs_warp screen dilation 0 px^2", "SplatRenderMode: mip"], NO_FILTER),
+        (["SplatRenderMode: mip", "digs_warp screen dilation 0.05 px^2"], ScreenFilter(0.05)),
+        (["digs_warp screen dilation 999 px^2"], CLASSIC),
+        (["digs_warp screen dilation nan px^2"], CLASSIC),
+    ],
+)
+def test_comments_say_what_the_splats_are_drawn_with(
+    tmp_path: Path, comments: list[str], expected: ScreenFilter
+) -> None:
+    path = tmp_path / "a.ply"
+    write_ply(path, random_gaussians(3, 0))
+    head, body = path.read_bytes().split(b"end_header\n", 1)
+    head = b"".join(line for line in head.splitlines(True) if not line.startswith(b"comment"))
+    notes = "".join(f"comment {each}\n" for each in comments).encode()
+    path.write_bytes(head + notes + b"end_header\n" + body)
+    assert read_ply(path).screen_filter == expected
+
+
+def test_the_third_line_says_how_many(tmp_path: Path) -> None:
+    """The SIBR viewer of 3D Gaussian splatting reads it there, whatever it is."""
+    write_ply(tmp_path / "a.ply", random_gaussians(3, 0))
+    lines = (tmp_path / "a.ply").read_bytes().splitlines()
+    assert lines[2] == b"element vertex 3"
+    assert b"comment digs_warp screen dilation 0 px^2" in lines
 
 
 def rewritten(path: Path, encoding: str, kind: str) -> Path:

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from digs_warp.checks import DigsError
+from digs_warp.data.gaussians import joined
 from digs_warp.geometry.camera import Camera, Intrinsics
 from digs_warp.geometry.rigid import look_at
 from digs_warp.pipeline.scene_files import read_scene
-from digs_warp.show.view.page import joined
 from digs_warp.show.view.placement import RADIUS, Box, Placement, save_cropped, side_by_side
 from digs_warp.show.view.streamer import TrueRenderer
 from reference.tiny_capture import ball
