@@ -1,16 +1,17 @@
 """`python -m studies trained`: what can be done with a trained object, and how well.
 
 The built-in object is recorded and trained for a short while (not timed). Then it is filmed on an orbit at
-several image sizes, turned into meshes at several voxel sizes, and written in every file format.
+several image sizes, turned into meshes at several voxel sizes, written in every file format, and drawn as
+other programs draw its files.
 """
 
 import tempfile
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
 
-from digs_warp.data.gaussians import Gaussians
+from digs_warp.data.gaussians import ANTIALIASED, CLASSIC, Gaussians
 from digs_warp.data.triangle_mesh import TriangleMesh
 from digs_warp.device.parallel import default_threads
 from digs_warp.geometry.camera import Camera, Intrinsics
@@ -24,12 +25,16 @@ from digs_warp.pipeline.scene_files import SpzVersion, read_scene, write_scene_f
 from digs_warp.record.progress import progress
 from digs_warp.show.film.camera_path import find_subject, orbit
 from digs_warp.show.film.video import Clock, shoot
+from digs_warp.splat.device import DeviceGaussians
 from digs_warp.splat.render import render
+from digs_warp.study.engine.scores import psnr_with_one_gain
 from digs_warp.study.scenes import VOXEL
 from digs_warp.study.timing import Stopwatch
 from digs_warp.surface.extract import Scene, extract_surface
 from digs_warp.surface.true_surface import read_true_surface
 from digs_warp.train.config import Stop, TrainConfig
+from digs_warp.train.evaluate import TestView, load_test_views, render_views
+from digs_warp.train.smoothing import for_classic_viewers
 from digs_warp.train.trainer import Trainer
 from digs_warp.train.view_store import open_views
 from studies.results import Result
@@ -51,6 +56,12 @@ FORMATS: tuple[tuple[str, str, SpzVersion], ...] = (
     *(("SPZ 2", ".spz", 2), ("SPZ 3", ".spz", 3), ("SPZ 4", ".spz", 4)),
     ("USD", ".usdz", 3),
 )
+# Viewers: images that a perfect camera takes, as shares of the width of the training images, and samples for
+# each of their pixels.
+TRAINING_SIZE = (640, 360)
+TRUE_SIZES = (("1/2", 0.5, 16), ("1", 1.0, 4), ("4/3", 4 / 3, 4), ("2", 2.0, 4))
+TRUE_VIEWS = 8
+
 VIEWS = 4
 VIEW_SIZE = (960, 540)
 COVERED = 0.5
@@ -58,19 +69,21 @@ COVERED = 0.5
 
 @dataclass(frozen=True, eq=False)
 class TrainedObject:
-    """The Gaussians, the cameras that recorded them, and the true surface."""
+    """The Gaussians, the cameras that recorded them, the true surface, and true views by their size."""
 
     gaussians: Gaussians
     cameras: list[Camera]
     surface: TriangleMesh
+    truth: dict[str, list[TestView]] = field(default_factory=dict)
 
 
 def trained_object() -> TrainedObject:
     """Record the built-in object, start from its depth and train; always the same."""
     from digs_warp.sim.record.record import SimulateConfig, simulate
 
+    width, height = TRAINING_SIZE
     recording = SimulateConfig(
-        frames=TRAINING_FRAMES, width=640, height=360, samples_per_pixel=1, tier="law"
+        frames=TRAINING_FRAMES, width=width, height=height, samples_per_pixel=1, tier="law"
     )
     init = InitConfig(voxel_size=VOXEL)
     train = TrainConfig(stop=Stop(iterations=TRAINING_STEPS), sh_degree=SH_DEGREE)
@@ -86,14 +99,29 @@ def trained_object() -> TrainedObject:
                 trainer.step()
                 bar.update()
         cameras = [frame.camera for frame in capture.frames]
-        return TrainedObject(trainer.gaussians.to_numpy(), cameras, surface)
+        truth = true_views(Path(folder))
+        return TrainedObject(trainer.gaussians.to_numpy(), cameras, surface, truth)
+
+
+def true_views(folder: Path) -> dict[str, list[TestView]]:
+    """Return what a perfect camera sees on another walk, by the width in widths of the training images."""
+    from digs_warp.sim.record.record import SimulateConfig, simulate
+
+    found = {}
+    for name, share, samples in TRUE_SIZES:
+        width, height = (round(share * side) for side in TRAINING_SIZE)
+        size = {"width": width, "height": height, "samples_per_pixel": samples}
+        config = SimulateConfig(frames=TRUE_VIEWS, seed=20260521, tier="truth", **size)
+        capture = simulate(config, folder / f"truth_{width}")
+        found[name] = load_test_views(capture.frames)
+    return found
 
 
 def bench_trained() -> list[Result]:
-    """Measure films, meshes and files of the trained object."""
+    """Measure films, meshes and files of the trained object, and how others draw them."""
     trained = trained_object()
     films, files = measure_films(trained.gaussians), measure_formats(trained.gaussians)
-    return [*films, *measure_meshes(trained), *files]
+    return [*films, *measure_meshes(trained), *files, *measure_viewers(trained)]
 
 
 def measure_films(
@@ -159,7 +187,8 @@ def measure_formats(gaussians: Gaussians, view_size: tuple[int, int] = VIEW_SIZE
     """Return bytes per Gaussian, seconds per million to write and read, and PSNR by format.
 
     PSNR compares renders before writing and after reading, over the pixels that the object covers. Above
-    40 dB the difference is hardly visible.
+    40 dB the difference is hardly visible. Both are drawn with the same filter: `measure_viewers` measures
+    what a viewer adds.
     """
     cameras = orbit(find_subject(gaussians), Intrinsics.from_fov(*view_size, FOV_DEG), VIEWS)
     before = [render(gaussians, camera) for camera in cameras]
@@ -171,7 +200,8 @@ def measure_formats(gaussians: Gaussians, view_size: tuple[int, int] = VIEW_SIZE
             with Stopwatch() as write:
                 write_scene_file(path, ours, Path("bench"), spz_version=version)
             with Stopwatch() as read:
-                stored = read_scene(path).gaussians
+                read_back = read_scene(path).gaussians
+            stored = replace(read_back, screen_filter=gaussians.screen_filter)
             scores = [
                 psnr(render(stored, camera).image, view.image, view.alpha > COVERED)
                 for camera, view in zip(cameras, before, strict=True)
@@ -184,5 +214,30 @@ def measure_formats(gaussians: Gaussians, view_size: tuple[int, int] = VIEW_SIZE
                 "PSNR [dB]": float(np.mean(scores)),
             }
             results.append(Result(labels, values, "files"))
+            bar.update()
+    return results
+
+
+def measure_viewers(trained: TrainedObject) -> list[Result]:
+    """Return the PSNR in true views of four sizes, by the file and what its viewer adds on the screen."""
+    ours = trained.gaussians
+    width, height = TRAINING_SIZE
+    doubled = [camera.resized(2 * width, 2 * height) for camera in trained.cameras]
+    cases = (
+        ("as it is", "nothing (ours, USD, ray tracers)", ours),
+        ("as it is", "0.3 px²", replace(ours, screen_filter=CLASSIC)),
+        ("as it is", "0.3 px², antialiased", replace(ours, screen_filter=ANTIALIASED)),
+        ("--for classic", "0.3 px²", for_classic_viewers(ours, trained.cameras)),
+        (f"--for classic --for-width {2 * width}", "0.3 px²", for_classic_viewers(ours, doubled)),
+    )
+    results = []
+    with progress(len(cases), "Measuring", "viewer") as bar:
+        for file, adds, gaussians in cases:
+            drawn = DeviceGaussians.from_numpy(gaussians)
+            values = {
+                f"PSNR at {name} [dB]": psnr_with_one_gain(render_views(drawn, views), views)
+                for name, views in trained.truth.items()
+            }
+            results.append(Result({"file": file, "the viewer adds": adds}, values, "viewers"))
             bar.update()
     return results

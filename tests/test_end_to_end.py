@@ -60,7 +60,7 @@ def check_elsewhere(trained: Gaussians, folder: Path) -> None:
         ours = render(trained, camera).image
         theirs = render_usd(folder / "scene.usdz", "/Asset/Rig/left", number, np.ones(3))
         assert psnr(theirs, ours) > 45
-        recorded = views[number].load_image()
+        recorded = views[number].load_image().astype(np.float32) / 255
         assert psnr(theirs, recorded) == pytest.approx(psnr(ours, recorded), abs=0.1)  # dB
 
 

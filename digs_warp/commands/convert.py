@@ -1,7 +1,7 @@
 """`digs-warp convert`: captures and Gaussians -> other programs' formats, recordings -> captures."""
 
 import logging
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
@@ -19,6 +19,7 @@ from digs_warp.words import counted
 
 if TYPE_CHECKING:
     from digs_warp.data.capture import Capture
+    from digs_warp.pipeline.reconstruction import Reconstruction
 
 
 logger = logging.getLogger(__name__)
@@ -198,14 +199,50 @@ def convert_splats(source: Path, target: Path, overwrite: bool, options: SplatCo
     Raises:
         DigsError: the source cannot be used, or the target not be written.
     """
-    from digs_warp.pipeline.scene_files import check_target, for_viewers, write_scene_file
+    from digs_warp.pipeline.scene_files import check_target, write_scene_file
 
     check_target(target)
     check_output_file(target, overwrite, [find_gaussians(source)])
     result = options.read(source)
     if options.made_for is not None:
-        result = for_viewers(result, source, target, options.for_width)
+        result = for_classic(result, source, target, options.for_width)
     write_scene_file(target, result, source, options.up, options.spz_version, options.vertex_colors)
     gaussians = result.gaussians
     size = target.stat().st_size / 1e6
     return f"{target}: {counted(len(gaussians), 'Gaussian')} of degree {gaussians.sh_degree}, {size:.2f} MB"
+
+
+def for_classic(
+    result: "Reconstruction", source: Path, target: Path, width: int | None = None
+) -> "Reconstruction":
+    """Return a reconstruction for a file that viewers which add 0.3 px^2 show as we do.
+
+    Args:
+        result: with the cameras of its recording.
+        source: its name in messages.
+        target: the file to write.
+        width: of the images in which it is looked at [px]; default: that of the recording's.
+
+    Raises:
+        DigsError: the cameras are not known, viewers of ``target`` add nothing, or the splats are for such
+            viewers already.
+    """
+    from digs_warp.pipeline.scene_files import SPLAT_SUFFIXES
+    from digs_warp.train.smoothing import for_classic_viewers
+
+    if target.suffix.lower() not in SPLAT_SUFFIXES:
+        raise DigsError(
+            f"--for classic: '{target}', expected {', '.join(SPLAT_SUFFIXES)}; what reads other files adds "
+            "nothing to splats: leave out --for"
+        )
+    if result.frames is None or not result.frames.training:
+        raise DigsError(
+            f"--for classic: '{source}' has splats, but no recording with cameras, which tell how large a "
+            "pixel is; name the folder of 'digs-warp reconstruct', with the capture beside it"
+        )
+    cameras = [frame.camera for frame in result.frames.training]
+    if width is not None:
+        sizes = [camera.intrinsics for camera in cameras]
+        heights = [max(1, round(k.height * width / k.width)) for k in sizes]
+        cameras = [camera.resized(width, h) for camera, h in zip(cameras, heights, strict=True)]
+    return replace(result, gaussians=for_classic_viewers(result.gaussians, cameras))

@@ -8,7 +8,6 @@ from digs_warp.checks import DigsError, require_file
 from digs_warp.data.capture import Capture, read_capture
 from digs_warp.data.gaussians import Gaussians
 from digs_warp.data.index_rules import INDEX_NAME
-from digs_warp.geometry.camera import Camera
 from digs_warp.pipeline.reconstruction import Reconstruction
 from digs_warp.record.layout import GAUSSIANS, find_gaussians
 
@@ -82,44 +81,6 @@ def check_target(target: Path) -> None:
         raise DigsError(
             f"'{target}': suffix '{target.suffix}', expected one of {', '.join(SUFFIXES)} for Gaussians"
         )
-
-
-def for_viewers(
-    result: Reconstruction, source: Path, target: Path, width: int | None = None
-) -> Reconstruction:
-    """Return a reconstruction for a file that viewers which add 0.3 px^2 show as we do.
-
-    Args:
-        result: with the cameras of its recording.
-        source: its name in messages.
-        target: the file to write.
-        width: of the images in which it is looked at [px]; default: that of the recording's.
-
-    Raises:
-        DigsError: the cameras are not known, viewers of ``target`` add nothing, or the splats are for such
-            viewers already.
-    """
-    from digs_warp.train.smoothing import for_classic_viewers
-
-    if target.suffix.lower() not in SPLAT_SUFFIXES:
-        raise DigsError(
-            f"--for classic: '{target}', expected {', '.join(SPLAT_SUFFIXES)}; what reads other files adds "
-            "nothing to splats: leave out --for"
-        )
-    if result.frames is None or not result.frames.training:
-        raise DigsError(
-            f"--for classic: '{source}' has splats, but no recording with cameras, which tell how large a "
-            "pixel is; name the folder of 'digs-warp reconstruct', with the capture beside it"
-        )
-    cameras = [frame.camera for frame in result.frames.training]
-    if width is not None:
-        cameras = [_at_width(camera, width) for camera in cameras]
-    return replace(result, gaussians=for_classic_viewers(result.gaussians, cameras))
-
-
-def _at_width(camera: Camera, width: int) -> Camera:
-    k = camera.intrinsics
-    return camera.resized(width, max(1, round(k.height * width / k.width)))
 
 
 def write_scene_file(

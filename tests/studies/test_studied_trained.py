@@ -1,6 +1,7 @@
-"""The benchmarks on a trained object, on small scenes: films, meshes and files."""
+"""The benchmarks on a trained object, on small scenes: films, meshes, files and viewers."""
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import trimesh
@@ -10,9 +11,17 @@ from digs_warp.device.parallel import default_threads
 from digs_warp.geometry.camera import Intrinsics
 from digs_warp.show.film.camera_path import Subject, orbit
 from digs_warp.splat.skin import REACH
+from digs_warp.train.evaluate import load_test_views
 from reference.optional import open3d_or_skip
-from reference.tiny_capture import RADIUS, ball
-from studies.trained import FORMATS, TrainedObject, measure_films, measure_formats, measure_meshes
+from reference.tiny_capture import RADIUS, ball, write_tiny_capture
+from studies.trained import (
+    FORMATS,
+    TrainedObject,
+    measure_films,
+    measure_formats,
+    measure_meshes,
+    measure_viewers,
+)
 
 
 def test_frame_rates_by_size_and_threads() -> None:
@@ -60,3 +69,14 @@ def test_exact_formats_lose_nothing_and_small_ones_little() -> None:
     assert (
         values["SPZ 2"]["size [B/splat]"] < values["SPZ 3"]["size [B/splat]"]
     )  # quaternions of 3 bytes, not 4
+
+
+def test_viewers_that_dilate_are_farther_from_the_truth(tmp_path: Path) -> None:
+    frames = write_tiny_capture(tmp_path, frames=4).frames
+    truth = {"1": load_test_views(frames)}
+    g = ball()
+    surface = TriangleMesh(g.means[:3], np.array([[0, 1, 2]]), np.ones((3, 3)))
+    results = measure_viewers(TrainedObject(g, [f.camera for f in frames], surface, truth))
+    ours, dilated, antialiased, classic, doubled = (r.values["PSNR at 1 [dB]"] for r in results)
+    assert dilated < doubled < classic - 3 < ours - 4  # dB: the capture shows these Gaussians
+    assert dilated < antialiased < ours
