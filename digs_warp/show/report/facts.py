@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from digs_warp.checks import DigsError
-from digs_warp.data.gaussians import Gaussians
+from digs_warp.data.gaussians import NO_FILTER, Gaussians
 from digs_warp.data.index_rules import INDEX_NAME
 from digs_warp.engines.task import RESULTS, Results
 from digs_warp.pipeline.reconstruction import Reconstruction
@@ -45,6 +45,9 @@ def _of_gaussians(gaussians: Gaussians, path: Path, unit: str = "m") -> Facts:
         "spherical harmonics": f"degree {gaussians.sh_degree}",
         "file size": megabytes(path),
     }
+    if gaussians.screen_filter != NO_FILTER:
+        antialiased = ", antialiased" if gaussians.screen_filter.antialias else ""
+        facts["drawn with"] = f"{gaussians.screen_filter.dilation:g} px² on the screen{antialiased}"
     if len(gaussians):
         size = float(np.median(np.exp(gaussians.log_scales.mean(axis=1))))
         words = f"{1e3 * size:.2f} mm" if unit == "m" else f"{size:.3g} {unit}"

@@ -222,6 +222,8 @@ def test_only_a_reconstruction_lends_its_record_to_usd(
 
 def test_info_knows_splat_files_from_meshes(tmp_path: Path, gaussians: Gaussians, capsys) -> None:
     gaussians.save(tmp_path / "a.npz")
+    assert main(["info", str(tmp_path / "a.npz")]) == EXIT_OK
+    assert "drawn with" not in capsys.readouterr().out
     for suffix in (".ply", ".spz", ".splat"):
         run(capsys, tmp_path / "a.npz", tmp_path / f"a{suffix}")
         capsys.readouterr()

@@ -1,13 +1,16 @@
 """The report in a real browser: what its 3D view draws, by its pixels, and that it needs nothing else."""
 
+import shutil
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 from headless_browser import Browser, NoBrowserError, browser
 
-from digs_warp.data.gaussians import Gaussians
+from digs_warp.data.capture import read_capture
+from digs_warp.data.gaussians import ANTIALIASED, CLASSIC, Gaussians, ScreenFilter
 from digs_warp.data.images import to_uint8
 from digs_warp.geometry.camera import Camera, Intrinsics
 from digs_warp.geometry.rigid import look_at
@@ -94,7 +97,7 @@ def by_engine(page: Path, picture: np.ndarray, turned_deg: float = 0.0) -> np.nd
     focal = min(width, height) / smaller
     k = Intrinsics(width, height, focal, focal, width / 2, height / 2)
     camera = Camera(k, look_at(eye, shot.target, UP))
-    return to_uint8(render(needles(), camera, background=(1.0, 1.0, 1.0)).image)
+    return to_uint8(render(result.gaussians, camera, background=(1.0, 1.0, 1.0)).image)
 
 
 def difference(a: np.ndarray, b: np.ndarray) -> np.ndarray:
@@ -112,6 +115,24 @@ def test_the_view_draws_what_the_engine_draws(page: Path, tab: Browser) -> None:
     turned = drawn(tab)
     assert difference(turned, first).mean() > 10
     assert difference(turned, by_engine(page, turned, turned_deg=40)).mean() < 1.5
+
+
+@pytest.mark.parametrize("made_for", [CLASSIC, ANTIALIASED])
+def test_the_view_adds_what_the_splats_are_made_for(
+    page: Path, tmp_path: Path, made_for: ScreenFilter
+) -> None:
+    work = shutil.copytree(page.parent, tmp_path / "work")
+    folder, copied = work / "reconstruction", work / "report.html"
+    thin = replace(needles(), log_scales=needles().log_scales - 2.0)
+    replace(thin, screen_filter=made_for).save(folder / "gaussians.npz")
+    report_on((read_capture(work / "capture"), folder, copied))
+    for tab in opened(copied, tmp_path):
+        tab.wait_for(f"{CANVAS}.dataset.drawn")
+        found = drawn(tab)
+        right = difference(found, by_engine(copied, found)).mean()
+        thin.save(folder / "gaussians.npz")
+        wrong = difference(found, by_engine(copied, found)).mean()
+        assert 3 * right < wrong, (right, wrong)
 
 
 def test_drags_keys_and_buttons_move_the_view_and_0_goes_back(tab: Browser) -> None:
