@@ -110,8 +110,14 @@ def true_views(folder: Path) -> dict[str, list[TestView]]:
     found = {}
     for name, share, samples in TRUE_SIZES:
         width, height = (round(share * side) for side in TRAINING_SIZE)
-        size = {"width": width, "height": height, "samples_per_pixel": samples}
-        config = SimulateConfig(frames=TRUE_VIEWS, seed=20260521, tier="truth", **size)
+        config = SimulateConfig(
+            frames=TRUE_VIEWS,
+            width=width,
+            height=height,
+            samples_per_pixel=samples,
+            tier="truth",
+            seed=20260521,
+        )
         capture = simulate(config, folder / f"truth_{width}")
         found[name] = load_test_views(capture.frames)
     return found

@@ -106,11 +106,12 @@ class DeviceGaussians:
 
     def to_numpy(self) -> Gaussians:
         """Return a copy on the host."""
-        return Gaussians(*(array.numpy().copy() for array in self.arrays), self.screen_filter)
+        host = (array.numpy().copy() for array in self.arrays)
+        return Gaussians(*host, screen_filter=self.screen_filter)
 
     def zeros_like(self) -> "DeviceGaussians":
         """Return the same arrays, filled with zeros."""
-        return DeviceGaussians(*map(wp.zeros_like, self.arrays), self.screen_filter)
+        return DeviceGaussians(*map(wp.zeros_like, self.arrays), screen_filter=self.screen_filter)
 
 
 def move_gaussians(gaussians: DeviceGaussians, motion: np.ndarray) -> None:
