@@ -80,7 +80,8 @@ def render(
         pose: a motion of the camera to optimize, shape (6,), see `moved_camera`.
         near: near plane [m]; default: a share of the distance to the middle of the Gaussians.
         background: sRGB color, or image of shape (height, width, 3), behind the Gaussians; a constant.
-        options: how splats are drawn, and whether depth and normals are wanted.
+        options: how splats are drawn, and whether depth and normals are wanted. Tensors do not say what they
+            are made for: scenes of 3D Gaussian splatting want a dilation of 0.3.
 
     Raises:
         DigsError: tensors of other shapes, or values that are not finite.
