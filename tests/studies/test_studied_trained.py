@@ -37,11 +37,11 @@ def test_frame_rates_by_size_and_threads() -> None:
 def test_distances_by_voxel_size() -> None:
     open3d_or_skip()
     g = ball(4000)
-    g.log_scales[:] = np.log(0.005)
+    g.log_scales[:] = np.log(0.006)
     k = Intrinsics.from_fov(96, 96, 40.0)
     cameras = [c for e in (-60, 0, 60) for c in orbit(Subject(np.zeros(3), RADIUS), k, 8, e)]
-    # The skins of its splats, 5 mm wide, lie in front of their centers.
-    skin = RADIUS + REACH * 0.005
+    # The skins of its splats, 6 mm wide, lie in front of their centers.
+    skin = RADIUS + REACH * 0.006
     sphere = trimesh.creation.icosphere(subdivisions=4, radius=skin)
     surface = TriangleMesh(sphere.vertices, sphere.faces, np.ones_like(sphere.vertices))
     results = measure_meshes(TrainedObject(g, cameras, surface), voxels=(0.03, 0.01), near=0.01)

@@ -205,8 +205,8 @@ def test_an_independent_renderer_draws_the_file_as_ours_draws_the_gaussians(
         drawn = render_usd(path, f"/Asset/Rig/{role}", view, np.array(background))
         psnr = -10 * np.log10(((ours.image - drawn) ** 2).mean())
         assert ours.image.std() > 0.1
-        # 90 dB with floats; halves round colors and places.
-        assert psnr > (80 if precision == "float" else 55)
+        # 74 dB with floats: ours adds 0.01 px^2. Halves round colors and places.
+        assert psnr > (70 if precision == "float" else 55)
 
 
 def test_stock_validators_find_nothing_in_any_variant(package: Path):

@@ -91,7 +91,7 @@ void main() {
 }`;
 
 // Keeps the inverse of the covariance of an infinitely thin splat finite [px^2].
-const LEAST_DILATION = 1e-3;
+const LEAST_DILATION = 0.01;
 
 // WebGL draws lines one pixel wide: several beside each other are wider.
 const LINE_SHIFTS = [[-0.5, -0.5], [0.5, -0.5], [-0.5, 0.5], [0.5, 0.5]];
