@@ -58,14 +58,14 @@ LINE_BUDGETS = {
     "sim.scene": 4_600,
     "sim.sensor": 6_000,
     "sim.testing": 1_000,
-    "splat": 5_300,
+    "splat": 5_650,
     "study": 2_800,
     "surface": 700,
     "torch": 150,
     "train": 4_160,
     "usd": 4_150,
 }
-MOST_LINES, MOST_FILES = 78_000, 525  # of the product; 65,000 in 500 files are the goal
+MOST_LINES, MOST_FILES = 78_000, 526  # of the product; 65,000 in 500 files are the goal
 # A shorter file with a single client in its folder belongs into that client.
 CRUMB = 60
 

@@ -12,9 +12,11 @@ import warp as wp
 from digs_warp.device.parallel import ParallelLaunch, default_threads
 from digs_warp.splat.config import RasterOptions
 from digs_warp.splat.cooperative import (
+    WARP,
     CooperativeLaunch,
     backward_cooperative_kernel,
     forward_cooperative_kernel,
+    sum_records_kernel,
 )
 from digs_warp.splat.project import project_kernel
 from digs_warp.splat.project_adjoint import project_backward_kernel
@@ -24,6 +26,10 @@ from digs_warp.splat.rasterize import forward_kernel
 from digs_warp.splat.rasterize_adjoint import backward_kernel
 from digs_warp.splat.records import GROUP_SIZE, GradientLayout
 from digs_warp.splat.tile import STEP_CUT, AlphaCut
+
+# A thread adds up so many gradient records of a Gaussian by itself, a warp adds up more.
+MOST_RECORDS = 8
+ALL_RECORDS = 2**31 - 1
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,6 +91,18 @@ class Launch(Protocol):
     def run(self) -> None:
         """Execute and wait."""
         ...
+
+
+@dataclass(frozen=True)
+class Launches:
+    """Several, one after the other."""
+
+    parts: list[Launch]
+
+    def run(self) -> None:
+        """Execute and wait."""
+        for part in self.parts:
+            part.run()
 
 
 @dataclass(frozen=True, eq=False)
@@ -191,7 +209,7 @@ class CooperativeBackend:
             CooperativeLaunch(
                 backward, job.tiles, [*adjoint, job.pair_gradients.records], job.device
             ),
-            project_backward_each(job),
+            Launches([record_sums(job), project_backward_each(job, MOST_RECORDS)]),
         )
 
 
@@ -200,9 +218,19 @@ def project_each(job: RasterJob) -> ParallelLaunch:
     return job.launch(project_kernel, job.count, [job.gaussians, job.degree, job.splats], even=True)
 
 
-def project_backward_each(job: RasterJob) -> ParallelLaunch:
-    """Record the gradient of the projection with one thread per Gaussian: all that it can give."""
-    read = [job.gaussians, job.degree, job.splats, job.pair_gradients]
+def record_sums(job: RasterJob) -> ParallelLaunch:
+    """Record what adds up the records of splats with many, with whole warps."""
+    kernel = sum_records_kernel(job.layout.fields)
+    threads = -(-job.count // WARP) * WARP
+    return job.launch(kernel, threads, [job.pair_gradients, MOST_RECORDS])
+
+
+def project_backward_each(job: RasterJob, most: int = ALL_RECORDS) -> ParallelLaunch:
+    """Record the gradient of the projection with one thread per Gaussian: all that it can give.
+
+    Of a Gaussian with more records than ``most`` the first one holds the sum.
+    """
+    read = [job.gaussians, job.degree, job.splats, job.pair_gradients, most]
     written = [job.gradients, job.camera_shares, job.statistics]
     return job.launch(project_backward_kernel, job.count, [*read, *written], even=True)
 

@@ -1,11 +1,17 @@
-"""Compositing on a GPU: a block of threads per 16x16 tile, one thread per pixel.
+"""Compositing on a GPU: a block of threads per 16x16 tile, two pixels per thread.
 
 The formulas are in `digs_warp.splat.rasterize`. The threads of a block load the records of a batch of
 splats into shared memory together (3DGS), so that each record is read from global memory once per tile
 rather than once per pixel, and the block leaves when all of its pixels are saturated.
 
-Every thread has to reach every tile function: a pixel that is outside of the image or saturated goes on
-without work. The kernels are run by `digs_warp.splat.cooperative`.
+A warp draws a square of 8x8 pixels of the tile, two pixels a thread. Its lanes first look at a splat of the
+batch each, and vote on which ones reach the square: the others cost nothing more.
+In the backward pass the shares of the pixels in a splat's gradient are added up in each thread, then over
+the warp if any of it has a share, then over the warps of the block once for a whole batch: always in the
+same order, and without atomics.
+
+Every thread has to reach every function of its warp and its block (`digs_warp.splat.lanes`): a pixel that is
+outside of the image or saturated goes on without work. The kernels are run by `CooperativeLaunch`.
 """
 
 from functools import cache
@@ -14,18 +20,34 @@ from typing import Any
 import warp as wp
 
 from digs_warp.splat.config import TILE_PIXELS
+from digs_warp.splat.lanes import (
+    any_in_block,
+    first_lane,
+    float_at,
+    lanes,
+    meet_in_block,
+    put_float,
+    put_quad,
+    put_sums,
+    quad_at,
+    shared_quads,
+    vote,
+    without_first,
+)
 from digs_warp.splat.records import (
-    COLOR_FIELDS,
     SPLAT_A,
     SPLAT_B,
     SPLAT_BLUE,
     SPLAT_C,
     SPLAT_GREEN,
+    SPLAT_HALF_HEIGHT,
+    SPLAT_HALF_WIDTH,
     SPLAT_OPACITY,
     SPLAT_RED,
     SPLAT_U,
     SPLAT_V,
     GradientLayout,
+    PairGradients,
     Planes,
     Splats,
     TilePairs,
@@ -34,12 +56,26 @@ from digs_warp.splat.tile import STEP_CUT, TILE, AlphaCut
 
 wp.set_module_options({"enable_backward": False})
 
-BLOCK_THREADS = TILE_PIXELS
+# Pixels of a thread, one below the other: they share the reading of a record and the sums over a warp. With
+# four an H200 takes a third longer, with one no less.
+PIXELS = 2
+BLOCK_THREADS = TILE_PIXELS // PIXELS
+WARP = 32
+# Splats whose records are loaded together.
+BATCH = 64
+# A splat in shared memory takes so many times four floats: its place (`reaches`), its form, its color and
+# depth, and its normal.
+QUADS = 4
+# Of a gradient record with everything in it.
+MOST_FIELDS = GradientLayout.of(True, True, True).fields
 
 
 def cooperative_module_options() -> dict[str, Any]:
-    """Return the Warp module options of kernels that run in blocks of `BLOCK_THREADS` threads."""
-    return {"enable_backward": False, "block_dim": BLOCK_THREADS}
+    """Return the Warp module options of kernels that run in blocks of so many threads.
+
+    Fast exponentials and divisions change an image by 1e-7, and save a third of the backward pass.
+    """
+    return {"enable_backward": False, "block_dim": BLOCK_THREADS, "fast_math": True}
 
 
 class CooperativeLaunch:
@@ -69,37 +105,97 @@ class CooperativeLaunch:
         self._launch.launch()
 
 
+_PIXELS = wp.constant(PIXELS)
 _THREADS = wp.constant(BLOCK_THREADS)
-# Splats whose records are loaded together: 64 take 2.3 KB of shared memory, so that it never limits how many
-# blocks run at once.
-BATCH = wp.constant(64)
-# Columns of a record that compositing reads: the first ones.
-READ_FIELDS = wp.constant(COLOR_FIELDS)
+_BATCH = wp.constant(BATCH)
+_QUADS = wp.constant(QUADS)
+_WARP_FLOATS = wp.constant(BATCH * MOST_FIELDS)
+
+# A value of each pixel of a thread.
+Floats = wp.types.vector(length=PIXELS, dtype=float)
+Ints = wp.types.vector(length=PIXELS, dtype=int)
 
 
 @wp.func
-def offset_from_center(records: Any, k: int, x: int, y: int) -> wp.vec2:
-    """Offset [px] of the center of pixel (x, y) from that of splat k of a batch."""
-    return wp.vec2(
-        float(x) + 0.5 - records[k, SPLAT_U],
-        float(y) + 0.5 - records[k, SPLAT_V],
-    )
+def first_pixel(tile_x: int, tile_y: int, thread: int) -> wp.vec2i:
+    """The upper pixel of a thread, in the tile that begins there; the next one is `ROWS_APART` below."""
+    warp = thread // 32
+    lane = thread % 32
+    return wp.vec2i(tile_x + 8 * (warp % 2) + lane % 8, tile_y + 8 * (warp // 2) + lane // 8)
+
+
+_ROWS_APART = wp.constant(8 // PIXELS)
 
 
 @wp.func
-def uncapped_alpha(records: Any, k: int, offset: wp.vec2) -> float:
-    """Opacity times exp(-q / 2) of splat k of a batch at an offset [px] from its center."""
-    dx = offset[0]
-    dy = offset[1]
-    q = records[k, SPLAT_A] * dx * dx + records[k, SPLAT_C] * dy * dy
-    power = wp.min(-0.5 * q - records[k, SPLAT_B] * dx * dy, 0.0)
-    return records[k, SPLAT_OPACITY] * wp.exp(power)
+def reaches(place: wp.vec4, pixel: wp.vec2i, thread: int) -> int:
+    """Whether the box of a splat, its center and half its size, has a pixel center of a warp's square."""
+    left = float(pixel[0] - thread % 8) + 0.5
+    top = float(pixel[1] - (thread % 32) // 8) + 0.5
+    in_x = wp.abs(wp.clamp(place[0], left, left + 7.0) - place[0]) <= place[2]
+    in_y = wp.abs(wp.clamp(place[1], top, top + 7.0) - place[1]) <= place[3]
+    return wp.where(in_x and in_y, int(1), int(0))
+
+
+_FORM = wp.constant(1)
+_COLOR = wp.constant(2)
+_NORMAL = wp.constant(3)
+
+
+@wp.func_native(shared_quads(BATCH * QUADS, BATCH * QUADS))
+def shared_records() -> wp.uint64:
+    """Memory for the splats of a batch."""
+    ...
+
+
+# Each warp has sums of its own; on a CPU each thread.
+_WARP_QUADS = BATCH * MOST_FIELDS // 4
+
+
+@wp.func_native(shared_quads(BLOCK_THREADS // WARP * _WARP_QUADS, BLOCK_THREADS * _WARP_QUADS))
+def shared_sums() -> wp.uint64:
+    """Memory for the gradient records of a batch."""
+    ...
 
 
 @wp.func
-def batch_color(records: Any, k: int) -> wp.vec3:
-    """Color of splat k of a batch."""
-    return wp.vec3(records[k, SPLAT_RED], records[k, SPLAT_GREEN], records[k, SPLAT_BLUE])
+def load_batch(thread: int, first: int, size: int, splats: Splats, pairs: TilePairs, to: wp.uint64):
+    """Load a batch with all threads of a block."""
+    for k in range(thread, size, _THREADS):
+        g = pairs.splats[first + k]
+        at = k * _QUADS
+        u = splats.records[g, SPLAT_U]
+        v = splats.records[g, SPLAT_V]
+        half_width = splats.records[g, SPLAT_HALF_WIDTH]
+        put_quad(to, at, u, v, half_width, splats.records[g, SPLAT_HALF_HEIGHT])
+        a = splats.records[g, SPLAT_A]
+        b = splats.records[g, SPLAT_B]
+        c = splats.records[g, SPLAT_C]
+        put_quad(to, at + _FORM, a, b, c, splats.records[g, SPLAT_OPACITY])
+        red = splats.records[g, SPLAT_RED]
+        green = splats.records[g, SPLAT_GREEN]
+        blue = splats.records[g, SPLAT_BLUE]
+        put_quad(to, at + _COLOR, red, green, blue, splats.depths[g])
+        if splats.normals.shape[0] > 0:
+            normal = splats.normals[g]
+            put_quad(to, at + _NORMAL, normal[0], normal[1], normal[2], 0.0)
+
+
+@wp.func
+def uncapped_alpha(form: wp.vec4, dx: float, dy: float) -> float:
+    """Opacity times exp(-q / 2) of a splat at an offset [px] from its center."""
+    q = form[0] * dx * dx + form[2] * dy * dy
+    power = wp.min(-0.5 * q - form[1] * dx * dy, 0.0)
+    return form[3] * wp.exp(power)
+
+
+@wp.func
+def splats_reaching(records: wp.uint64, k: int, size: int, pixel: wp.vec2i, thread: int) -> int:
+    """A bit for each lane of a warp: whether splat ``k``, which it looks at, reaches the square."""
+    near = int(0)
+    if k < size:
+        near = reaches(quad_at(records, k * _QUADS), pixel, thread)
+    return vote(near)
 
 
 @cache
@@ -124,84 +220,99 @@ def forward_cooperative_kernel(
         drawn: Planes,
         pixel_ends: wp.array[int],  # 1 padded plane: one past the last pair that the pixel drew
     ):
-        """Composite one pixel of a tile."""
-        tile, lane = wp.tid()
+        """Composite some pixels of a tile."""
+        tile, thread = wp.tid()
         view = splats.views[0]
-        # Copied to local names: tile functions need the rank of an array.
-        all_members = pairs.splats
-        all_records = splats.records
-        all_depths = splats.depths
-        all_normals = splats.normals
         tile_column = tile % view.columns
         tile_row = tile // view.columns
         if tile_row < view.first_row or tile_row >= view.end_row:
             return
         if tile_column < view.first_column or tile_column >= view.end_column:
             return
-        x = tile_column * TILE + lane % TILE
-        y = tile_row * TILE + lane // TILE
-        inside = x < view.width and y < view.height
         begin = pairs.starts[tile]
         end = pairs.starts[tile + 1]
-        t = float(1.0)
-        color = wp.vec3(0.0, 0.0, 0.0)
-        depth = float(0.0)
-        median = float(0.0)
-        normal = wp.vec3(0.0, 0.0, 0.0)
-        stop = end
-        live = wp.where(inside, int(1), int(0))
-        for batch in range((end - begin + BATCH - 1) // BATCH):
-            first = begin + batch * BATCH
-            if wp.tile_sum(wp.tile(live))[0] == 0:
+        pixel = first_pixel(tile_column * TILE, tile_row * TILE, thread)
+        records = shared_records()
+        lane = thread % lanes()
+        t = Floats()
+        red = Floats()
+        green = Floats()
+        blue = Floats()
+        depth = Floats()
+        median = Floats()
+        normal_x = Floats()
+        normal_y = Floats()
+        normal_z = Floats()
+        stop = Ints()
+        live = Ints()
+        ys = Ints()
+        for i in range(_PIXELS):
+            ys[i] = pixel[1] + i * _ROWS_APART
+            t[i] = 1.0
+            stop[i] = end
+            live[i] = wp.where(pixel[0] < view.width and ys[i] < view.height, int(1), int(0))
+        for batch in range((end - begin + _BATCH - 1) // _BATCH):
+            first = begin + batch * _BATCH
+            size = wp.min(_BATCH, end - first)
+            alive = int(0)
+            for i in range(_PIXELS):
+                alive = alive | live[i]
+            if any_in_block(alive) == 0:  # all have read the last batch, too
                 break
-            members = wp.tile_load(all_members, shape=BATCH, offset=first, storage="shared")
-            records = wp.tile_load_indexed(
-                all_records,
-                indices=members,
-                shape=(BATCH, READ_FIELDS),
-                axis=0,
-                storage="shared",
-            )
-            if wp.static(with_depth):
-                batch_depths = wp.tile_load_indexed(
-                    all_depths, indices=members, shape=(BATCH,), axis=0, storage="shared"
-                )
-            if wp.static(with_normals):
-                batch_normals = wp.tile_load_indexed(
-                    all_normals, indices=members, shape=(BATCH,), axis=0, storage="shared"
-                )
-            for k in range(wp.min(BATCH, end - first)):
-                if live != 0:
-                    raw = uncapped_alpha(records, k, offset_from_center(records, k, x, y))
-                    alpha = alpha_of(raw, view.min_alpha, view.max_alpha)
-                    after = t * (1.0 - alpha)
-                    if after < view.min_transmittance:
-                        live = int(0)
-                        stop = first + k
-                    elif alpha > 0.0:
-                        weight = t * alpha
-                        color += weight * batch_color(records, k)
-                        if wp.static(with_depth):
-                            depth += weight * batch_depths[k]
-                        if wp.static(with_median):
-                            if t > 0.5 and after <= 0.5:
-                                median = batch_depths[k]
-                        if wp.static(with_normals):
-                            normal += weight * batch_normals[k]
-                        t = after
-        if inside:
-            p = drawn.origin + y * drawn.pitch + x
-            for channel in range(3):
-                drawn.image[p + channel * drawn.plane] = color[channel] + t * background[channel]
-            drawn.transmittance[p] = t
-            pixel_ends[p] = stop
-            if wp.static(with_depth):
-                drawn.depth[p] = wp.where(t < 1.0, depth / (1.0 - t), 0.0)
-            if wp.static(with_median):
-                drawn.depth[p + drawn.plane] = median
-            if wp.static(with_normals):
-                for axis in range(3):
-                    drawn.normals[p + axis * drawn.plane] = normal[axis]
+            load_batch(thread, first, size, splats, pairs, records)
+            meet_in_block()
+            if vote(alive) == 0:
+                size = int(0)
+            for part in range((size + lanes() - 1) // lanes()):
+                wanted = splats_reaching(records, part * lanes() + lane, size, pixel, thread)
+                while wanted != 0:
+                    k = part * lanes() + first_lane(wanted)
+                    wanted = without_first(wanted)
+                    place = quad_at(records, k * _QUADS)
+                    form = quad_at(records, k * _QUADS + _FORM)
+                    color = quad_at(records, k * _QUADS + _COLOR)
+                    for i in range(_PIXELS):
+                        if live[i] != 0:
+                            dx = float(pixel[0]) + 0.5 - place[0]
+                            dy = float(ys[i]) + 0.5 - place[1]
+                            raw = uncapped_alpha(form, dx, dy)
+                            alpha = alpha_of(raw, view.min_alpha, view.max_alpha)
+                            after = t[i] * (1.0 - alpha)
+                            if after < view.min_transmittance:
+                                live[i] = int(0)
+                                stop[i] = first + k
+                            elif alpha > 0.0:
+                                weight = t[i] * alpha
+                                red[i] = red[i] + weight * color[0]
+                                green[i] = green[i] + weight * color[1]
+                                blue[i] = blue[i] + weight * color[2]
+                                if wp.static(with_depth):
+                                    depth[i] = depth[i] + weight * color[3]
+                                if wp.static(with_median):
+                                    if t[i] > 0.5 and after <= 0.5:
+                                        median[i] = color[3]
+                                if wp.static(with_normals):
+                                    normal = quad_at(records, k * _QUADS + _NORMAL)
+                                    normal_x[i] = normal_x[i] + weight * normal[0]
+                                    normal_y[i] = normal_y[i] + weight * normal[1]
+                                    normal_z[i] = normal_z[i] + weight * normal[2]
+                                t[i] = after
+        for i in range(_PIXELS):
+            if pixel[0] < view.width and ys[i] < view.height:
+                p = drawn.origin + ys[i] * drawn.pitch + pixel[0]
+                drawn.image[p] = red[i] + t[i] * background[0]
+                drawn.image[p + drawn.plane] = green[i] + t[i] * background[1]
+                drawn.image[p + 2 * drawn.plane] = blue[i] + t[i] * background[2]
+                drawn.transmittance[p] = t[i]
+                pixel_ends[p] = stop[i]
+                if wp.static(with_depth):
+                    drawn.depth[p] = wp.where(t[i] < 1.0, depth[i] / (1.0 - t[i]), 0.0)
+                if wp.static(with_median):
+                    drawn.depth[p + drawn.plane] = median[i]
+                if wp.static(with_normals):
+                    drawn.normals[p] = normal_x[i]
+                    drawn.normals[p + drawn.plane] = normal_y[i]
+                    drawn.normals[p + 2 * drawn.plane] = normal_z[i]
 
     return forward
 
@@ -217,7 +328,9 @@ def backward_cooperative_kernel(
     """
     alpha_of, slope_of = cut.alpha, cut.slope
     layout = GradientLayout.of(with_depth, with_normals, with_absolute)
-    Record = wp.types.vector(length=layout.fields, dtype=float)
+    fields = layout.fields
+    Record = wp.types.vector(length=fields, dtype=float)
+    put_warp_sums = put_sums(fields)
 
     @wp.kernel(
         name="backward_cooperative", module="unique", module_options=cooperative_module_options()
@@ -231,111 +344,199 @@ def backward_cooperative_kernel(
         # outputs
         pair_gradients: wp.array2d[float],  # [pairs, fields of the layout]
     ):
-        """Add the share of one pixel of a tile to the records of its pairs."""
-        tile, lane = wp.tid()
+        """Add the shares of some pixels of a tile to the records of its pairs."""
+        tile, thread = wp.tid()
         view = splats.views[0]
-        # Copied to local names: tile functions need the rank of an array.
-        all_members = pairs.splats
-        all_records = splats.records
-        all_depths = splats.depths
-        all_normals = splats.normals
         if tile // view.columns >= view.rows:
             return
         begin = pairs.starts[tile]
         end = pairs.starts[tile + 1]
         if begin == end:
             return
-        x = (tile % view.columns) * TILE + lane % TILE
-        y = (tile // view.columns) * TILE + lane // TILE
-        pixel_end = begin
-        v = wp.vec3(0.0, 0.0, 0.0)
-        v_depth = float(0.0)
-        v_normal = wp.vec3(0.0, 0.0, 0.0)
-        ahead = float(0.0)
-        if x < view.width and y < view.height:
-            p = drawn.origin + y * drawn.pitch + x
-            pixel_end = pixel_ends[p]
-            v = wp.vec3(
-                adjoint.image[p], adjoint.image[p + drawn.plane], adjoint.image[p + 2 * drawn.plane]
-            )
-            pixel = wp.vec3(
-                drawn.image[p], drawn.image[p + drawn.plane], drawn.image[p + 2 * drawn.plane]
-            )
-            through = drawn.transmittance[p]
-            ahead = wp.dot(pixel, v) + through * adjoint.transmittance[p]
-            if wp.static(with_depth):
-                if through < 1.0:
-                    v_depth = adjoint.depth[p] / (1.0 - through)
-                ahead += drawn.depth[p] * v_depth
-            if wp.static(with_normals):
-                for axis in range(3):
-                    v_normal[axis] = adjoint.normals[p + axis * drawn.plane]
-                    ahead += drawn.normals[p + axis * drawn.plane] * v_normal[axis]
-        stop = wp.tile_max(wp.tile(pixel_end))[0]
-        t = float(1.0)
-        for batch in range((stop - begin + BATCH - 1) // BATCH):
-            first = begin + batch * BATCH
-            members = wp.tile_load(all_members, shape=BATCH, offset=first, storage="shared")
-            records = wp.tile_load_indexed(
-                all_records,
-                indices=members,
-                shape=(BATCH, READ_FIELDS),
-                axis=0,
-                storage="shared",
-            )
-            if wp.static(with_depth):
-                batch_depths = wp.tile_load_indexed(
-                    all_depths, indices=members, shape=(BATCH,), axis=0, storage="shared"
-                )
-            if wp.static(with_normals):
-                batch_normals = wp.tile_load_indexed(
-                    all_normals, indices=members, shape=(BATCH,), axis=0, storage="shared"
-                )
-            for k in range(wp.min(BATCH, stop - first)):
-                share = Record()
-                if first + k < pixel_end:
-                    offset = offset_from_center(records, k, x, y)
-                    raw = uncapped_alpha(records, k, offset)
-                    alpha = alpha_of(raw, view.min_alpha, view.max_alpha)
-                    if alpha > 0.0:
-                        weight = t * alpha
-                        shine = wp.dot(batch_color(records, k), v)
-                        if wp.static(with_depth):
-                            shine += batch_depths[k] * v_depth
-                            share[wp.static(layout.depth)] = weight * v_depth
-                        if wp.static(with_normals):
-                            shine += wp.dot(batch_normals[k], v_normal)
-                            share[wp.static(layout.normal)] = weight * v_normal[0]
-                            share[wp.static(layout.normal + 1)] = weight * v_normal[1]
-                            share[wp.static(layout.normal + 2)] = weight * v_normal[2]
-                        ahead -= weight * shine
-                        d_alpha = t * shine - ahead / (1.0 - alpha)
-                        slope = slope_of(raw, alpha, view.min_alpha, view.max_alpha)
-                        d_power = d_alpha * slope
-                        dx = offset[0]
-                        dy = offset[1]
-                        d_u = d_power * (records[k, SPLAT_A] * dx + records[k, SPLAT_B] * dy)
-                        d_v = d_power * (records[k, SPLAT_B] * dx + records[k, SPLAT_C] * dy)
-                        share[0] = d_u
-                        share[1] = d_v
-                        share[2] = -0.5 * d_power * dx * dx
-                        share[3] = -d_power * dx * dy
-                        share[4] = -0.5 * d_power * dy * dy
-                        share[5] = d_power / records[k, SPLAT_OPACITY]
-                        share[6] = weight * v[0]
-                        share[7] = weight * v[1]
-                        share[8] = weight * v[2]
-                        if wp.static(with_absolute):
-                            share[wp.static(layout.absolute)] = wp.abs(d_u)
-                            share[wp.static(layout.absolute + 1)] = wp.abs(d_v)
-                        t = t * (1.0 - alpha)
-                total = wp.tile_sum(wp.tile(share, preserve_type=True))[0]
-                if lane == 0:
-                    to = pairs.records[first + k]
-                    for field in range(wp.static(layout.fields)):
-                        pair_gradients[to, field] = total[field]
-        for rest in range(stop + lane, end, _THREADS):
-            for unused in range(wp.static(layout.fields)):
-                pair_gradients[pairs.records[rest], unused] = 0.0
+        pixel = first_pixel((tile % view.columns) * TILE, (tile // view.columns) * TILE, thread)
+        records = shared_records()
+        sums = shared_sums()
+        lane = thread % lanes()
+        own_sums = (thread // lanes()) * _WARP_FLOATS
+        t = Floats()
+        ahead = Floats()
+        v_red = Floats()
+        v_green = Floats()
+        v_blue = Floats()
+        v_depth = Floats()
+        v_normal_x = Floats()
+        v_normal_y = Floats()
+        v_normal_z = Floats()
+        ends = Ints()
+        ys = Ints()
+        last = int(begin)
+        for i in range(_PIXELS):
+            ys[i] = pixel[1] + i * _ROWS_APART
+            t[i] = 1.0
+            ends[i] = begin
+            if pixel[0] < view.width and ys[i] < view.height:
+                p = drawn.origin + ys[i] * drawn.pitch + pixel[0]
+                ends[i] = pixel_ends[p]
+                last = wp.max(last, ends[i])
+                v_red[i] = adjoint.image[p]
+                v_green[i] = adjoint.image[p + drawn.plane]
+                v_blue[i] = adjoint.image[p + 2 * drawn.plane]
+                through = drawn.transmittance[p]
+                rest = through * adjoint.transmittance[p] + drawn.image[p] * v_red[i]
+                rest += drawn.image[p + drawn.plane] * v_green[i]
+                rest += drawn.image[p + 2 * drawn.plane] * v_blue[i]
+                if wp.static(with_depth):
+                    if through < 1.0:
+                        v_depth[i] = adjoint.depth[p] / (1.0 - through)
+                    rest += drawn.depth[p] * v_depth[i]
+                if wp.static(with_normals):
+                    v_normal_x[i] = adjoint.normals[p]
+                    v_normal_y[i] = adjoint.normals[p + drawn.plane]
+                    v_normal_z[i] = adjoint.normals[p + 2 * drawn.plane]
+                    rest += drawn.normals[p] * v_normal_x[i]
+                    rest += drawn.normals[p + drawn.plane] * v_normal_y[i]
+                    rest += drawn.normals[p + 2 * drawn.plane] * v_normal_z[i]
+                ahead[i] = rest
+        done = int(begin)
+        for batch in range((end - begin + _BATCH - 1) // _BATCH):
+            first = begin + batch * _BATCH
+            size = wp.min(_BATCH, end - first)
+            live = wp.where(last > first, int(1), int(0))
+            if any_in_block(live) == 0:  # all have read the sums of the last batch, too
+                break
+            done = first + size
+            load_batch(thread, first, size, splats, pairs, records)
+            for own in range(lane, size * wp.static(fields), lanes()):
+                put_float(sums, own_sums + own, 0.0)
+            meet_in_block()
+            reached = wp.where(vote(live) == 0, int(0), size)
+            for part in range((reached + lanes() - 1) // lanes()):
+                wanted = splats_reaching(records, part * lanes() + lane, size, pixel, thread)
+                while wanted != 0:
+                    k = part * lanes() + first_lane(wanted)
+                    wanted = without_first(wanted)
+                    place = quad_at(records, k * _QUADS)
+                    form = quad_at(records, k * _QUADS + _FORM)
+                    color = quad_at(records, k * _QUADS + _COLOR)
+                    share = Record()
+                    has_share = int(0)
+                    # Sums of d_power times 1, dx, dy, dx dx, dx dy, dy dy.
+                    sum_1 = float(0.0)
+                    sum_x = float(0.0)
+                    sum_y = float(0.0)
+                    sum_xx = float(0.0)
+                    sum_xy = float(0.0)
+                    sum_yy = float(0.0)
+                    for i in range(_PIXELS):
+                        if first + k < ends[i]:
+                            dx = float(pixel[0]) + 0.5 - place[0]
+                            dy = float(ys[i]) + 0.5 - place[1]
+                            raw = uncapped_alpha(form, dx, dy)
+                            alpha = alpha_of(raw, view.min_alpha, view.max_alpha)
+                            if alpha > 0.0:
+                                has_share = int(1)
+                                weight = t[i] * alpha
+                                shine = (
+                                    color[0] * v_red[i]
+                                    + color[1] * v_green[i]
+                                    + color[2] * v_blue[i]
+                                )
+                                if wp.static(with_depth):
+                                    shine += color[3] * v_depth[i]
+                                    share[wp.static(layout.depth)] = (
+                                        share[wp.static(layout.depth)] + weight * v_depth[i]
+                                    )
+                                if wp.static(with_normals):
+                                    normal = quad_at(records, k * _QUADS + _NORMAL)
+                                    shine += (
+                                        normal[0] * v_normal_x[i]
+                                        + normal[1] * v_normal_y[i]
+                                        + normal[2] * v_normal_z[i]
+                                    )
+                                    share[wp.static(layout.normal)] = (
+                                        share[wp.static(layout.normal)] + weight * v_normal_x[i]
+                                    )
+                                    share[wp.static(layout.normal + 1)] = (
+                                        share[wp.static(layout.normal + 1)] + weight * v_normal_y[i]
+                                    )
+                                    share[wp.static(layout.normal + 2)] = (
+                                        share[wp.static(layout.normal + 2)] + weight * v_normal_z[i]
+                                    )
+                                ahead[i] = ahead[i] - weight * shine
+                                d_alpha = t[i] * shine - ahead[i] / (1.0 - alpha)
+                                d_power = d_alpha * slope_of(
+                                    raw, alpha, view.min_alpha, view.max_alpha
+                                )
+                                d_x = d_power * dx
+                                d_y = d_power * dy
+                                sum_1 += d_power
+                                sum_x += d_x
+                                sum_y += d_y
+                                sum_xx += d_x * dx
+                                sum_xy += d_x * dy
+                                sum_yy += d_y * dy
+                                share[6] = share[6] + weight * v_red[i]
+                                share[7] = share[7] + weight * v_green[i]
+                                share[8] = share[8] + weight * v_blue[i]
+                                if wp.static(with_absolute):
+                                    share[wp.static(layout.absolute)] = share[
+                                        wp.static(layout.absolute)
+                                    ] + wp.abs(form[0] * d_x + form[1] * d_y)
+                                    share[wp.static(layout.absolute + 1)] = share[
+                                        wp.static(layout.absolute + 1)
+                                    ] + wp.abs(form[1] * d_x + form[2] * d_y)
+                                t[i] = t[i] * (1.0 - alpha)
+                    if vote(has_share) != 0:
+                        share[0] = form[0] * sum_x + form[1] * sum_y
+                        share[1] = form[1] * sum_x + form[2] * sum_y
+                        share[2] = -0.5 * sum_xx
+                        share[3] = -sum_xy
+                        share[4] = -0.5 * sum_yy
+                        share[5] = sum_1 / form[3]
+                        put_warp_sums(share, sums, own_sums + k * wp.static(fields), lane)
+            meet_in_block()
+            for value in range(thread, size * wp.static(fields), _THREADS):
+                total = float(0.0)
+                for other in range(_THREADS // lanes()):
+                    total += float_at(sums, other * _WARP_FLOATS + value)
+                to = pairs.records[first + value // wp.static(fields)]
+                pair_gradients[to, value % wp.static(fields)] = total
+        for rest_k in range(done + thread, end, _THREADS):
+            for unused in range(wp.static(fields)):
+                pair_gradients[pairs.records[rest_k], unused] = 0.0
 
     return backward
+
+
+@cache
+def sum_records_kernel(fields: int) -> wp.Kernel:
+    """Return the kernel in which a warp adds up the records of a splat with more than ``most``.
+
+    The first one holds the sum afterwards. A splat of the background can have a thousand: one thread would
+    take longer for them than the others for all other splats. Each lane looks at a splat, and so the number
+    of threads is that of whole warps.
+    """
+    Record = wp.types.vector(length=fields, dtype=float)
+    put_warp_sums = put_sums(fields)
+
+    @wp.kernel(name="sum_records", module="unique", module_options={"enable_backward": False})
+    def sum_records(first: int, pairs: PairGradients, most: int):
+        """Look at one splat, and add up a lane's share of those of its warp that have many records."""
+        own = first + wp.tid()
+        lane = own % lanes()
+        many = int(0)
+        if own < pairs.starts.shape[0] - 1:
+            if pairs.starts[own + 1] - pairs.starts[own] > most:
+                many = int(1)
+        wanted = vote(many)
+        while wanted != 0:
+            g = own - lane + first_lane(wanted)
+            wanted = without_first(wanted)
+            begin = pairs.starts[g]
+            share = Record()
+            for pair in range(begin + lane, pairs.starts[g + 1], lanes()):
+                for field in range(wp.static(fields)):
+                    share[field] = share[field] + pairs.records[pair, field]
+            put_warp_sums(share, pairs.records.ptr, begin * wp.static(fields), lane)
+
+    return sum_records

@@ -37,6 +37,7 @@ def project_backward_kernel(
     degree: int,
     splats: Splats,
     pairs: PairGradients,
+    most: int,  # of a splat with more records, the first one holds the sum of all
     # outputs
     adjoint: GaussianArrays,
     camera_shares: wp.array2d[float],  # [n, CAMERA_FIELDS]; empty: not wanted
@@ -44,14 +45,16 @@ def project_backward_kernel(
 ):
     """Sum a splat's gradient over its tiles in a fixed order and pull it back to the parameters."""
     g = first + wp.tid()
-    if pairs.starts[g] == pairs.starts[g + 1]:
+    begin = pairs.starts[g]
+    end = pairs.starts[g + 1]
+    if begin == end:
         put_zeros(g, adjoint)
         if camera_shares.shape[0] > 0:
             for field in range(_CAMERA_FIELDS):
                 camera_shares[g, field] = 0.0
         return
 
-    d = gather(g, pairs)
+    d = gather(begin, wp.where(end - begin > most, begin + 1, end), pairs)
     cam = splats.views[0]
     quat = gaussians.quats[g]
     f = footprint_of(cam, gaussians.means[g], gaussians.log_scales[g], quat)

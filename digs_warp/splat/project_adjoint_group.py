@@ -80,7 +80,7 @@ def project_backward_group_kernel(
             member,
         )
         put_vec3(conic_of(splats.records, g), state, _CONIC + member)
-        d = gather(g, pairs)
+        d = gather(pairs.starts[g], pairs.starts[g + 1], pairs)
         state[_D_U + member] = d.u
         state[_D_V + member] = d.v
         put_vec3(wp.vec3(d.a, d.b, d.c), state, _D_CONIC + member)

@@ -51,10 +51,10 @@ class SplatGradient:
 
 
 @wp.func
-def gather(g: int, pairs: PairGradients) -> SplatGradient:
-    """Sum the records of splat g in a fixed order; a column of -1 is not there."""
+def gather(begin: int, end: int, pairs: PairGradients) -> SplatGradient:
+    """Sum the records ``begin`` .. ``end`` - 1 in a fixed order; a column of -1 is not there."""
     d = SplatGradient()
-    for pair in range(pairs.starts[g], pairs.starts[g + 1]):
+    for pair in range(begin, end):
         d.u += pairs.records[pair, 0]
         d.v += pairs.records[pair, 1]
         d.a += pairs.records[pair, 2]

@@ -15,9 +15,12 @@ from digs_warp.splat.renderer import SplatRenderer
 from gpu_checks.parts import Findings, Run, relative, say
 from gpu_checks.scenes import NEAR, body_in_room, cameras
 
-# Both sides compute in float32 and round at other places, by about 1e-6 of a color. Where an alpha is just at
-# the cut of 1/255, or two depths are nearly equal, that decides what is drawn: such a pixel may differ by a
-# step of the cut or more. There are few of them, so the bounds are on means and on shares of pixels.
+# Both sides compute in float32 and round at other places, by about 1e-6 of a color. Where an alpha is just
+# at the cut of 1/255, that decides what is drawn: such a pixel may differ by a step of the cut or more. There
+# are few of them, so the bounds are on means and on shares of pixels. Rounding also decides which of two
+# splats comes first whose depths differ by a few units in the last place, and one such pair can fill a
+# thousandth of the image: the CPU draws in the order of the device's depths, and these are compared, too.
+MOST_DEPTH = 5e-6  # [m]; a depth is the sum of terms of up to 8 m, of which each is rounded to 5e-7
 MOST_RMS = 1e-4  # 80 dB
 VISIBLE = 1e-3  # a quarter of a step of 8 bits
 MOST_VISIBLE = 1e-3  # share of the pixels
@@ -73,6 +76,9 @@ class Views:
             if case.blur is not None:
                 motions = {"blur": case.blur}
             renderer.forward(camera, near=NEAR, background=BACKGROUND, **motions)  # pyright: ignore[reportArgumentType]
+        self.depth_apart, self.moved = 0.0, 0
+        if isinstance(self.cpu, SplatRenderer) and isinstance(self.tried, SplatRenderer):
+            self.depth_apart, self.moved = take_order(self.cpu, self.tried)
 
     def images(self, renderer: Renderer) -> dict[str, np.ndarray]:
         """Return what was drawn by name, each (height, width, channels)."""
@@ -110,6 +116,36 @@ class Views:
         return SplatRenderer(gaussians, k.width, k.height, **given)
 
 
+def take_order(renderer: SplatRenderer, other: SplatRenderer) -> tuple[float, int]:
+    """Draw the last view again in the order of the other's depths.
+
+    Returns:
+        How far the depths by which they sort are apart [m], and how many places in the lists of the tiles
+        have another splat now.
+    """
+    lists, stages = renderer.binner.lists, renderer.stages()
+    before = lists.tile_splats.numpy().copy()
+    shown, (own, others) = lists.depths.numpy().copy(), map(center_depths, (renderer, other))
+    both = (own > 0) & (others > 0)
+    lists.depths.assign(np.where(both, others, own))
+    stages["bin"]()
+    lists.depths.assign(shown)
+    stages["forward"]()
+    pairs = renderer.binner.total_pairs
+    moved = int((lists.tile_splats.numpy()[:pairs] != before[:pairs]).sum())
+    return float(np.abs(own - others)[both].max(initial=0.0)), moved
+
+
+def center_depths(renderer: SplatRenderer) -> np.ndarray:
+    """Return the depths by which the splats of the last view were sorted; later ones may be of the skin."""
+    depths = renderer.binner.lists.depths
+    shown = depths.numpy().copy()
+    renderer.stages()["project"]()
+    centers = depths.numpy().copy()
+    depths.assign(shown)
+    return centers
+
+
 def all_views(run: Run) -> list[tuple[Case, Camera]]:
     """Return all cases, each seen from elsewhere; blur has kernels for CUDA only there."""
     cases = [case for case in CASES if run.has_gpu or case.blur is None]
@@ -122,6 +158,8 @@ def forward(run: Run, findings: Findings) -> None:
 
         def compare(case: Case = case, camera: Camera = camera) -> None:
             views = Views(run, case, camera)
+            findings.at_most(f"{case.name}: depths apart [m]", views.depth_apart, MOST_DEPTH)
+            findings.note(f"{case.name}: pairs in another order", views.moved)
             expected = views.images(views.cpu)
             for name, found in views.images(views.tried).items():
                 compare_images(f"{case.name}: {name}", found, expected[name], findings)

@@ -8,8 +8,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 from gpu_check import PARTS, arguments, in_own_process, main, run_of
-from gpu_checks.images import compare_images
+from gpu_checks.images import compare_images, take_order
 from gpu_checks.parts import Findings, read, relative, run_part
+
+from digs_warp.splat.device import DeviceGaussians
+from digs_warp.splat.renderer import SplatRenderer
+from reference.splat_scenes import NEAR, camera, random_gaussians
 
 ROOT = Path(__file__).resolve().parents[2]
 SMALL = ["--device", "cpu", "--splats", "200", "--size", "49x35", "--steps", "3"]
@@ -93,3 +97,22 @@ def test_nan_and_wrong_pixels_fail() -> None:
     findings.at_most("nothing", np.nan, 1.0)
     findings.at_least("nothing", np.nan, 1.0)
     assert len(findings.failures) == 6
+
+
+def test_splats_of_nearly_one_depth_are_drawn_in_the_order_of_the_other() -> None:
+    view, gaussians = camera(), random_gaussians(6, seed=2)
+    gaussians.log_scales[:2], gaussians.opacity_logits[:2] = -2.5, 1.0
+
+    def drawn(apart: float) -> SplatRenderer:
+        gaussians.means[0], gaussians.means[1] = 0.0, apart * view.world_from_cam[:3, 2]
+        renderer = SplatRenderer(DeviceGaussians.from_numpy(gaussians), 41, 37)
+        renderer.forward(view, near=NEAR)
+        return renderer
+
+    one, other = drawn(1e-6), drawn(-1e-6)
+    expected = other.image.to_numpy()
+    assert np.abs(one.image.to_numpy() - expected).max() > 0.05
+    apart, moved = take_order(one, other)
+    assert 1e-6 < apart < 3e-6
+    assert moved >= 2
+    assert np.abs(one.image.to_numpy() - expected).max() < 1e-4
