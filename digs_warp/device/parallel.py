@@ -21,15 +21,33 @@ from digs_warp.device.warp_start import start_warp
 
 
 def put(array: wp.array, values: np.ndarray | tuple[float, ...]) -> None:
-    """Set all values of a contiguous array.
+    """Set all values of a small contiguous array.
 
-    On a CPU they are written where they are: the arrays that `wp.array.assign` makes on the way take five
-    times as long, and a step of the training sets a dozen.
+    A step of the training sets a dozen, and the arrays that `wp.array.assign` makes each time take longer
+    than the rest of it.
     """
     if str(array.device) == "cpu":
         array.numpy()[...] = values
     else:
-        array.assign(np.asarray(values))
+        put_by_copy(array, values)
+
+
+def put_by_copy(array: wp.array, values: np.ndarray | tuple[float, ...]) -> None:
+    """Set all values of an array on any device, by way of an array on the host that is kept."""
+    with _copying:
+        on_host, written = _kept_on_host(array.dtype, array.shape)
+        written[...] = values
+        wp.copy(array, on_host)  # has read it when it returns, for this memory is not pinned
+
+
+_copying = Lock()
+
+
+@cache
+def _kept_on_host(dtype: Any, shape: tuple[int, ...]) -> tuple[wp.array, np.ndarray]:
+    """Return an array on the host, and its memory as NumPy sees it."""
+    array = wp.zeros(shape, dtype=dtype, device="cpu")
+    return array, array.numpy()
 
 
 start_warp()

@@ -104,6 +104,8 @@ class TileBinner:
         self.generation = 0
         self.total_rows = 0
         self.total_pairs = 0
+        # Pinned: a copy from a GPU need not go by other memory, and makes none.
+        self._total = wp.zeros(1, dtype=int, device="cpu", pinned=device != "cpu")
         self._order = wp.zeros(max(count, 1), dtype=wp.vec2i, device=device)
         self._spare = wp.zeros_like(self._order)
         self._histogram = self._zeros(HISTOGRAM)
@@ -180,7 +182,9 @@ class TileBinner:
     def _running_sum(self, counts: wp.array, starts: wp.array) -> int:
         """Fill ``starts`` behind its first 0, and return the total; waits for the device."""
         wp.utils.array_scan(counts, starts[1:])  # pyright: ignore[reportArgumentType]
-        return int(starts[self.count :].numpy()[0])  # pyright: ignore[reportAttributeAccessIssue]
+        wp.copy(self._total, starts, src_offset=self.count, count=1)
+        wp.synchronize_stream(self.device)
+        return int(self._total.numpy()[0])
 
     def _hold_rows(self, total: int) -> None:
         """Make room for the spans of a view."""

@@ -1,12 +1,13 @@
 """Small arrays are set where they are: with the type of the array, whatever the values have."""
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 import pytest
 import warp as wp
 
-from digs_warp.device.parallel import put
+from digs_warp.device.parallel import put, put_by_copy
 
 
 @wp.struct
@@ -15,8 +16,14 @@ class Pair:
     share: float
 
 
+BOTH = pytest.mark.parametrize("put", [put, put_by_copy])  # the second is for GPUs
+
+
+@BOTH
 @pytest.mark.parametrize("values", [(1, 2.5, 1 / 3), np.array([1, 2.5, 1 / 3], np.float64)])
-def test_values_are_those_of_assign(values: np.ndarray) -> None:
+def test_values_are_those_of_assign(
+    put: Callable[[wp.array, Any], None], values: np.ndarray
+) -> None:
     array, other = (wp.zeros(3, dtype=float, device="cpu") for _ in range(2))
     place = array.ptr
     put(array, values)
@@ -25,7 +32,8 @@ def test_values_are_those_of_assign(values: np.ndarray) -> None:
     assert array.ptr == place, "kernels hold the address"
 
 
-def test_matrices_and_structures_are_set() -> None:
+@BOTH
+def test_matrices_and_structures_are_set(put: Callable[[wp.array, Any], None]) -> None:
     matrix = wp.zeros((2, 4), dtype=int, device="cpu")
     put(matrix, np.arange(8).reshape(2, 4))
     assert matrix.numpy().tolist() == [[0, 1, 2, 3], [4, 5, 6, 7]]
@@ -36,6 +44,7 @@ def test_matrices_and_structures_are_set() -> None:
     assert pairs.numpy().tolist() == [(3, 0.25)]
 
 
-def test_another_number_of_values_is_an_error() -> None:
+@BOTH
+def test_another_number_of_values_is_an_error(put: Callable[[wp.array, Any], None]) -> None:
     with pytest.raises(ValueError, match="broadcast"):
         put(wp.zeros(3, dtype=float, device="cpu"), (1.0, 2.0))
