@@ -246,19 +246,20 @@ def emit_kernel(
 
 @wp.kernel
 def pair_key_kernel(
+    first: int,
+    columns: int,
     first_tile_rows: wp.array[int],
     row_starts: wp.array[int],
     pair_starts: wp.array[int],
     spans: wp.array[wp.vec2i],
     depths: wp.array[float],
-    columns: int,
     # outputs
     keys: wp.array[wp.int64],
     pairs: wp.array[int],
     pair_splats: wp.array[int],
 ):
     """One (tile, depth) key per pair, one thread per splat."""
-    g = wp.tid()
+    g = first + wp.tid()
     begin = row_starts[g]
     for row in range(begin, row_starts[g + 1]):
         span = spans[row]

@@ -156,24 +156,14 @@ class TileBinner:
         self._span_launch.run()
         self._hold_pairs(self._running_sum(lists.pair_counts, lists.pair_starts))
         pairs = self.total_pairs
-        keys = wp.empty(2 * pairs, dtype=wp.int64, device=self.device)  # pyright: ignore[reportArgumentType]
-        values = wp.empty(2 * pairs, dtype=int, device=self.device)
-        pair_splats = wp.empty(pairs, dtype=int, device=self.device)
-        wp.launch(
-            pair_key_kernel,
-            dim=self.count,
-            inputs=[lists.first_tile_rows, lists.row_starts, lists.pair_starts]
-            + [lists.spans, lists.depths, self.columns],
-            outputs=[keys, values, pair_splats],
-            device=self.device,
-            record_tape=False,
-        )
+        self._key_launch.set_param(0, self.columns)
+        self._key_launch.run()
         tile_bits = self.tiles.bit_length()
-        wp.utils.radix_sort_pairs(keys, values, pairs, end_bit=32 + tile_bits)
+        wp.utils.radix_sort_pairs(self._keys, self._values, pairs, end_bit=32 + tile_bits)
         wp.launch(
             unpack_kernel,
             dim=pairs + 1,
-            inputs=[pairs, self.tiles, keys, values, pair_splats],
+            inputs=[pairs, self.tiles, self._keys, self._values, self._pair_splats],
             outputs=[lists.tile_splats, lists.tile_pairs, lists.tile_starts],
             device=self.device,
             record_tape=False,
@@ -223,6 +213,7 @@ class TileBinner:
             ),
         )
         self.lists = lists
+        self._make_keys(pairs)
         self._record()
         return lists
 
@@ -240,7 +231,15 @@ class TileBinner:
         lists.pair_gradients = wp.zeros(
             (capacity, self._gradient_fields), dtype=float, device=self.device
         )
+        self._make_keys(capacity)
         self._record()
+
+    def _make_keys(self, pairs: int) -> None:
+        """Make what is sorted, twice as long as there are pairs: the sort needs as much to work in."""
+        pairs = 0 if self.counting else pairs
+        self._keys = wp.zeros(2 * pairs, dtype=wp.int64, device=self.device)  # pyright: ignore[reportArgumentType]
+        self._values = self._zeros(2 * pairs)
+        self._pair_splats = self._zeros(pairs)
 
     def _record(self) -> None:
         """Record the launches on the present buffers."""
@@ -269,6 +268,12 @@ class TileBinner:
             -(-self.count // GROUP_SIZE) if self.counting else self.count,
             [self._views, lists.splats, lists.first_tile_rows, lists.row_starts, EXTENT_SLACK]
             + [lists.spans, lists.pair_counts],
+        )
+        self._key_launch = self._launch(
+            pair_key_kernel,
+            0 if self.counting else self.count,
+            [self.columns, lists.first_tile_rows, lists.row_starts, lists.pair_starts]
+            + [lists.spans, lists.depths, self._keys, self._values, self._pair_splats],
         )
         parts = [self._views, self._parts, self._sorted_count, self._order]
         parts += [lists.ranges, lists.spans]
