@@ -54,7 +54,7 @@ def nearest_known(screen_filter: ScreenFilter) -> ScreenFilter:
     """Return what other programs know that shows splats most as ``screen_filter`` does.
 
     Viewers that add 0.3 px^2 to a scene without a filter show it nearer to true views with antialiasing: by
-    3.5 dB at half the size of the training images, 1.2 dB at it; at twice both are the same within 0.1 dB
+    3.6 dB at half the size of the training images, 0.9 dB at it; at twice both are the same within 0.1 dB
     (`python -m studies trained`, viewers).
     """
     return CLASSIC if screen_filter == CLASSIC else ANTIALIASED
