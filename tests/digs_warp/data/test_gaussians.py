@@ -117,14 +117,14 @@ def test_a_wrong_shape_is_named(name: str) -> None:
     arrays = {field: getattr(random_gaussians(5), field) for field in FIELDS}
     arrays[name] = np.zeros((5, 2))
     with pytest.raises(DigsError, match=r"Gaussians\.\w+: shape|spherical harmonics"):
-        Gaussians(**arrays)
+        Gaussians(*arrays.values())
 
 
 @pytest.mark.parametrize("shape", [(5, 5, 3), (5, 0, 3), (5, 25, 3), (5, 3), (5,)])
 def test_a_wrong_number_of_color_coefficients_raises_our_error(shape: tuple[int, ...]) -> None:
     arrays = {field: getattr(random_gaussians(5), field) for field in FIELDS}
     with pytest.raises(DigsError):
-        Gaussians(**(arrays | {"sh": np.zeros(shape)}))
+        Gaussians(*(arrays | {"sh": np.zeros(shape)}).values())
 
 
 def test_a_file_that_promises_terabytes_is_refused(tmp_path: Path) -> None:
