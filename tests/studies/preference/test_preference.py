@@ -49,6 +49,7 @@ def kit(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("preference")
     for number, strategy in enumerate(STRATEGIES):
         gaussians = ball(200)
+        gaussians.log_scales[:] = np.log(0.03)  # without gaps
         gaussians.sh[:, 0] = number / 1.5 - 1.0
         (folder / "mug" / strategy).mkdir(parents=True)
         gaussians.save(folder / "mug" / strategy / "gaussians.npz")
