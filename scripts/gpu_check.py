@@ -105,7 +105,6 @@ def main(given: list[str]) -> int:
     with tempfile.TemporaryDirectory(prefix="gpu-check-") as folder:
         path: Path = settings.json or Path(folder) / "findings.jsonl"
         path.parent.mkdir(parents=True, exist_ok=True)
-        path.touch()
         before = len(read(path))
         if settings.here:
             wp.config.enable_cpu_blocks = True

@@ -13,7 +13,7 @@ from digs_warp.splat.config import RasterOptions
 from digs_warp.splat.device import DeviceGaussians, SplatStatistics
 from digs_warp.splat.renderer import SplatRenderer
 from gpu_checks.parts import Findings, Run, relative, say
-from gpu_checks.scenes import NEAR, body_in_room, cameras
+from gpu_checks.scenes import NEAR, body_in_room, cameras, filtered
 
 # Both sides compute in float32 and round at other places, by about 1e-6 of a color. Where an alpha is just
 # at the cut of 1/255, that decides what is drawn: such a pixel may differ by a step of the cut or more. There
@@ -66,7 +66,7 @@ class Views:
 
     def __init__(self, run: Run, case: Case, camera: Camera) -> None:
         self.case, self.camera = case, camera
-        self.scene = body_in_room(run.splats)
+        self.scene = filtered(body_in_room(run.splats), camera)
         self.cpu = self._renderer("cpu", VectorizedBackend())
         self.tried = self._renderer(run.device, run.backend)
         for renderer in (self.cpu, self.tried):

@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 import warp as wp
 
+from digs_warp.record.files import add_line
 from digs_warp.splat.backend import CooperativeBackend, RasterBackend
 
 
@@ -126,13 +127,13 @@ def run_part(name: str, part: Part, run: Run) -> Findings:
 
 def append(findings: Findings, path: Path) -> None:
     """Add the findings to a file as one line of JSON."""
-    with path.open("a") as file:
-        file.write(json.dumps(asdict(findings)) + "\n")
+    add_line(path, json.dumps(asdict(findings)))
 
 
 def read(path: Path) -> list[Findings]:
     """Return the findings in a file, in order."""
-    return [Findings(**json.loads(line)) for line in path.read_text().splitlines()]
+    lines = path.read_text().splitlines() if path.is_file() else []
+    return [Findings(**json.loads(line)) for line in lines]
 
 
 def say(line: str) -> None:

@@ -1,11 +1,15 @@
 """A synthetic scene that is like a real one: a textured body in a room, both layers of flat splats."""
 
+from dataclasses import replace
+
 import numpy as np
+import warp as wp
 
 from digs_warp.data.gaussians import Gaussians
 from digs_warp.geometry.camera import Camera, Intrinsics
 from digs_warp.geometry.rigid import look_at, quat_xyzw_from_matrix
 from digs_warp.geometry.sh import coefficient_count, sh_from_rgb
+from digs_warp.train.smoothing import VARIANCE, sampling_distances
 
 NEAR = 0.05  # near plane [m]
 EXTENT = 2.5  # distance of the cameras from the body [m], the unit of the rate of the centers
@@ -41,6 +45,17 @@ def body_in_room(count: int, seed: int = 0) -> Gaussians:
         opacity_logits=rng.normal(0.5, 2.0, count),
         sh=sh,
     )
+
+
+def filtered(scene: Gaussians, camera: Camera) -> Gaussians:
+    """Return splats that are not thinner than the pixels of a view, as a training leaves them.
+
+    The gradient of a thinner one is mostly rounding.
+    """
+    means = wp.array(scene.means, dtype=wp.vec3, device="cpu")
+    distances = sampling_distances(means, [camera]).numpy()
+    added = VARIANCE * np.square(distances)[:, None]
+    return replace(scene, log_scales=0.5 * np.log(np.exp(2.0 * scene.log_scales) + added))
 
 
 def perturbed(scene: Gaussians, seed: int = 1) -> Gaussians:

@@ -51,6 +51,7 @@ def kit(tmp_path_factory: pytest.TempPathFactory) -> Path:
         gaussians = ball(200)
         gaussians.log_scales[:] = np.log(0.03)  # without gaps
         gaussians.sh[:, 0] = number / 1.5 - 1.0
+        gaussians.log_scales[:] += 0.7  # closed at this size
         (folder / "mug" / strategy).mkdir(parents=True)
         gaussians.save(folder / "mug" / strategy / "gaussians.npz")
     size = "--size 48 32 --seconds 0.25 --fps 8".split()
