@@ -61,7 +61,10 @@ def check_elsewhere(trained: Gaussians, folder: Path) -> None:
         theirs = render_usd(folder / "scene.usdz", "/Asset/Rig/left", number, np.ones(3))
         assert psnr(theirs, ours) > 45
         recorded = views[number].load_image().astype(np.float32) / 255
-        assert psnr(theirs, recorded) == pytest.approx(psnr(ours, recorded), abs=0.1)  # dB
+        inside = views[number].load_mask() > 127
+        mine, other = (psnr(image, recorded, inside) for image in (ours, theirs))
+        assert other == pytest.approx(mine, abs=0.15)  # 0.10 dB, of the 0.01 px^2 that ours adds
+        assert mine > 12
 
 
 def test_the_built_in_object_ends_as_a_usd_scene(tmp_path: Path) -> None:
