@@ -122,16 +122,23 @@ def take_order(renderer: SplatRenderer, other: SplatRenderer) -> tuple[float, in
     Returns:
         How far the depths by which they sort are apart [m], and how many places in the lists of the tiles
         have another splat now.
+
+    Raises:
+        ValueError: the lists of the first, made again from its own depths, are not the same.
     """
     lists, stages = renderer.binner.lists, renderer.stages()
     before = lists.tile_splats.numpy().copy()
     shown, (own, others) = lists.depths.numpy().copy(), map(center_depths, (renderer, other))
+    pairs = renderer.binner.total_pairs
+    lists.depths.assign(own)
+    stages["bin"]()
+    if not np.array_equal(lists.tile_splats.numpy()[:pairs], before[:pairs]):
+        raise ValueError("the tile lists of the CPU differ when they are made again")
     both = (own > 0) & (others > 0)
     lists.depths.assign(np.where(both, others, own))
     stages["bin"]()
     lists.depths.assign(shown)
     stages["forward"]()
-    pairs = renderer.binner.total_pairs
     moved = int((lists.tile_splats.numpy()[:pairs] != before[:pairs]).sum())
     return float(np.abs(own - others)[both].max(initial=0.0)), moved
 
