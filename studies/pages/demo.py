@@ -15,6 +15,7 @@ from digs_warp.data.capture import Capture, read_capture
 from digs_warp.data.frame import Frame
 from digs_warp.data.images import encode_jpeg, read_image
 from digs_warp.data.point_cloud import PointCloud
+from digs_warp.pipeline.reconstruction import Reconstruction
 from digs_warp.record.files import write_atomically
 from digs_warp.record.layout import INITIAL_POINTS
 from digs_warp.show.view.contents import read_contents
@@ -27,6 +28,8 @@ from studies.pages.starts import points_picture
 IMAGES = DOCS / "images"
 
 FRAME, ROWS, COLUMNS = 32, slice(20, 350), slice(120, 520)
+NECK = NECK_ROWS, NECK_COLUMNS = slice(20, 170), slice(280, 440)
+SIZES = {"half the size": 0.5, "as trained": 1.0, "twice the size": 2.0}
 
 # A browser without a graphics card takes this long at most for the first picture of a report, and to load
 # everything of a view [s].
@@ -40,8 +43,9 @@ CLOSE_NOTE = "document.querySelector('.mantine-Notification-closeButton')?.click
 
 
 def main(run: Path = Path("out/demo")) -> None:
-    """Draw demo.jpg, report.jpg, report-phone.jpg and view.jpg."""
+    """Draw demo.jpg, sizes.jpg, report.jpg, report-phone.jpg and view.jpg."""
     draw_stages(run)
+    draw_sizes(run)
     photograph_report(run)
     photograph_view(run)
 
@@ -65,6 +69,26 @@ def draw_stages(run: Path) -> None:
         axis.axis("off")
     figure.subplots_adjust(0.004, 0.004, 0.996, 0.9, wspace=0.02)
     save_figure(figure, IMAGES / "demo.jpg", 88)
+
+
+def draw_sizes(run: Path) -> None:
+    """Put the neck of the vase, whose handle is thin, side by side at several sizes, without dilation."""
+    result = Reconstruction.load(run / "reconstruction")
+    frame = read_capture(run / "capture").frames[FRAME]
+    k = frame.camera.intrinsics
+    figure = Figure(figsize=(16, 4.6), dpi=110)
+    axes = figure.subplots(1, 1 + len(SIZES))
+    axes[0].imshow(frame.load_image()[NECK_ROWS, NECK_COLUMNS])
+    axes[0].set_title("photograph, held out", fontsize=14)
+    for axis, (title, factor) in zip(axes[1:], SIZES.items(), strict=True):
+        camera = frame.camera.resized(int(factor * k.width), int(factor * k.height))
+        part = [slice(int(factor * s.start), int(factor * s.stop)) for s in NECK]
+        axis.imshow(np.clip(result.render(camera).image, 0.0, 1.0)[tuple(part)])
+        axis.set_title(title, fontsize=14)
+    for axis in axes:
+        axis.axis("off")
+    figure.subplots_adjust(0.004, 0.004, 0.996, 0.92, wspace=0.02)
+    save_figure(figure, IMAGES / "sizes.jpg", 88)
 
 
 def depth_picture(capture: Capture, frame: Frame) -> np.ndarray:
