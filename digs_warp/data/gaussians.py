@@ -1,7 +1,7 @@
 """The Gaussians of a scene: raw parameters for the optimizer, activated values for a renderer."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -66,7 +66,7 @@ class Gaussians:
     quats: np.ndarray
     opacity_logits: np.ndarray
     sh: np.ndarray
-    screen_filter: ScreenFilter = NO_FILTER
+    screen_filter: ScreenFilter = field(default=NO_FILTER, kw_only=True)
 
     def __post_init__(self) -> None:
         for name in FIELDS:
