@@ -27,7 +27,7 @@ REFERENCE_RATES = LearningRates(1.6e-4, 5e-3, 1e-3, 5e-2, 2.5e-3)
 # Tuned for starts from dense depth: the splats are already in place, and only their shapes and colors are
 # left to learn. YCB mustard bottle at 800x450, 38,000 points, opaque start, held-out PSNR after 100 and
 # 300 steps: 36.5 and 39.7 dB; with the reference's rates 34.2 and 36.5 dB. 1.5 to 2 times these rates for
-# scales and colors change nothing; decaying the rates of shape and color to a tenth loses 1.5 dB.
+# scales and colors change nothing; a decay of shape and color to a tenth from the first step on loses 1.5 dB.
 DENSE_RATES = LearningRates(5e-4, 2e-2, 1e-2, 5e-2, 2e-2)
 
 # The reference's rates are for 30,000 steps. In a run of a thirtieth of that, sparse points learn as fast as
