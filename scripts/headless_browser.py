@@ -22,6 +22,8 @@ FLAGS = [
     *("--remote-debugging-port=0", "--no-first-run"),
 ]
 
+# What the browser answers when a page goes away while an expression waits for it.
+PAGE_LEFT = "Inspected target navigated or closed"
 
 _KEY_CODES = {
     **{"Tab": 9, "Enter": 13, "Home": 36, " ": 32},
@@ -31,6 +33,10 @@ _KEY_CODES = {
 
 class NoBrowserError(Exception):
     """There is no browser, or it does not start; the message says what to install."""
+
+
+class PageLeftError(RuntimeError):
+    """The page went away while it was asked: the tab is on its way to another one."""
 
 
 class Browser:
@@ -73,13 +79,13 @@ class Browser:
         return found["result"].get("value")
 
     def wait_for(self, condition: str, seconds: float = 180.0) -> None:
-        """Wait until a JavaScript expression is true.
+        """Wait until a JavaScript expression is true, on this page or on the one that follows it.
 
         Raises:
             TimeoutError: it is not.
         """
         end = time.monotonic() + seconds
-        while not self.run(condition):
+        while not self._holds(condition):
             if time.monotonic() > end:
                 raise TimeoutError(f"not within {seconds:g} s: {condition}")
             time.sleep(0.05)
@@ -135,6 +141,12 @@ class Browser:
         assert pixels is not None
         return pixels[..., ::-1]
 
+    def _holds(self, condition: str) -> bool:
+        try:
+            return bool(self.run(condition))
+        except PageLeftError:
+            return False
+
     def _call(self, method: str, **parameters: Any) -> dict[str, Any]:
         number = next(self._numbers)
         self._socket.send(json.dumps({"id": number, "method": method, "params": parameters}))
@@ -142,7 +154,8 @@ class Browser:
             answer = self._receive()
             if answer.get("id") == number:
                 if "error" in answer:
-                    raise RuntimeError(f"{method}: {answer['error']}")
+                    left = answer["error"]["message"] == PAGE_LEFT
+                    raise (PageLeftError if left else RuntimeError)(f"{method}: {answer['error']}")
                 return answer["result"]
 
     def _receive(self) -> dict[str, Any]:
