@@ -32,8 +32,9 @@ from digs_warp.geometry.camera import Camera
 from digs_warp.splat.config import DEFAULT_OPTIONS
 from digs_warp.splat.device import DeviceGaussians
 from digs_warp.splat.footprint import ViewParams, near_plane, view_params
+from digs_warp.splat.records import GROUP_OPTIONS
 
-wp.set_module_options({"enable_backward": False, "max_unroll": 1, "optimization_level": 3})
+wp.set_module_options(GROUP_OPTIONS)
 
 # Variance of the filter, in squares of the sampling distance: that of the dilation of 3DGS at the size of the
 # training images. Figures for others: docs/research/training-tried.md.
@@ -48,8 +49,27 @@ SAMPLED_EVERY = 100
 # Values that one thread filters.
 BLOCK = 3 * 1024
 
+# Splats whose sampling distances one thread finds.
+GROUP = 256
+
 _BLOCK = wp.constant(BLOCK)
+_GROUP = wp.constant(GROUP)
 _VARIANCE = wp.constant(VARIANCE)
+
+
+@wp.func
+def pixel_size(view: ViewParams, mean: wp.vec3) -> wp.vec2:
+    """Size of a pixel [m] at a point: where the image shows it, else infinite; and whether it does or not."""
+    point = view.rotation * mean + view.translation
+    size = 1.0 / wp.max(view.fx, view.fy)
+    u = view.fx * point[0] / point[2] + view.cx
+    v = view.fy * point[1] / point[2] + view.cy
+    shown = wp.where(point[2] > view.near, point[2] * size, wp.inf)
+    shown = wp.where(u >= 0.0, shown, wp.inf)
+    shown = wp.where(v >= 0.0, shown, wp.inf)
+    shown = wp.where(u <= float(view.width), shown, wp.inf)
+    shown = wp.where(v <= float(view.height), shown, wp.inf)
+    return wp.vec2(shown, wp.sqrt(wp.dot(point, point)) * size)
 
 
 @wp.kernel
@@ -60,24 +80,30 @@ def sampling_kernel(
     # outputs
     distances: wp.array[float],
 ):
-    """Return the size of a pixel [m] at a splat, in the view that samples it most finely.
+    """Return the size of a pixel [m] at the splats of a group, in the view that samples each most finely.
 
     A splat that is in no image gets that of the nearest camera.
     """
-    g = first + wp.tid()
-    finest = float(wp.inf)
-    nearest = float(wp.inf)
-    for i in range(views.shape[0]):
-        view = views[i]
-        point = view.rotation * means[g] + view.translation
-        focal = wp.max(view.fx, view.fy)
-        nearest = wp.min(nearest, wp.length(point) / focal)
-        if point[2] > view.near:
-            u = view.fx * point[0] / point[2] + view.cx
-            v = view.fy * point[1] / point[2] + view.cy
-            if u >= 0.0 and v >= 0.0 and u <= float(view.width) and v <= float(view.height):
-                finest = wp.min(finest, point[2] / focal)
-    distances[g] = wp.where(finest < wp.inf, finest, nearest)
+    begin = (first + wp.tid()) * _GROUP
+    size = wp.min(_GROUP, means.shape[0] - begin)
+    memory = wp.zeros(shape=(wp.static(5 * GROUP),), dtype=float)
+    # A view: LLVM reloads the address of the local array itself after every write.
+    state = wp.array(ptr=memory.ptr, shape=(wp.static(5 * GROUP),), dtype=float)
+    for member in range(size):
+        for axis in range(3):
+            state[axis * _GROUP + member] = means[begin + member][axis]
+    for place in range(2 * _GROUP):
+        state[3 * _GROUP + place] = wp.inf
+    for number in range(views.shape[0]):
+        view = views[number]
+        for i in range(_GROUP):
+            mean = wp.vec3(state[i], state[_GROUP + i], state[2 * _GROUP + i])
+            found = pixel_size(view, mean)
+            state[3 * _GROUP + i] = wp.min(state[3 * _GROUP + i], found[0])
+            state[4 * _GROUP + i] = wp.min(state[4 * _GROUP + i], found[1])
+    for out in range(size):
+        finest = state[3 * _GROUP + out]
+        distances[begin + out] = wp.where(finest < wp.inf, finest, state[4 * _GROUP + out])
 
 
 @wp.kernel
@@ -116,7 +142,7 @@ def effective(own: float, distance: float) -> float:
 def effective_kernel(
     first: int,
     count: int,
-    distances: wp.array[float],  # p of each splat
+    widths: wp.array[float],  # p of its splat for each value: a vector loop cannot share it
     # outputs
     log_scales: wp.array[float],  # ln s, then ln s_eff
     learned: wp.array[float],
@@ -126,15 +152,15 @@ def effective_kernel(
     size = wp.min(_BLOCK, count - begin)
     own = floats_from(learned, begin, size)
     scale = floats_from(log_scales, begin, size)
-    distance = floats_from(distances, begin // 3, size // 3)
+    width = floats_from(widths, begin, size)
     if size == _BLOCK:
-        for i in range(_BLOCK):
-            own[i] = scale[i]
-            scale[i] = effective(own[i], distance[i // 3])
+        for k in range(_BLOCK):
+            own[k] = scale[k]
+            scale[k] = effective(own[k], width[k])
     else:
         for j in range(size):
             own[j] = scale[j]
-            scale[j] = effective(own[j], distance[j // 3])
+            scale[j] = effective(own[j], width[j])
 
 
 def sampling_distances(
@@ -152,7 +178,7 @@ def sampling_distances(
     records = [view_params(c, near_plane(c, middle), DEFAULT_OPTIONS) for c in cameras]
     views = wp.array(np.concatenate(records), dtype=ViewParams, device=device)  # pyright: ignore[reportArgumentType]
     distances = wp.zeros(len(means), dtype=float, device=device)
-    launch_parallel(sampling_kernel, len(means), [views, means, distances], device)
+    launch_parallel(sampling_kernel, -(-len(means) // GROUP), [views, means, distances], device)
     return distances
 
 
@@ -211,7 +237,8 @@ class SmoothingFilter:
         device = gaussians.device
         self._gaussians, self._cameras = gaussians, cameras
         self._center = gaussians.means.numpy().mean(axis=0)
-        self.distances = sampling_distances(gaussians.means, cameras, self._center)
+        self._widths = wp.zeros(3 * len(gaussians), dtype=float, device=device)
+        self._take(sampling_distances(gaussians.means, cameras, self._center))
         own = without_filter(gaussians.log_scales.numpy(), self.distances.numpy(), VARIANCE)
         self.learned = wp.array(own, dtype=wp.vec3, device=device)
         self._kept_alive = gradients  # a launch holds addresses only
@@ -220,7 +247,7 @@ class SmoothingFilter:
         blocks = -(-count // BLOCK)
         given = [count, learned, scales, flat(gradients.log_scales)]
         self._before = ParallelLaunch(learned_kernel, blocks, given, device, threads, even=True)
-        given = [count, self.distances, scales, learned]
+        given = [count, self._widths, scales, learned]
         self._after = ParallelLaunch(effective_kernel, blocks, given, device, threads, even=True)
         gaussians.log_scales.assign(self.learned)
         self.after_update()
@@ -233,8 +260,12 @@ class SmoothingFilter:
         """Give the renderer the effective scales again; ``step``: steps taken."""
         if step % SAMPLED_EVERY == 0:
             means = self._gaussians.means
-            self.distances.assign(sampling_distances(means, self._cameras, self._center))
+            self._take(sampling_distances(means, self._cameras, self._center))
         self._after.run()
+
+    def _take(self, distances: wp.array) -> None:
+        self.distances = distances
+        self._widths.assign(np.repeat(distances.numpy(), 3))
 
     def state(self) -> dict[str, np.ndarray]:
         """Return what a checkpoint has to hold."""
@@ -243,6 +274,6 @@ class SmoothingFilter:
     def restore(self, state: dict[str, np.ndarray]) -> None:
         """Continue from a `state`."""
         self.learned.assign(state["learned"])
-        self.distances.assign(state["distances"])
+        self._take(wp.array(state["distances"], dtype=float, device=self._gaussians.device))
         self._gaussians.log_scales.assign(self.learned)
         self._after.run()

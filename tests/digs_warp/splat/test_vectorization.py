@@ -84,6 +84,11 @@ OWN_OPTIONS = {
     "digs_warp.splat.project_adjoint_group": ["for i in range(_GROUP):"],
     "digs_warp.splat.skin": ["for i in range(_GROUP):"],
     "digs_warp.splat.span_group": ["for i in range(_GROUP):", "for j in range(_GROUP):"],
+    "digs_warp.train.smoothing": [
+        "for i in range(_GROUP):",
+        "for i in range(_BLOCK):",
+        "for k in range(_BLOCK):",
+    ],
     "digs_warp.measure.ssim": [
         "for i in range(_LINE):",
         "for (int x = 0; x < count; ++x)",
