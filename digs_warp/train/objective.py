@@ -5,7 +5,6 @@ and sum it here. The logged loss is the sum of these terms, and Adam sees their 
 """
 
 import numpy as np
-import warp as wp
 
 from digs_warp.geometry.rigid import PixelBox
 from digs_warp.losses.depth import DepthLoss
@@ -130,9 +129,10 @@ class Objective:
             self._regularizer.run()
 
     @property
-    def sums(self) -> list[wp.array]:
-        """The arrays that `value` sums, on the device: all are finite exactly when the loss is."""
-        return [self._photometric.sums, *(term.sums for term in self._other_terms)]
+    def is_finite(self) -> bool:
+        """Whether the loss of the last `compare` and `pull_back` is finite; waits for the device."""
+        sums = [self._photometric.sums, *(term.sums for term in self._other_terms)]
+        return all(np.isfinite(array.numpy()).all() for array in sums)
 
     def value(self) -> float:
         """Return the loss of the last `compare` and `pull_back`; waits for the device."""

@@ -1,6 +1,6 @@
 # Warp's stubs do not type device code:
 # pyright: reportAttributeAccessIssue=false, reportOperatorIssue=false, reportGeneralTypeIssues=false
-# pyright: reportArgumentType=false, reportIndexIssue=false
+# pyright: reportArgumentType=false, reportIndexIssue=false, reportCallIssue=false
 """The filter in 3D: no splat is thinner than the images that trained it resolve.
 
 An image that samples a surface at the distance p (the size of a pixel on it) tells nothing finer. So a splat

@@ -28,7 +28,7 @@ from digs_warp.train.depth_errors import (
 )
 from digs_warp.train.exposure import Exposures, rendered_samples
 from digs_warp.train.objective import Objective
-from digs_warp.train.optimizer import Adam, FiniteCheck, non_finite_rows
+from digs_warp.train.optimizer import Adam, non_finite_rows
 from digs_warp.train.smoothing import SmoothingFilter
 from digs_warp.train.time_plan import Progress
 from digs_warp.train.view_store import ViewStore
@@ -193,11 +193,10 @@ class Trainer:
         self.optimizer = Adam(self.gaussians, gradients, rates, self._extent, self.progress)
         self.optimizer.step = step
         self.smoothing = SmoothingFilter(self.gaussians, gradients, self.views.cameras)
-        self._finite = FiniteCheck(self.objective.sums)
 
     def _require_finite(self, view: View) -> None:
         """Raise if the loss or a parameter is not finite; the renderer would just skip such a Gaussian."""
-        if self.optimizer.is_finite and self._finite.passes():
+        if self.optimizer.is_finite and self.objective.is_finite:
             return
         # Effective scales are finite even where the learned ones are not.
         values = [array.numpy() for array in self.gaussians.arrays]
