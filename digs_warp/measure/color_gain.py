@@ -10,6 +10,7 @@ pixels; `joint_log_factors` those of many photographs that see the same points, 
 """
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -42,6 +43,8 @@ ROUNDS = 4
 JOINT_ROUNDS = 12
 # The last round is the first one that changes no logarithm by more: 0.0014 stops.
 SETTLED = 1e-3
+# Misfit at which the equations of a round are solved, relative to the weights of the photographs.
+SOLVED = 1e-11
 # Usual are differences up to this many median ones, and all below about two steps of 8 bits.
 USUAL, LEAST = 2.0, 0.02
 
@@ -127,6 +130,8 @@ def joint_log_factors(values: np.ndarray) -> np.ndarray:
     Args:
         values: one channel of n points, sRGB in 0..1, NaN where a point is not seen, shape (n, m).
     """
+    from scipy.sparse import csr_array
+
     with np.errstate(invalid="ignore"):
         told = (values > DARK) & (values < SATURATED / 255.0)
     told &= told.sum(axis=1, keepdims=True) >= 2
@@ -136,6 +141,7 @@ def joint_log_factors(values: np.ndarray) -> np.ndarray:
     # Only where a photograph tells a point, one point after the other: that is a third of all.
     point, photo = np.nonzero(told[told.any(axis=1)])
     starts = np.flatnonzero(np.diff(point, prepend=-1))
+    rows = np.append(starts, len(point))
 
     def sums(each: np.ndarray) -> np.ndarray:
         return np.add.reduceat(each, starts)[point]
@@ -143,20 +149,14 @@ def joint_log_factors(values: np.ndarray) -> np.ndarray:
     light = values[told] + OFFSET
     logs, usual = np.log(light), light**2  # an error of y is one of log y times y
     weights, found = usual, np.zeros(count)
-    roots = np.zeros((len(starts), count))
     for _ in range(JOINT_ROUNDS):
         totals = sums(weights)
         shares = weights / totals
         apart = logs - sums(shares * logs)
-        roots[point, photo] = weights / np.sqrt(totals)
-        # Not a product of matrices: its sums depend on the number of threads, and these wait for each other.
-        normal = np.diag(_sums_by_photo(photo, weights, count)) - np.einsum(
-            "nm,nk->mk", roots, roots
-        )
+        roots = csr_array((weights / np.sqrt(totals), photo, rows), shape=(len(starts), count))
         before = found
-        found = np.linalg.lstsq(normal, _sums_by_photo(photo, weights * apart, count), rcond=1e-9)[
-            0
-        ]
+        own, right = (np.bincount(photo, each, count) for each in (weights, weights * apart))
+        found = _without_points(roots, own, right, before)
         if np.abs(found - before).max() < SETTLED:
             break
         even = logs - found[photo]
@@ -166,9 +166,37 @@ def joint_log_factors(values: np.ndarray) -> np.ndarray:
     return found - found.mean()
 
 
-def _sums_by_photo(photo: np.ndarray, values: np.ndarray, count: int) -> np.ndarray:
-    """Return the sum of the values of each of ``count`` photographs."""
-    return np.bincount(photo, values, count)
+def _without_points(
+    roots: Any, own: np.ndarray, right: np.ndarray, start: np.ndarray
+) -> np.ndarray:
+    """Solve (diag(own) - roots^T roots) x = right, the normal equations without the points.
+
+    By conjugate gradients, a dozen or two steps: as a matrix it would grow with the square of the photographs.
+    Where it is singular, as nobody knows the common exposure, the solution nearest to ``start`` is found.
+
+    Args:
+        roots: a sparse matrix, shape (n, m).
+        own: shape (m,).
+        right: in the range of the matrix, shape (m,).
+        start: to improve, shape (m,).
+    """
+    across = roots.T
+
+    def times(x: np.ndarray) -> np.ndarray:
+        return own * x - across @ (roots @ x)
+
+    found, goal = start, SOLVED**2 * (own**2).sum()
+    left = right - times(found)
+    way, square = left, (left**2).sum()  # sums, not products: those depend on the number of threads
+    for _ in range(4 * len(own)):
+        if square <= goal:
+            break
+        ahead = times(way)
+        step = square / (way * ahead).sum()
+        found, left = found + step * way, left - step * ahead
+        before, square = square, (left**2).sum()
+        way = left + square / before * way
+    return found
 
 
 def trusted_share(square: float, error: float) -> float:

@@ -1,5 +1,6 @@
 """Exposures of photographs before the training: a ring of them around a ball, of which each sees a side."""
 
+import tracemalloc
 from dataclasses import replace
 from pathlib import Path
 
@@ -15,7 +16,17 @@ from digs_warp.init.first_exposures import (
     without_exposure,
 )
 from digs_warp.init.seen_colors import look_up
-from digs_warp.measure.color_gain import OFFSET, ColorGain, joint_log_factors
+from digs_warp.measure.color_gain import (
+    DARK,
+    JOINT_ROUNDS,
+    LEAST,
+    OFFSET,
+    SATURATED,
+    SETTLED,
+    USUAL,
+    ColorGain,
+    joint_log_factors,
+)
 from reference.tiny_capture import ball, write_tiny_capture
 
 VIEWS = 24
@@ -37,6 +48,57 @@ def test_exposures_are_found_even_if_they_follow_the_angle(waves: int) -> None:
     factors = 0.2 * np.cos(waves * ANGLES)
     found = joint_log_factors(around(factors)[0])
     np.testing.assert_allclose(found, factors - factors.mean(), atol=1e-6)
+
+
+def dense_log_factors(values: np.ndarray) -> np.ndarray:
+    """The twin of `joint_log_factors`: all unknowns at once, points included, in one dense matrix."""
+    points, photos = values.shape
+    point, photo = np.nonzero(np.isfinite(values))
+    light = values[point, photo] + OFFSET
+    each = np.arange(len(light))
+    rows = np.zeros((len(light), photos + points))
+    rows[each, photo] = rows[each, photos + point] = 1.0
+    weights, found = light**2, np.zeros(photos)
+    for _ in range(JOINT_ROUNDS):
+        before, scaled = found, np.sqrt(weights)
+        solved = np.linalg.lstsq(scaled[:, None] * rows, scaled * np.log(light), rcond=1e-9)[0]
+        found = solved[:photos] - solved[:photos].mean()
+        if np.abs(found - before).max() < SETTLED:
+            break
+        misses = light * np.abs(np.log(light) - rows @ solved)
+        allowed = max(USUAL * float(np.median(misses)), LEAST)
+        weights = light**2 * (allowed / np.maximum(misses, allowed)) ** 2
+    return found
+
+
+def test_factors_are_those_of_all_unknowns_at_once() -> None:
+    values = around(0.2 * np.cos(2 * ANGLES), points=150)[0]
+    values *= np.random.default_rng(2).uniform(0.7, 1.3, values.shape)
+    assert np.nanmax(values) < SATURATED / 255.0
+    assert np.nanmin(values) > DARK
+    np.testing.assert_allclose(joint_log_factors(values), dense_log_factors(values), atol=1e-9)
+
+
+def test_photographs_in_two_groups_are_even_within_each() -> None:
+    factors = np.array([0.1, -0.1, 0.3, 0.2, 0.1])
+    values = np.full((40, 5), np.nan)
+    values[:20, :2], values[20:, 2:] = 0.3, 0.4
+    values = np.exp(factors) * (values + OFFSET) - OFFSET
+    expected = factors - np.repeat([factors[:2].mean(), factors[2:].mean()], [2, 3])
+    np.testing.assert_allclose(joint_log_factors(values), expected, atol=1e-9)
+
+
+def test_memory_does_not_grow_with_the_square_of_the_photographs() -> None:
+    photos, points, views = 1500, 400, 6
+    random = np.random.default_rng(3)
+    values = np.full((points, photos), np.nan)
+    seen_by = random.integers(0, photos, (points, views))
+    values[np.arange(points)[:, None], seen_by] = random.uniform(0.2, 0.5, (points, views))
+    tracemalloc.start()
+    found = joint_log_factors(values)
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert np.isfinite(found).all() and peak < 8 * photos**2 / 4
 
 
 def test_highlights_and_what_hides_a_point_do_not_count() -> None:
