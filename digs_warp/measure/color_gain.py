@@ -171,7 +171,7 @@ def _without_points(
 ) -> np.ndarray:
     """Solve (diag(own) - roots^T roots) x = right, the normal equations without the points.
 
-    By conjugate gradients, a dozen or two steps: as a matrix it would grow with the square of the photographs.
+    By conjugate gradients, a dozen or two steps: a matrix would grow with the square of the photographs.
     Where it is singular, as nobody knows the common exposure, the solution nearest to ``start`` is found.
 
     Args:
