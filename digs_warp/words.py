@@ -5,6 +5,7 @@ from difflib import get_close_matches
 
 # Beside a suggestion, more known names than these are not worth reading.
 MOST_BESIDE_A_SUGGESTION = 30
+LONGEST_QUOTE = 80
 
 
 def counted(count: int, thing: str, things: str = "") -> str:
@@ -16,6 +17,11 @@ def first_few(names: Sequence[str], most: int = 5) -> str:
     """Return "a, b, c and 4 more": at most ``most`` of the names."""
     more = f" and {len(names) - most:,} more" if len(names) > most else ""
     return ", ".join(names[:most]) + more
+
+
+def quoted(text: str) -> str:
+    """Return a name or a line of a file in quotes, as messages show it: not longer than 80 characters."""
+    return f"'{text if len(text) <= LONGEST_QUOTE else text[: LONGEST_QUOTE - 3] + '...'}'"
 
 
 def did_you_mean(word: str, known: Iterable[str]) -> str:

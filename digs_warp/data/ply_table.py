@@ -1,8 +1,10 @@
 """A PLY file (Turk 1994) as tables. Its header may promise anything; memory stays below the file's size."""
 
+import codecs
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -17,19 +19,17 @@ LONGEST_COUNT = 18  # digits
 ASCII = "ascii"
 BYTE_ORDERS = {"binary_little_endian": "<", "binary_big_endian": ">"}
 
-# PLY's names of number types, the old and the new ones -> NumPy's.
-_TYPES = {
-    **dict.fromkeys(("char", "int8"), "i1"),
-    **dict.fromkeys(("uchar", "uint8"), "u1"),
-    **dict.fromkeys(("short", "int16"), "i2"),
-    **dict.fromkeys(("ushort", "uint16"), "u2"),
-    **dict.fromkeys(("int", "int32"), "i4"),
-    **dict.fromkeys(("uint", "uint32"), "u4"),
-    **dict.fromkeys(("float", "float32"), "f4"),
-    **dict.fromkeys(("double", "float64"), "f8"),
+# NumPy's number types -> PLY's names of them: the old ones, which every program knows.
+_NAMES = {
+    **{"i1": "char", "u1": "uchar", "i2": "short", "u2": "ushort"},
+    **{"i4": "int", "u4": "uint", "f4": "float", "f8": "double"},
 }
-# And back; the old names, which every program knows.
-_NAMES = {"u1": "uchar", "f4": "float"}
+_TYPES = {
+    **{name: kind for kind, name in _NAMES.items()},
+    **{np.dtype(kind).name: kind for kind in _NAMES},
+}
+# What scanners of the nineties call the color of a vertex.
+_USUAL_NAMES = {f"diffuse_{color}": color for color in ("red", "green", "blue")}
 
 # Lines of a text file parsed at a time: the words of 62 columns take some ten megabytes.
 LINES_AT_A_TIME = 4096
@@ -39,7 +39,7 @@ LINES_AT_A_TIME = 4096
 class PlyElement:
     """A table of the file: its name, its rows, and the NumPy type of each column by name.
 
-    A column of lists (the corners of a face) has the type "list".
+    A column of lists (the corners of a face) has the types of their lengths and items, such as "u1 i4".
     """
 
     name: str
@@ -49,7 +49,7 @@ class PlyElement:
     @property
     def has_lists(self) -> bool:
         """Whether rows have no fixed length."""
-        return "list" in self.columns.values()
+        return any(" " in kind for kind in self.columns.values())
 
     def row_type(self, byte_order: str) -> np.dtype:
         """Return the type of a row in a binary file; only without lists."""
@@ -72,6 +72,11 @@ class PlyHeader:
     data_start: int
     comments: tuple[str, ...] = ()
 
+    @property
+    def holds_splats(self) -> bool:
+        """Whether it has what neither meshes nor point clouds have: colors of Gaussians, maybe compressed."""
+        return any({"f_dc_0", "packed_position"} & each.columns.keys() for each in self.elements)
+
 
 def read_ply_header(path: Path) -> PlyHeader:
     """Return the header of a PLY file.
@@ -83,6 +88,7 @@ def read_ply_header(path: Path) -> PlyHeader:
     require_file(path, "PLY")
     with Path(path).open("rb") as file:
         start = file.read(MAX_HEADER_BYTES)
+    mark = len(start) - len(start := start.removeprefix(codecs.BOM_UTF8))
     if not start.startswith((b"ply\n", b"ply\r")):
         raise DigsError(f"{what}: not a PLY file: it begins with {start[:8]!r}, expected b'ply'")
     lines = start.splitlines(keepends=True)
@@ -91,8 +97,8 @@ def read_ply_header(path: Path) -> PlyHeader:
         raise DigsError(
             f"{what}: no 'end_header' in the first {len(start)} bytes; truncated, or no PLY file"
         )
-    data_start = sum(len(line) for line in lines[: end + 1])
-    encoding, elements, comments = "", [], []
+    data_start = mark + sum(len(line) for line in lines[: end + 1])
+    encoding, elements, comments, kinds = "", [], [], _TYPES.keys()
     for number, line in enumerate(lines[1:end], start=2):
         words = line.decode("latin-1").split()
         where = f"{what}, header line {number}"
@@ -105,10 +111,10 @@ def read_ply_header(path: Path) -> PlyHeader:
                 encoding = name
             case ["element", name, count]:
                 elements.append(PlyElement(name, _count(count, where), {}))
-            case ["property", "list", _, _, name] if elements:
-                _add_column(elements[-1], name, "list", where)
-            case ["property", kind, name] if elements and kind in _TYPES:
-                _add_column(elements[-1], name, _TYPES[kind], where)
+            case ["property", "list", length, kind, name] if elements and {length, kind} <= kinds:
+                _add_column(elements[-1], name, f"{_TYPES[length]} {_TYPES[kind]}", where)
+            case ["property", kind, name] if elements and kind in kinds:
+                _add_column(elements[-1], _USUAL_NAMES.get(name, name), _TYPES[kind], where)
             case _:
                 raise DigsError(f"{where}: cannot be understood: '{' '.join(words)[:60]}'")
     if not encoding:
@@ -220,3 +226,50 @@ def _structured(values: np.ndarray, element: PlyElement) -> np.ndarray:
         for number, name in enumerate(kind.names or ()):
             table[name] = values[:, number]
     return table
+
+
+def read_rows(path: Path, header: PlyHeader) -> dict[str, dict[str, Any]]:
+    """Return all columns by element and name: arrays, shape (n,); of lists, a list of arrays.
+
+    Slower than `read_table`, for files with lists of any length.
+
+    Raises:
+        ValueError, IndexError: the file holds fewer numbers than its header promises.
+    """
+    data = path.read_bytes()[header.data_start :]
+    order = BYTE_ORDERS.get(header.encoding, "<")
+    words = data.split() if header.encoding == ASCII else None
+    at = 0
+
+    def take(kind: Any, count: int) -> np.ndarray:
+        nonlocal at
+        if words is None:
+            values = np.frombuffer(data, kind, count, at)
+            at += values.nbytes
+        else:
+            values = np.array(words[at : at + count], np.float64).astype(kind)
+            at += count
+        if len(values) < count:
+            raise IndexError("it ends too early")
+        return values
+
+    tables: dict[str, dict[str, Any]] = {}
+    for element in header.elements:
+        columns: dict[str, Any] = {name: [] for name in element.columns}
+        if words is None and columns and not element.has_lists:
+            rows = take(element.row_type(order), element.count)
+            tables[element.name] = {name: rows[name] for name in columns}
+            continue
+        kinds = [
+            (columns[name], *(order + kind for kind in each.split()))
+            for name, each in element.columns.items()
+        ]
+        for _ in range(element.count if kinds else 0):
+            for values, kind, *items in kinds:
+                first = take(kind, 1)[0]
+                values.append(take(items[0], int(first)) if items else first)
+        tables[element.name] = {
+            name: values if " " in (kind := element.columns[name]) else np.array(values, kind)
+            for name, values in columns.items()
+        }
+    return tables

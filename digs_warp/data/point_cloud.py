@@ -137,7 +137,7 @@ def write_points(path: Path, cloud: PointCloud) -> None:
 
 
 def read_points(path: Path) -> PointCloud:
-    """Read a file with positions, and colors in 8 bits if it has them (else gray).
+    """Read a file with positions, and colors, whole numbers or 0 to 1, if it has them (else gray).
 
     Positions that are not finite are left out, with a warning.
 
@@ -150,8 +150,10 @@ def read_points(path: Path) -> PointCloud:
         raise DigsError(f"points '{path}': properties {', '.join(names)}, expected x, y and z")
     positions = np.stack([table[axis] for axis in POSITION], axis=1).astype(np.float32)
     colors = np.full(positions.shape, 0.5, np.float32)
-    if all(name in names and table[name].dtype == np.uint8 for name in COLOR):
-        colors = np.stack([table[name] for name in COLOR], axis=1) / np.float32(255)
+    if set(COLOR) <= set(names):
+        stored = np.stack([table[name] for name in COLOR], axis=1)
+        top = np.iinfo(stored.dtype).max if stored.dtype.kind in "iu" else 1
+        colors = np.clip(np.nan_to_num(stored / np.float32(top)), 0, 1)
     sound = np.all(np.isfinite(positions), axis=1, keepdims=False)
     if lost := int(np.count_nonzero(~sound)):
         logger.warning(

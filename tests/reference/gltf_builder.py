@@ -81,7 +81,8 @@ class GltfBuilder:
     def save(self, path: Path) -> Path:
         """Write the file."""
         data = self._data + b"\0" * (-len(self._data) % 4)
-        self.header["buffers"] = [{"byteLength": len(data)}]
+        others = self.header.get("buffers", [])[1:]
+        self.header["buffers"] = [{"byteLength": len(data)}, *others]
         text = json.dumps(self.header).encode()
         text += b" " * (-len(text) % 4)
         path.write_bytes(

@@ -93,16 +93,6 @@ def read_ply(path: Path) -> Gaussians:
     )
 
 
-def holds_gaussians(path: Path) -> bool:
-    """Whether a PLY file has the colors of Gaussians, which meshes and point clouds do not have.
-
-    Raises:
-        DigsError: not a PLY file, or a broken header.
-    """
-    elements = read_ply_header(path).elements
-    return any(set(COLOR) <= element.columns.keys() for element in elements)
-
-
 def write_ply(path: Path, gaussians: Gaussians, vertex_colors: bool = False) -> None:
     """Write Gaussians, binary little-endian: float32 exactly as in memory.
 

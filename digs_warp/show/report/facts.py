@@ -205,6 +205,6 @@ def _summary_of_folder(path: Path) -> Callable[[Path], Facts]:
 
 def of_ply(path: Path) -> Facts:
     """Gaussians or a mesh: a PLY file can contain either."""
-    from digs_warp.formats.splats.ply import holds_gaussians
+    from digs_warp.data.ply_table import read_ply_header
 
-    return of_splat_file(path) if holds_gaussians(path) else of_mesh(path)
+    return of_splat_file(path) if read_ply_header(path).holds_splats else of_mesh(path)

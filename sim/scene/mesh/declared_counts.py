@@ -19,6 +19,9 @@ _MOST_COPIES, _FREE_TRIANGLES = 16, 1 << 20
 # A binary STL file: a header of 80 bytes, a count, 50 bytes per triangle.
 _STL_COUNT = struct.Struct("<80xI")
 _STL_TRIANGLE_BYTES = 50
+_STL_NO_COUNT = 0xFFFFFFFF
+# In text, the word "facet" is in the second line.
+_STL_LOOKED_AT = 1024
 
 
 def check_promises(path: Path, header: dict[str, Any]) -> None:
@@ -66,22 +69,39 @@ def _least_bytes(element: PlyElement, header: PlyHeader) -> int:
     """Return the fewest bytes that a row can have: in text a digit and a blank for each column."""
     if header.encoding == ASCII:
         return 2 * len(element.columns)
-    return sum(1 if kind == "list" else int(kind[1:]) for kind in element.columns.values())
+    return sum(int(kind.split()[0][1:]) for kind in element.columns.values())
 
 
 def _check_stl(path: Path, where: str) -> None:
     with path.open("rb") as file:
-        start = file.read(_STL_COUNT.size)
-    size = path.stat().st_size
-    if len(start) == _STL_COUNT.size and not start.startswith(b"solid"):
-        count = _STL_COUNT.unpack(start)[0]
-        held = (size - _STL_COUNT.size) // _STL_TRIANGLE_BYTES
-        if count > held:
-            raise MeshError(
-                f"{where}: its header promises {count:,} triangles, the file holds {held:,}; truncated "
-                "or damaged, copy or export it again"
-            )
-        TRIANGLES.check(where, count)
+        count = _stl_triangles(file.read(_STL_LOOKED_AT), path.stat().st_size)
+    held = (path.stat().st_size - _STL_COUNT.size) // _STL_TRIANGLE_BYTES
+    if count is not None and count > held:
+        raise MeshError(
+            f"{where}: its header promises {count:,} triangles, the file holds {held:,}; truncated "
+            "or damaged, copy or export it again"
+        )
+    TRIANGLES.check(where, count or 0)
+
+
+def _stl_triangles(start: bytes, size: int) -> int | None:
+    """Return the triangles of a binary STL file of ``size`` bytes, by its start; None: it is text."""
+    if len(start) < _STL_COUNT.size:
+        return None
+    count, held = _STL_COUNT.unpack_from(start)[0], (size - _STL_COUNT.size) // _STL_TRIANGLE_BYTES
+    if count > held and b"facet" in start.lower():
+        return None
+    # Programs that write to a pipe cannot go back to fill it in.
+    return held if count in (0, _STL_NO_COUNT) else count
+
+
+def plain_stl(data: bytes) -> bytes:
+    """Return an STL file without what follows its triangles, for which trimesh would take it for text."""
+    count = _stl_triangles(data[:_STL_LOOKED_AT], len(data))
+    if count is None:
+        return data.replace(b"\r", b"\n")  # which end the lines of old programs
+    end = _STL_COUNT.size + count * _STL_TRIANGLE_BYTES
+    return data[:80] + count.to_bytes(4, "little") + data[_STL_COUNT.size : end]
 
 
 def _check_gltf(path: Path, header: dict[str, Any], where: str) -> None:

@@ -4,6 +4,7 @@ trimesh leaves out what it cannot find or read, without a word. Windows does not
 case or which way slashes lean, so names that worked there need not work here.
 """
 
+import codecs
 import logging
 import re
 import warnings
@@ -43,7 +44,8 @@ def resolver_beside(path: Path) -> Any:
 
 def obj_materials(path: Path) -> list[str]:
     """Return the material files that an OBJ file names: one a line, or several with blanks between them."""
-    lines = re.findall(rb"^mtllib[ \t]+(.+?)\s*$", path.read_bytes(), re.MULTILINE)
+    text = without_mark(path.read_bytes())
+    lines = re.findall(rb"^mtllib[ \t]+(.+?)\s*$", text, re.MULTILINE)
     names: list[str] = []
     for line in map(_text, lines):
         several = line.split() if locate(path.parent, line) is None else [line]
@@ -64,7 +66,7 @@ def opacity_maps(path: Path) -> dict[str, Any]:
     for name in obj_materials(path):
         place = locate(path.parent, name)
         material = ""
-        for line in place.read_bytes().splitlines() if place else ():
+        for line in without_mark(place.read_bytes()).splitlines() if place else ():
             key, _, value = _text(line).strip().partition(" ")
             if key == "newmtl":
                 material = " ".join(value.split())
@@ -72,6 +74,13 @@ def opacity_maps(path: Path) -> dict[str, Any]:
                 with suppress(OSError, DigsError):  # a warning has said it
                     found[material] = Image.open(BytesIO(files.read(value.strip())))
     return found
+
+
+def without_mark(text: bytes) -> bytes:
+    """Return a text in UTF-8, without the mark with which programs on Windows begin it."""
+    if text.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
+        return text.decode("utf-16", "replace").encode()
+    return text.removeprefix(codecs.BOM_UTF8)
 
 
 def _text(line: bytes) -> str:
@@ -91,7 +100,7 @@ def ply_textures(path: Path) -> list[str]:
     with path.open("rb") as file:
         header = file.read(MAX_PLY_HEADER).partition(b"end_header")[0]
     names = re.findall(rb"^comment\s+TextureFile\s+(.+?)\s*$", header, re.MULTILINE | re.IGNORECASE)
-    return [name.decode("latin-1") for name in names]
+    return [_text(name) for name in names]
 
 
 class _FilesBeside:
@@ -131,7 +140,9 @@ class _FilesBeside:
         elif found != self.path.parent / name and found != self.path.parent / unquote(name):
             self._say(f"{what} does not exist; using '{found}'")
         data = found.read_bytes()
-        if self.path.suffix.lower() in (".obj", ".ply") and not is_material:
+        if is_material:
+            return without_mark(data)
+        if self.path.suffix.lower() in (".obj", ".ply"):
             try:
                 check_texture(what, data)
             except DigsError as error:

@@ -7,6 +7,7 @@ first.
 import base64
 import struct
 from collections.abc import Iterable, Iterator
+from copy import deepcopy
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -18,6 +19,7 @@ from digs_warp.bounds import GLTF_TEXT, JSON
 from digs_warp.checks import MeshError
 from digs_warp.record.fields import is_text, parse_json, shown
 from digs_warp.sim.scene.mesh.files_beside import UndecodableError, check_texture
+from digs_warp.words import quoted
 
 # glTF 2.0, section 4.4: 12 bytes of file header, 8 bytes of chunk header, the first chunk is JSON.
 GLB_MAGIC = b"glTF"
@@ -25,12 +27,15 @@ GLB_HEADER = struct.Struct("<4sII")
 GLB_CHUNK = struct.Struct("<I4s")
 
 # Extensions that cannot be read but change geometry or textures, and how to avoid them.
+_OTHER_TEXTURES = ("KHR_texture_basisu", "EXT_texture_avif", "MSFT_texture_dds")
 UNREADABLE_EXTENSIONS = {
     "KHR_draco_mesh_compression": "export it without Draco compression",
     "EXT_meshopt_compression": "export it without meshopt compression",
-    "KHR_texture_basisu": "export its textures as PNG or JPEG",
+    "KHR_meshopt_compression": "export it without meshopt compression",
     "EXT_mesh_gpu_instancing": "export it without GPU instancing",
+    **dict.fromkeys(_OTHER_TEXTURES, "export its textures as PNG or JPEG"),
 }
+SPLATS = "KHR_gaussian_splatting"
 
 # Of the parts that are read, what the standard defines as lists of objects, lists of names, texts, objects.
 OBJECT_LISTS = {
@@ -102,15 +107,15 @@ def _check_types(path: Path, header: dict[str, Any]) -> None:
     for name in TEXT_LISTS & header.keys():
         if not _is_list_of(str, header[name]):
             raise _wrong_type(path, name, header[name], "a list of names")
-    places = [header]
-    for place in places:
+    places = [("", header)]
+    for key, place in places:
         for name, value in place.items():
             if name in TEXTS and not is_text(value):
                 raise _wrong_type(path, name, value, "a text")
-            if (name in OBJECTS or name.startswith("KHR_")) and not isinstance(value, dict):
+            if (name in OBJECTS or key == "extensions") and not isinstance(value, dict):
                 raise _wrong_type(path, name, value, "an object")
             found = value if isinstance(value, list) else [value]
-            places += [item for item in found if isinstance(item, dict)]
+            places += [(name, item) for item in found if isinstance(item, dict)]
 
 
 def _is_list_of(kind: type, value: Any) -> bool:
@@ -152,19 +157,63 @@ def glb_binary(path: Path) -> bytes:
 
 
 def check_gltf(path: Path, header: dict[str, Any]) -> None:
-    """Raise a `MeshError` if files beside ``path`` are missing or it needs an unsupported extension."""
+    """Raise a `MeshError` if files beside ``path`` are missing."""
     for kind in ("buffers", "images"):
         for entry in header.get(kind, []):
             uri = entry.get("uri", "data:")
             if not uri.startswith("data:") and not (path.parent / unquote(uri)).is_file():
                 raise MeshError(
-                    f"mesh '{path}': its {kind[:-1]} '{unquote(uri)}' is missing in "
+                    f"mesh '{path}': its {kind[:-1]} {quoted(unquote(uri))} is missing in "
                     f"'{path.parent}'; copy the whole folder, or export one GLB file"
                 )
-    needed = {*header.get("extensionsRequired", []), *header.get("extensionsUsed", [])}
-    for extension, remedy in UNREADABLE_EXTENSIONS.items():
-        if extension in needed:
-            raise MeshError(f"mesh '{path}': uses {extension}, which cannot be read; {remedy}")
+
+
+def with_fallbacks(path: Path, header: dict[str, Any]) -> dict[str, Any]:
+    """Return a header without extensions that cannot be read, where plain data stands beside theirs.
+
+    Images that nothing uses then become empty.
+
+    Raises:
+        MeshError: some has none, or all of the file is Gaussian splats.
+    """
+    plain, lacking = deepcopy(header), set[str]()
+    required = {*header.get("extensionsRequired", [])}
+
+    def drop(place: dict[str, Any], has_plain: bool) -> None:
+        for extension in UNREADABLE_EXTENSIONS.keys() & place.get("extensions", {}):
+            if has_plain:
+                del place["extensions"][extension]
+            else:
+                lacking.add(extension)
+
+    primitives = [each for mesh in plain.get("meshes", []) for each in mesh["primitives"]]
+    for each in primitives:
+        numbers = [*each["attributes"].values(), each.get("indices")]
+        drop(each, all("bufferView" in plain["accessors"][n] for n in numbers if n is not None))
+    for view in plain.get("bufferViews", []):
+        buffer = plain["buffers"][view["buffer"]]
+        stands_in = any(e.get("fallback") for e in buffer.get("extensions", {}).values())
+        drop(view, "uri" in buffer or not (view["buffer"] or stands_in))
+    for node in plain.get("nodes", []):
+        drop(node, "EXT_mesh_gpu_instancing" not in required)
+    shown = set()
+    for texture in plain.get("textures", []):
+        drop(texture, "source" in texture)
+        webp = texture.get("extensions", {}).get("EXT_texture_webp", {})
+        shown |= {texture.get("source"), webp.get("source")}
+    for number in range(len(images := plain.get("images", []))):
+        images[number] = images[number] if number in shown else {}
+    for each in sorted(lacking):
+        raise MeshError(
+            f"mesh '{path}': uses {each}, which cannot be read, without plain data beside it; "
+            f"{UNREADABLE_EXTENSIONS[each]}"
+        )
+    if primitives and all(SPLATS in each.get("extensions", {}) for each in primitives):
+        raise MeshError(
+            f"mesh '{path}': Gaussian splats ({SPLATS}), expected triangles; splats are read from PLY, SPZ "
+            "and USD: export them so, for example with SuperSplat"
+        )
+    return plain
 
 
 def check_textures(path: Path, header: dict[str, Any], loaded: Iterable[Any]) -> None:
@@ -183,7 +232,7 @@ def check_textures(path: Path, header: dict[str, Any], loaded: Iterable[Any]) ->
         name = getattr(material, "name", None)
         if promised.get(name) and material.baseColorTexture is None:
             raise MeshError(
-                f"mesh '{path}': the texture of material '{name}' cannot be decoded; "
+                f"mesh '{path}': the texture of material {quoted(str(name))} cannot be decoded; "
                 "export it again with PNG or JPEG textures"
             )
 
@@ -197,7 +246,9 @@ def undecodable_images(path: Path, header: dict[str, Any]) -> Iterator[str]:
         DigsError: an image is larger than `digs_warp.bounds.TEXTURE`.
     """
     for number, image in enumerate(header.get("images", [])):
-        what = f"image {number} '{image.get('name') or image.get('uri', '')[:40]}'"
+        if not image:
+            continue
+        what = f"image {number} {quoted(image.get('name') or image.get('uri', ''))}"
         try:
             check_texture(what, image_bytes(path, header, image), decode=False)
         except UndecodableError as error:

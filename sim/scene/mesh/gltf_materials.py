@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from digs_warp.sim.scene.mesh.gltf import GltfNumbers, image_bytes
+from digs_warp.sim.scene.mesh.gltf import SPLATS, GltfNumbers, image_bytes
 from digs_warp.sim.scene.scene import DIELECTRIC_IOR, DIELECTRIC_REFLECTANCE
 
 # Attenuation colors are not darker: black would absorb without limit.
@@ -214,6 +214,11 @@ def unmodeled_features(header: dict[str, Any]) -> Iterator[str]:
             yield f"{label}: its maps lie in different places, drawn where its first one lies"
     for extension in sorted({*header.get("extensionsRequired", [])} - READ_EXTENSIONS):
         yield f"it requires {extension}, which is not read; it may look different"
+    primitives = [each for mesh in header.get("meshes", []) for each in mesh["primitives"]]
+    if any(SPLATS in each.get("extensions", {}) for each in primitives):
+        yield "its Gaussian splats are not read; drawn without them"
+    if "EXT_mesh_gpu_instancing" in header.get("extensionsUsed", []):
+        yield "its instances are not read; each drawn once"
     shown = [*header.get("nodes", []), *header.get("meshes", [])]
     if any(weight for entry in shown for weight in entry.get("weights", [])):
         yield "morph targets are not read; drawn in its basic shape"

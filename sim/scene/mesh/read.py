@@ -2,32 +2,36 @@
 
 import logging
 import re
+from contextlib import suppress
 from io import BytesIO
 from itertools import chain
 from pathlib import Path
 from typing import Any
 
 from digs_warp.checks import DigsError, MeshError, require_file
-from digs_warp.sim.scene.mesh.declared_counts import check_promises
+from digs_warp.data.ply_table import read_ply_header
+from digs_warp.sim.scene.mesh.declared_counts import check_promises, plain_stl
 from digs_warp.sim.scene.mesh.files_beside import (
     locate,
     obj_materials,
     opacity_maps,
     ply_textures,
     resolver_beside,
+    without_mark,
 )
 from digs_warp.sim.scene.mesh.gltf import (
     check_gltf,
     check_textures,
     read_gltf_header,
     undecodable_images,
+    with_fallbacks,
 )
 from digs_warp.sim.scene.mesh.gltf_geometry import file_with_header, plain_header
 from digs_warp.sim.scene.mesh.gltf_materials import read_extras, unmodeled_features
 from digs_warp.sim.scene.mesh.materials import materials_of_parts
 from digs_warp.sim.scene.mesh.normalize import drop_bad_faces
-from digs_warp.sim.scene.mesh.obj_polygons import cut_polygons
 from digs_warp.sim.scene.mesh.parts import Triangles, join_parts, parts_of_scene
+from digs_warp.sim.scene.mesh.polygons import cut_polygons, ply_triangles, shows_all_of_ply
 from digs_warp.sim.scene.scene import Material
 
 logger = logging.getLogger(__name__)
@@ -45,18 +49,19 @@ def read_triangles(path: Path) -> tuple[Triangles, tuple[Material, ...]]:
         MeshError: missing, empty, truncated, unsupported, or without a single usable triangle.
     """
     suffix = _checked_suffix(path)
-    header = read_gltf_header(path) if suffix in GLTF_SUFFIXES else {}
-    check_gltf(path, header)
-    check_promises(path, header)
+    stored = read_gltf_header(path) if suffix in GLTF_SUFFIXES else {}
     if suffix == ".ply" and len(names := ply_textures(path)) > 1:
         logger.warning(
             "mesh '%s': %d textures, drawn with '%s' alone", path.name, len(names), names[-1]
         )
     try:
+        header = with_fallbacks(path, stored)
+        check_gltf(path, header)
+        check_promises(path, header)
         for sentence in chain(unmodeled_features(header), undecodable_images(path, header)):
             logger.warning("mesh '%s': %s", path.name, sentence)
         plain = plain_header(path, header) if header else header
-        loaded = _read(path, _content(path, header, plain))
+        loaded = _read(path, _content(path, stored, plain))
         parts = parts_of_scene(loaded, linear_colors=suffix in GLTF_SUFFIXES)
         check_textures(path, plain, (part.material for part in parts))
         extras = read_extras(path, plain)
@@ -72,9 +77,7 @@ def read_triangles(path: Path) -> tuple[Triangles, tuple[Material, ...]]:
             f"({type(error).__name__}: {error}); copy or export it again"
         ) from error
     if not parts:
-        raise MeshError(
-            f"mesh '{path}': 0 faces, expected triangles; turn a point cloud into a mesh first"
-        )
+        raise MeshError(f"mesh '{path}': 0 faces, expected triangles; {_cure(path)}")
     return _usable(path, join_parts(parts, part_materials)), materials
 
 
@@ -95,10 +98,15 @@ def _checked_suffix(path: Path) -> str:
 
 def _content(path: Path, header: dict[str, Any], plain: dict[str, Any]) -> BytesIO | None:
     """Return what trimesh is to read in place of a file; None: the file itself."""
-    if plain is not header:
+    suffix = path.suffix.lower()
+    if plain != header or suffix == ".gltf":
         return file_with_header(path, plain)
-    text = cut_polygons(path.read_bytes()) if path.suffix.lower() == ".obj" else None
-    return None if text is None else BytesIO(text)
+    if suffix == ".stl":
+        return BytesIO(plain_stl(path.read_bytes()))
+    if suffix != ".obj":
+        return None
+    text = without_mark(path.read_bytes())
+    return BytesIO(cut_polygons(text) or text)
 
 
 def _read(path: Path, content: BytesIO | None) -> Any:
@@ -114,11 +122,39 @@ def _read(path: Path, content: BytesIO | None) -> Any:
     log = trimesh.util.log
     usual, log.disabled = log.disabled, True  # it shows tracebacks of what the resolver has said
     try:
-        return trimesh.load_scene(
+        loaded = trimesh.load_scene(
             content or path, file_type=file_type, resolver=resolver, process=False
         )
+        shows_all = file_type != "ply" or shows_all_of_ply(loaded)
+        return loaded if shows_all else _unusual_ply(path, resolver)
+    except ValueError as error:
+        if file_type != "ply" or "unexpected length" not in str(error):
+            raise
+        return _unusual_ply(path, resolver)
     finally:
         log.disabled = usual
+
+
+def _unusual_ply(path: Path, resolver: Any) -> Any:
+    """Return a PLY file that trimesh does not read, or not as it is meant."""
+    import trimesh
+    from PIL import Image
+    from trimesh.exchange import ply
+
+    image = None
+    with suppress(OSError, DigsError):  # a warning has said it
+        image = next((Image.open(BytesIO(resolver.get(n))) for n in ply_textures(path)[-1:]), None)
+    kwargs = ply._elements_to_kwargs(ply_triangles(path), fix_texture=True, image=image)
+    return trimesh.Scene(trimesh.load(kwargs, process=False))
+
+
+def _cure(path: Path) -> str:
+    """Return what to do about a file without faces."""
+    if path.suffix.lower() == ".stl":
+        return "damaged, or no STL file; copy or export it again"
+    if path.suffix.lower() == ".ply" and read_ply_header(path).holds_splats:
+        return "these are Gaussian splats; 'digs-warp convert' reads them, 'digs-warp mesh' makes a mesh"
+    return "turn a point cloud into a mesh first"
 
 
 def _usable(path: Path, triangles: Triangles) -> Triangles:

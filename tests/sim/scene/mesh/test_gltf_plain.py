@@ -205,10 +205,74 @@ def test_what_is_not_read_is_named(
     assert said in caplog.text
 
 
-def test_copies_by_instancing_are_refused_with_a_way_out(tmp_path: Path) -> None:
+def compress(builder: GltfBuilder, name: str, has_plain: bool) -> None:
+    """Name an extension that is not read, with or without plain data beside it."""
+    builder.header["extensionsUsed"] = [name]
+    if name == "EXT_mesh_gpu_instancing":
+        builder.header["nodes"][0]["extensions"] = {name: {"attributes": {}}}
+        builder.header["extensionsRequired"] = [] if has_plain else [name]
+    elif "texture" in name.lower():
+        number = builder.add_texture(checker())
+        builder.header["images"].append({"uri": "not-copied.ktx2", "mimeType": "image/ktx2"})
+        texture = builder.header["textures"][number]
+        texture["extensions"] = {name: {"source": 1}}
+        builder.material["pbrMetallicRoughness"]["baseColorTexture"] = {"index": number}
+        if not has_plain:
+            del texture["source"]
+    elif "draco" in name:
+        builder.primitive["extensions"] = {name: {"bufferView": 0, "attributes": {"POSITION": 0}}}
+        if not has_plain:
+            del builder.header["accessors"][0]["bufferView"]
+    else:
+        view = builder.header["bufferViews"][0]
+        view["extensions"] = {name: {"buffer": 0, "byteLength": 4, "byteStride": 12, "count": 4}}
+        if not has_plain:
+            absent = {"byteLength": 48, "extensions": {name: {"fallback": True}}}
+            builder.header["buffers"], view["buffer"] = [{}, absent], 1
+
+
+@pytest.mark.parametrize("has_plain", [True, False])
+@pytest.mark.parametrize(
+    ("name", "remedy"),
+    [
+        ("KHR_texture_basisu", "as PNG or JPEG"),
+        ("EXT_texture_avif", "as PNG or JPEG"),
+        ("KHR_draco_mesh_compression", "without Draco"),
+        ("EXT_meshopt_compression", "without meshopt"),
+        ("KHR_meshopt_compression", "without meshopt"),
+        ("EXT_mesh_gpu_instancing", "without GPU instancing"),
+    ],
+)
+def test_what_is_not_read_is_refused_unless_plain_data_is_beside_it(
+    tmp_path: Path,
+    caplog: pytest.LogCaptureFixture,
+    name: str,
+    remedy: str,
+    has_plain: bool,
+) -> None:
     builder = GltfBuilder()
-    builder.header["extensionsUsed"] = ["EXT_mesh_gpu_instancing"]
-    with pytest.raises(MeshError, match="export it without GPU instancing"):
+    compress(builder, name, has_plain)
+    if not has_plain:
+        with pytest.raises(MeshError, match=f"{name}.*{remedy}"):
+            load(builder, tmp_path)
+        return
+    scene = load(builder, tmp_path)
+    np.testing.assert_allclose(scene.size, [0.3, 0, 0.2], atol=1e-6)
+    assert (scene.materials[0].texture is not None) == ("texture" in name.lower())
+    assert ("each drawn once" in caplog.text) == ("instancing" in name)
+
+
+def test_splats_are_named(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    builder = GltfBuilder()
+    name = "KHR_gaussian_splatting"
+    attributes = {"POSITION": 0, f"{name}:SCALE": 0, f"{name}:ROTATION": 0}
+    splats = {"attributes": attributes, "mode": 0, "extensions": {name: {"kernel": "ellipse"}}}
+    builder.header["meshes"][0]["primitives"].append(splats)
+    builder.header["extensionsUsed"] = [name]
+    assert len(load(builder, tmp_path).faces) == 2
+    assert "Gaussian splats are not read" in caplog.text
+    builder.header["meshes"][0]["primitives"] = [splats]
+    with pytest.raises(MeshError, match=r"Gaussian splats .*export them"):
         load(builder, tmp_path)
 
 

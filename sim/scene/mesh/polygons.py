@@ -1,13 +1,17 @@
-"""Polygons of an OBJ file that are not convex, cut into triangles.
+"""Polygons of OBJ and PLY files, and strips of PLY, as triangles.
 
 trimesh draws every polygon as a fan around its first corner, which fills the notches of a letter or of a
-window frame.
+window frame. Of PLY it knows neither strips nor, in binary, faces with different numbers of corners.
 """
 
 import re
 from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Any
 
 import numpy as np
+
+from digs_warp.data.ply_table import read_ply_header, read_rows
 
 # Faces with five corners or more. Quadrilaterals with a notch are rare, and there may be millions of others.
 _POLYGON = re.compile(rb"^f(?:[ \t]+[^\s\\]+){5,}[ \t]*\r?$", re.MULTILINE)
@@ -87,3 +91,70 @@ def _is_ear(flat: np.ndarray, left: Sequence[int], at: int) -> bool:
     return not any(
         min(_turn(flat, a, b, p), _turn(flat, b, c, p), _turn(flat, c, a, p)) >= 0 for p in others
     )
+
+
+_CORNERS = ("vertex_indices", "vertex_index")
+# In strips, this number begins a new one.
+_NEW_STRIP = -1
+
+
+def shows_all_of_ply(loaded: Any) -> bool:
+    """Whether a `trimesh.Scene` is what a PLY file means: no strips, long polygons or old names of colors."""
+    raw = next((each.metadata["_ply_raw"] for each in loaded.geometry.values()), {})
+    if "tristrips" in raw or "diffuse_red" in raw.get("vertex", {}).get("properties", {}):
+        return False
+    face = raw.get("face", {})
+    for name in _CORNERS:
+        if name in face.get("properties", {}) and face["length"]:
+            rows = face["data"][name]
+            rows = rows["f1"] if rows.dtype.names else rows
+            most = rows.shape[1] if rows.ndim == 2 else max(map(np.size, rows))
+            return most <= 4
+    return True
+
+
+def ply_triangles(path: Path) -> dict[str, dict[str, Any]]:
+    """Return the vertices and the faces of a PLY file as trimesh keeps them, all faces triangles.
+
+    Raises:
+        ValueError, KeyError, IndexError: the data is not as the header says.
+    """
+    tables = read_rows(path, read_ply_header(path))
+    vertices, faces = tables["vertex"], tables.get("face", {})
+    points = np.stack([vertices[axis] for axis in "xyz"], axis=1).astype(np.float64)
+    polygons = _corners(faces)
+    cuts = [(len(each) > 4 and _triangles(points[each])) or _fan(len(each)) for each in polygons]
+    owners = np.repeat(np.arange(len(cuts)), [len(cut) for cut in cuts])
+    columns = {name: row[owners] for name, row in faces.items() if isinstance(row, np.ndarray)}
+    strips = [_of_strips(each) for each in _corners(tables.get("tristrips", {}))]
+    if strips and not cuts:
+        columns["vertex_indices"] = np.concatenate(strips)
+    lists = {"vertex_indices": polygons} if cuts else {}
+    if "texcoord" in faces:
+        lists["texcoord"] = [uvs.reshape(-1, 2) for uvs in faces["texcoord"]]
+    for name, rows in lists.items():
+        picked = [row[list(each)] for row, cut in zip(rows, cuts, strict=True) for each in cut]
+        columns[name] = np.stack(picked).reshape(len(owners), -1)
+    return {
+        name: {"length": len(next(iter(table.values()))), "properties": table, "data": table}
+        for name, table in {"vertex": vertices, "face": columns}.items()
+    }
+
+
+def _corners(table: dict[str, Any]) -> list[np.ndarray]:
+    return next((table[name] for name in _CORNERS if name in table), [])
+
+
+def _fan(count: int) -> list[tuple[int, int, int]]:
+    return [(0, at, at + 1) for at in range(1, count - 1)]
+
+
+def _of_strips(corners: np.ndarray) -> np.ndarray:
+    """Return the triangles of strips, (n, 3): every second one is the other way around."""
+    pieces = []
+    for strip in np.split(corners, np.flatnonzero(corners == _NEW_STRIP)):
+        strip = strip[strip != _NEW_STRIP]
+        triangles = np.stack([strip[:-2], strip[1:-1], strip[2:]], axis=1)
+        triangles[1::2] = triangles[1::2, ::-1]
+        pieces.append(triangles)
+    return np.concatenate(pieces)

@@ -1,0 +1,124 @@
+"""Polygons of OBJ and PLY files keep their notches; strips and old names of PLY are read."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from digs_warp.sim.scene.load import load_scene
+from digs_warp.sim.scene.mesh.polygons import cut_polygons
+from reference.mesh_files import face_vectors
+
+# An L, counterclockwise in the plane z = 0; its corners come one after the other.
+CORNERS = np.array([[0, 0], [3, 0], [3, 1], [1, 1], [1, 3], [0, 3]], float)
+AREA = 5.0
+
+
+def obj(corners: np.ndarray, faces: str) -> bytes:
+    rows = "".join(f"v {' '.join(map(str, row))}\n" for row in corners)
+    return f"{rows}{faces}\n".encode()
+
+
+def turned(by: np.ndarray) -> np.ndarray:
+    """The corners in another plane of space."""
+    return np.c_[CORNERS, np.zeros(len(CORNERS))] @ by.T
+
+
+@pytest.mark.parametrize("first", range(6))
+@pytest.mark.parametrize("clockwise", [False, True])
+@pytest.mark.parametrize("axis", [0, 1, 2])
+def test_a_polygon_with_a_notch_keeps_its_area(
+    tmp_path: Path, first: int, clockwise: bool, axis: int
+) -> None:
+    corners = np.roll(turned(np.roll(np.eye(3), axis, axis=0)), -first, axis=0)
+    if clockwise:
+        corners = corners[::-1]
+    (tmp_path / "l.obj").write_bytes(obj(corners, "f 1 2 3 4 5 6"))
+    scene = load_scene(tmp_path / "l.obj", unit="m", up="y")
+    vectors = face_vectors(scene)
+    assert np.linalg.norm(vectors, axis=1).sum() / 2 == pytest.approx(AREA)
+    # All triangles face the way of the polygon.
+    np.testing.assert_allclose(np.linalg.norm(vectors.sum(axis=0)) / 2, AREA)
+
+
+def test_corners_keep_their_texture_and_negative_numbers_count_back() -> None:
+    text = cut_polygons(obj(turned(np.eye(3)), "f -6/1 -5/2 -4/3 -3/4 -2/5 -1/6\nf 1 2 3"))
+    assert text is not None
+    faces = [line.split()[1:] for line in text.decode().splitlines() if line.startswith("f")]
+    assert faces[-1] == ["1", "2", "3"] and [len(face) for face in faces] == [3] * 5
+    pairs = {corner for face in faces[:-1] for corner in face}
+    assert pairs == {f"{number - 7}/{number}" for number in range(1, 7)}
+
+
+def test_convex_polygons_and_quadrilaterals_stay() -> None:
+    angles = np.linspace(0, 2 * np.pi, 7)[:-1]
+    ring = np.stack([np.cos(angles), np.sin(angles), np.zeros(6)], axis=1)
+    assert cut_polygons(obj(ring, "f 1 2 3 4 5 6")) is None
+    assert cut_polygons(obj(ring, "f 1 2 3 4")) is None
+
+
+def test_a_polygon_without_area_ends() -> None:
+    line = np.stack([[0.0, 1, 2, 1, 3, 0.5], np.zeros(6), np.zeros(6)], axis=1)
+    text = cut_polygons(obj(line, "f 1 2 3 4 5 6"))
+    assert text is None or text.count(b"\nf ") == 4
+
+
+def ply(folder: Path, order: str, tables: dict[str, tuple[list[str], list[list[Any]]]]) -> Path:
+    """Write a PLY file: by element, its properties and its rows; lists begin with their length."""
+    forms = {"": "ascii", "<": "binary_little_endian", ">": "binary_big_endian"}
+    kinds = {"float": "f4", "uchar": "u1", "int": "i4"}
+    header, data = [f"ply\nformat {forms[order]} 1.0"], b""
+    for name, (properties, rows) in tables.items():
+        header += [f"element {name} {len(rows)}", *(f"property {each}" for each in properties)]
+        for row in rows:
+            if not order:
+                flat = [v for value in row for v in np.atleast_1d(value)]
+                data += " ".join(map(str, flat)).encode() + b"\n"
+                continue
+            for each, value in zip(properties, row, strict=True):
+                *_, length, kind, _ = ["", *each.split()]
+                if each.startswith("list"):
+                    data += np.array(value[0], order + kinds[length]).tobytes()
+                    value = value[1:]
+                data += np.array(value, order + kinds[kind]).tobytes()
+    path = folder / "m.ply"
+    path.write_bytes("\n".join([*header, "end_header\n"]).encode() + data)
+    return path
+
+
+POINTS = [[*corner, 0.0] for corner in CORNERS.tolist()]
+XYZ = ["float x", "float y", "float z"]
+CORNER_LIST = ["list uchar int vertex_indices"]
+STRIP = [0, 1, 3, 2]
+
+
+@pytest.mark.parametrize("order", ["", "<", ">"])
+@pytest.mark.parametrize("others", [[], [[[3, 0, 1, 2]], [[4, 0, 1, 2, 3]]]])
+def test_faces_of_ply_may_have_any_number_of_corners(
+    tmp_path: Path, order: str, others: list[Any]
+) -> None:
+    faces = [[[6, 2, 3, 4, 5, 0, 1]], *others]
+    path = ply(tmp_path, order, {"vertex": (XYZ, POINTS), "face": (CORNER_LIST, faces)})
+    areas = np.linalg.norm(face_vectors(load_scene(path, unit="m", up="z")), axis=1) / 2
+    assert areas.sum() == pytest.approx(AREA + (4.0 if others else 0.0))
+
+
+@pytest.mark.parametrize("order", ["", "<", ">"])
+@pytest.mark.parametrize("names", ["diffuse_", ""])
+def test_strips_and_old_colors_of_ply(tmp_path: Path, order: str, names: str) -> None:
+    colors = [f"uchar {names}{color}" for color in ("red", "green", "blue")]
+    rows = [[*point, 255, 0, 128] for point in POINTS]
+    strips = [[[9, *STRIP, -1, 0, 3, 5, 4]]]
+    path = ply(
+        tmp_path,
+        order,
+        {
+            "vertex": (XYZ + colors, rows),
+            "tristrips": (["list int int vertex_indices"], strips),
+        },
+    )
+    scene = load_scene(path, unit="m", up="z")
+    vectors = face_vectors(scene)
+    assert len(vectors) == 4 and (np.sign(vectors[:, 2]) == np.sign(vectors[0, 2])).all()
+    np.testing.assert_allclose(scene.vertex_colors, [[1, 0, 0.2159]] * 6, atol=1e-3)
