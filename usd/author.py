@@ -91,6 +91,9 @@ def begin_asset(metadata: dict[str, Any], layer: "Sdf.Layer | None" = None) -> "
     data = usd_from_json(plain) | {names.VERSION_KEY: __version__}
     stage.SetMetadata("customLayerData", {names.METADATA_KEY: data})
     asset = UsdGeom.Xform.Define(stage, names.ASSET_PATH).GetPrim()
+    if names.OFFSET_KEY in plain:  # in double precision, which the positions below it do not have
+        place = ASSET_FROM_WORLD[:3, :3] @ plain[names.OFFSET_KEY]
+        UsdGeom.Xformable(asset).AddTranslateOp().Set(Gf.Vec3d(*place.tolist()))
     stage.SetDefaultPrim(asset)
     Usd.ModelAPI(asset).SetKind(Kind.Tokens.component)
     asset.SetCustomDataByKey(names.SOURCE_TO_ASSET_KEY, Gf.Matrix4d(ASSET_FROM_WORLD.T))

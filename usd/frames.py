@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from digs_warp.checks import UsdError
+from digs_warp.usd import names
 
 if TYPE_CHECKING:
     from pxr import Usd
@@ -62,7 +63,7 @@ def world_from_prim(prim: "Usd.Prim", what: str, time: float | None = None) -> n
     """Return the (4, 4) matrix from a prim's local frame to our world (z up, metres).
 
     It is composed of the prim's transform in the stage (at ``time``, or its first sample),
-    ``metersPerUnit`` and ``upAxis``.
+    ``metersPerUnit`` and ``upAxis``, less the offset of a recording far from the origin.
 
     Raises:
         UsdError: ``metersPerUnit`` is not above 0.
@@ -81,4 +82,11 @@ def world_from_prim(prim: "Usd.Prim", what: str, time: float | None = None) -> n
     if not prim.IsA(UsdGeom.Xformable):
         local = UsdGeom.Xformable(prim).GetLocalTransformation(code)
         stage_from_prim = stage_from_prim @ np.array(local).T
-    return world_from_stage @ stage_from_prim
+    world_from_prim = world_from_stage @ stage_from_prim
+    data = (prim.GetStage().GetMetadata("customLayerData") or {}).get(names.METADATA_KEY)
+    offset = data.get(names.OFFSET_KEY) if isinstance(data, dict) else None
+    if offset is not None and np.shape(offset) == (
+        3,
+    ):  # ours: float32 would round what it leads to
+        world_from_prim[:3, 3] -= np.array(offset, dtype=np.float64)
+    return world_from_prim

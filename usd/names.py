@@ -6,6 +6,9 @@ array has a half-precision twin of the same name plus ``h``.
 
 SUFFIXES = (".usda", ".usdc", ".usdz")
 
+# In our metadata: what was taken off the places of a recording far from the origin [m].
+OFFSET_KEY = "world_offset"
+
 # Paths of the prims in our scenes.
 ASSET_PATH = "/Asset"
 GAUSSIANS_PATH = "/Asset/Gaussians"

@@ -18,6 +18,7 @@ LENGTH = Expect("metres", _is_positive)
 FIGURES = Expect("an object of figures")
 READOUT = Expect("seconds, 0 for a camera that takes all rows at once", _is_positive)
 LABELS = Expect('names by number, such as {"0": "ok"}')
+PLACE = Expect("three lengths in metres")
 OBJECTS = Expect(
     "a list of objects with name, size (3 lengths in metres) and world_from_mesh (4 x 4)", bool
 )
@@ -31,6 +32,8 @@ class About:
         recorded_as: form of the recording that the capture was converted from.
         poses_known: False: the poses of all frames are the identity and mean nothing.
         poses_in_metres: False: the unit of the poses is arbitrary.
+        world_offset: what was taken off all places of the recording, which were too far from the origin for
+            float32 [m]; None: nothing.
         tier: kind of simulated sensor.
         seed: seed of the simulation.
         object_radius: radius of the simulated object [m].
@@ -51,6 +54,7 @@ class About:
     recorded_as: Annotated[str | None, NAME] = None
     poses_known: bool | None = None
     poses_in_metres: bool | None = None
+    world_offset: Annotated[tuple[float, float, float] | None, PLACE] = None
     tier: Annotated[str | None, NAME] = None
     seed: Annotated[int | None, Expect("an integer, 0 or more", _is_positive)] = None
     object_radius: Annotated[float | None, LENGTH] = None

@@ -5,19 +5,29 @@ keys. Pixels are loaded on demand. The layout is described in docs/formats.md;
 `digs_warp.data.capture_writer` writes it.
 """
 
+import logging
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
+
+import numpy as np
 
 from digs_warp.checks import CaptureError, DigsError, require_folder
 from digs_warp.data.about import About
 from digs_warp.data.frame import Frame
 from digs_warp.data.frame_reader import path_inside, read_frame
-from digs_warp.data.index_rules import INDEX_NAME, POINTS_KEY, check_section
+from digs_warp.data.index_rules import (
+    INDEX_NAME,
+    POINTS_KEY,
+    UNDISTORT,
+    check_section,
+    unread_files,
+)
 from digs_warp.data.layers import Layer
 from digs_warp.data.point_cloud import PointCloud, read_points
 from digs_warp.data.rig import Rig
+from digs_warp.geometry.rigid import far_offset, rigid
 from digs_warp.record import layout
 from digs_warp.record.fields import Fields
 from digs_warp.record.files import read_json
@@ -26,6 +36,8 @@ from digs_warp.record.run_log import RunRecord
 from digs_warp.record.typed import from_json
 from digs_warp.settings import TEST_EVERY
 from digs_warp.words import counted
+
+logger = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True)
@@ -68,7 +80,8 @@ class Capture:
 
     ``stored_in`` is the folder it was read from; None if it was made in memory. ``points`` is the file of the
     sparse points that came with the recording, in its world; None: there are none. ``held_out`` are the names
-    of the frames that a reconstruction of it held out; None: any frame may be.
+    of the frames that a reconstruction of it held out; None: any frame may be. ``shift`` was taken off the
+    poses as they were read, and is taken off the points [m].
     """
 
     stored_in: Path | None
@@ -77,6 +90,7 @@ class Capture:
     about: About = field(default_factory=About)
     points: Path | None = None
     held_out: frozenset[str] | None = None
+    shift: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
     def __len__(self) -> int:
         return len(self.frames)
@@ -124,7 +138,7 @@ class Capture:
         Raises:
             DigsError: the file cannot be read.
         """
-        return None if self.points is None else read_points(self.points)
+        return None if self.points is None else read_points(self.points, np.array(self.shift))
 
     @property
     def readout_time(self) -> float:
@@ -169,8 +183,35 @@ def read_capture(folder: Path) -> Capture:
     )
     about = from_json(About, ours, where, error=CaptureError)
     frames = tuple(read_frame(folder, index, entry, i) for i, entry in enumerate(entries))
+    for note, count in unread_files(entries, {layer.value for layer in Layer}).items():
+        logger.warning(
+            "%s: %s (%s); %s may know them",
+            *(f"capture '{folder}'", note, counted(count, "frame"), UNDISTORT),
+        )
     _check_names_differ(folder, frames)
-    return Capture(folder, frames, rig, about, _points_file(folder, index))
+    frames, shift = near_origin(frames)
+    if any(shift):
+        logger.warning("capture '%s': %s", folder, OFFSET_TAKEN.format(shift))
+        before = about.world_offset or (0.0, 0.0, 0.0)
+        total = tuple(map(sum, zip(before, shift, strict=True)))
+        about = replace(about, world_offset=total)
+    return Capture(folder, frames, rig, about, _points_file(folder, index), shift=shift)
+
+
+OFFSET_TAKEN = "places are far from the origin; {} m are taken off, and kept as world_offset"
+
+
+def near_origin(frames: tuple[Frame, ...]) -> tuple[tuple[Frame, ...], tuple[float, float, float]]:
+    """Return frames whose cameras are near the origin, and what was taken off their places [m]."""
+    offset = far_offset(np.stack([frame.camera.center_world for frame in frames]))
+    if offset is None:
+        return frames, (0.0, 0.0, 0.0)
+    matrix = rigid(np.eye(3), -offset)
+    moved = tuple(
+        replace(f, camera=replace(f.camera, world_from_cam=matrix @ f.camera.world_from_cam))
+        for f in frames
+    )
+    return moved, tuple(offset.tolist())
 
 
 def _points_file(folder: Path, index: dict[str, Any]) -> Path | None:
@@ -194,6 +235,8 @@ def _check_names_differ(folder: Path, frames: Sequence[Frame]) -> None:
 
 def _what_it_is(folder: Path) -> str:
     """Return what a folder without an index is, and what to do, in sentences."""
+    if others := sorted(path.name for path in folder.glob("transforms_*.json")):
+        return f"It has {', '.join(others)}: {UNDISTORT} reads the first of train, test and val."
     if (folder / layout.CAPTURE / INDEX_NAME).is_file():
         return (
             f"It holds the results of 'digs-warp run'; its capture is '{folder / layout.CAPTURE}'."

@@ -9,7 +9,7 @@ import numpy as np
 
 from digs_warp.checks import CaptureError
 from digs_warp.data.decoded import decoded
-from digs_warp.data.images import read_image
+from digs_warp.data.images import depth_in_metres, mask_of, read_image
 from digs_warp.data.index_rules import INDEX_NAME
 from digs_warp.data.layers import Layer
 from digs_warp.data.objects import ObjectView, mask_of_text
@@ -32,7 +32,8 @@ class Frame:
     green and blue in linear light, against the common exposure of the recording; None: unknown. ``objects``:
     how each object of `About.objects` appears; empty if the recorder does not tell. ``instance``: number of
     the one object that the mask shows; None: the mask shows everything that is wanted. ``exposure``: how long
-    the shutter was open, and how the camera moved meanwhile.
+    the shutter was open, and how the camera moved meanwhile. ``has_plain_masks``: the mask holds 0 to 255; in
+    indices of other programs it may also be in alpha, or numbers of objects.
 
     Images have shape (height, width). docs/formats.md defines the labels, which simulated recordings have on
     request; what is said of left and right holds for the infrared pair where the frame has one.
@@ -46,6 +47,7 @@ class Frame:
     objects: tuple[ObjectView, ...] = ()
     instance: int | None = None
     exposure: Exposure = UNKNOWN_EXPOSURE
+    has_plain_masks: bool = True
 
     def load_image(self) -> np.ndarray:
         """Return the left image, sRGB, shape (height, width, 3), uint8."""
@@ -72,7 +74,9 @@ class Frame:
 
     def load_mask(self) -> np.ndarray:
         """Return the object mask, 0..255, shape (height, width), uint8."""
-        return self._load_gray(Layer.MASK)
+        if self.has_plain_masks:
+            return self._load_gray(Layer.MASK)
+        return mask_of(self._load(Layer.MASK))[0]
 
     def load_cause(self) -> np.ndarray:
         """Return why each depth pixel is missing or wrong, shape (height, width), uint8; 0 if it is fine.
@@ -206,19 +210,7 @@ class Frame:
         return pixels[..., 0]
 
     def _load_depth(self, layer: Layer) -> np.ndarray:
-        pixels = self._load(layer)
-        if pixels.dtype == np.uint16:  # 16-bit PNG: millimetres, 0 where unknown
-            depth = pixels[..., 0].astype(np.float32) / np.float32(1000)
-        elif pixels.dtype == np.float32:
-            depth = pixels[..., 0].copy()
-        else:
-            raise CaptureError(
-                f"{self._where(layer)}: {pixels.dtype}, expected a float EXR in metres or a 16-bit PNG "
-                "in millimetres"
-            )
-        # Sensors mark missing depth as 0, negative, NaN or infinity; in memory it is NaN.
-        depth[~(np.isfinite(depth) & (depth > 0))] = np.nan
-        return depth
+        return depth_in_metres(self._load(layer), self._where(layer))
 
     def _load_numbers(self, layer: Layer) -> np.ndarray:
         pixels = self._load(layer)

@@ -5,8 +5,14 @@ from pathlib import Path
 from typing import Any
 
 from digs_warp.checks import CaptureError, DigsError
+from digs_warp.data.file_names import FileNames
 from digs_warp.data.frame import Frame
-from digs_warp.data.index_rules import INDEX_NAME, require_metres, require_pinhole
+from digs_warp.data.index_rules import (
+    INDEX_NAME,
+    UNDISTORT,
+    require_metres,
+    require_pinhole,
+)
 from digs_warp.data.layers import Layer
 from digs_warp.data.objects import ObjectView
 from digs_warp.data.rig import Exposure
@@ -48,7 +54,8 @@ def read_frame(folder: Path, index: dict[str, Any], entry: Any, number: int) -> 
     gain = _read_color_gain(own)
     exposure = from_json(Exposure, own.values, where, error=CaptureError)
     name = files[Layer.IMAGE].stem
-    return Frame(name, camera, time, files, gain, objects, exposure=exposure)
+    ours = "digs_warp" in index
+    return Frame(name, camera, time, files, gain, objects, exposure=exposure, has_plain_masks=ours)
 
 
 def _read_color_gain(own: Fields) -> tuple[float, float, float] | None:
@@ -84,9 +91,9 @@ def _read_camera(own: Fields, index: dict[str, Any]) -> Camera:
 def _inside(folder: Path, relative: str, where: str) -> Path:
     """Return the path of a file of the capture; reject one outside the folder."""
     path = path_inside(folder, relative, where)
-    if not path.is_file():
-        raise CaptureError(f"{where}: '{relative}' does not exist")
-    return path
+    if path.is_file():
+        return path
+    return path_inside(folder, str(FileNames(folder).require(relative, where)), where)
 
 
 def path_inside(folder: Path, relative: str, where: str) -> Path:
@@ -102,7 +109,12 @@ def path_inside(folder: Path, relative: str, where: str) -> Path:
     except (OSError, RuntimeError) as error:  # a name that is too long; links that form a loop
         raise CaptureError(f"{where}: '{shown(relative)}' cannot be read ({error})") from error
     if not is_inside:
+        is_link = ".." not in Path(relative).parts and not Path(relative).is_absolute()
+        cure = (
+            f"a link leads to '{path.resolve()}', put the files there; or {UNDISTORT} copies them"
+        )
         raise CaptureError(
-            f"{where}: '{relative}' leaves the capture folder; paths must stay inside"
+            f"{where}: '{relative}' leaves the capture folder; "
+            + (cure if is_link else "paths must stay inside")
         )
     return path

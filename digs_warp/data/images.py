@@ -16,7 +16,8 @@ from typing import Any
 import numpy as np
 
 from digs_warp.bounds import IMAGE, IMAGE_VALUES
-from digs_warp.checks import DigsError, check_shape, require_file
+from digs_warp.checks import CaptureError, DigsError, check_shape, require_file
+from digs_warp.record.arrays import read_array
 from digs_warp.record.files import write_atomically
 
 _PNG_END = bytes.fromhex("0000000049454e44ae426082")
@@ -99,13 +100,15 @@ def read_image(path: Path, what: str = "image") -> np.ndarray:
     """Return the pixels of a file, shape (height, width, channels), in the file's own number type.
 
     8-bit and 16-bit files give uint8 and uint16, floating-point files float32. Nothing is converted
-    between color spaces.
+    between color spaces. An array of NumPy (``.npy``) may hold integers of any size.
 
     Raises:
         DigsError: the file is missing, truncated, no image, or larger than `digs_warp.bounds.IMAGE`.
     """
     import OpenImageIO as oiio
 
+    if path.suffix.lower() == ".npy":
+        return _of_array(read_array(path, what), f"{what} '{path}'")
     with _opened(path, what) as source:
         spec = source.spec()
         kind = {oiio.UINT8: oiio.UINT8, oiio.UINT16: oiio.UINT16}.get(
@@ -122,9 +125,124 @@ def read_image(path: Path, what: str = "image") -> np.ndarray:
 
 
 def image_size(path: Path, what: str = "image") -> tuple[int, int]:
-    """Return (width, height) of a file from its header; errors as of `read_image`."""
+    """Return (width, height) of a file, from its header if it is an image; errors as of `read_image`."""
+    if path.suffix.lower() == ".npy":
+        height, width = read_image(path, what).shape[:2]
+        return width, height
     with _opened(path, what) as source:
         return source.spec().width, source.spec().height
+
+
+def _of_array(array: np.ndarray, where: str) -> np.ndarray:
+    """Return an array as the pixels of an image; one that comes first is the only channel."""
+    if array.ndim == 3 and array.shape[0] == 1:
+        array = array[0]
+    if array.ndim not in (2, 3) or array.size == 0 or array.dtype.kind not in "buif":
+        raise DigsError(
+            f"{where}: {array.dtype} of shape {array.shape}, expected numbers, (height, width)"
+        )
+    IMAGE.check(where, array.shape[0] * array.shape[1])
+    pixels = array.reshape(*array.shape[:2], -1)
+    if array.dtype.kind == "b":
+        return pixels.astype(np.uint8)
+    return pixels.astype(np.float32) if array.dtype.kind == "f" else pixels
+
+
+# Integers that mean "unknown", beside 0, negative ones and the largest of their kind; in metres, what becomes
+# of the first, and what half floats and Blender write for it.
+UNKNOWN_DEPTH, UNKNOWN_METRES, ENDLESS = 65535, np.float32(65.535), np.float32(65504.0)
+
+MM_PER_METRE = 1000.0
+
+
+def depth_in_metres(
+    pixels: np.ndarray,
+    where: str,
+    units_per_metre: float = MM_PER_METRE,
+    float_units_per_metre: float = 1.0,
+) -> np.ndarray:
+    """Return planar depth [m], (height, width), float32, NaN where unknown: of all files that hold depth.
+
+    The type of the numbers decides on the unit, never the kind of file.
+
+    Args:
+        pixels: as `read_image` returns them.
+        where: names the file in messages.
+        units_per_metre: of integers.
+        float_units_per_metre: of floats.
+
+    Raises:
+        CaptureError: a picture of depth, in colors or in 256 steps of gray.
+    """
+    colored = pixels.shape[2] >= 3 and not np.array_equal(
+        pixels[..., :2], pixels[..., 1:3], equal_nan=pixels.dtype.kind == "f"
+    )
+    if colored or pixels.dtype.itemsize == 1:
+        found = "colors" if colored else "8 bits per pixel"
+        raise CaptureError(
+            f"{where}: {found}, a picture of depth, expected its values: 16-bit integers in millimetres or "
+            "floats in metres, one channel; export the raw depth (librealsense: the Z16 frame, without the "
+            "colorizer), or leave depth out"
+        )
+    depth = pixels[..., 0].astype(np.float32)
+    if pixels.dtype.kind == "f":
+        depth /= np.float32(float_units_per_metre)
+        unknown = ~((depth > 0) & (depth < ENDLESS)) | (depth == UNKNOWN_METRES)
+    else:
+        unknown = (pixels[..., 0] <= 0) | (pixels[..., 0] == UNKNOWN_DEPTH)
+        unknown |= pixels[..., 0] == np.iinfo(pixels.dtype).max
+        depth /= np.float32(units_per_metre)
+    depth[unknown] = np.nan
+    return depth
+
+
+# More different values are shades, not the numbers of objects.
+MOST_NUMBERS = 32
+
+IN_ALPHA = "masks are in the alpha channel of their files"
+NUMBERED = "masks hold numbers of objects, or 1: all but 0 counts as object"
+
+
+def mask_of(pixels: np.ndarray) -> tuple[np.ndarray, str | None]:
+    """Return the mask that a file holds in any of the usual ways, 0 to 255, (height, width), uint8.
+
+    Shades from 0 to 255 stay. Of a cut-out, the alpha channel is the mask, unless its colors are one; where
+    most of what is not 0 is not 255 either, values are few, and they are numbers of objects.
+
+    Args:
+        pixels: as `read_image` returns them.
+
+    Returns:
+        The mask, and what was found out about it, a clause; None: it is as usual.
+    """
+    shown = pixels[..., :3].max(axis=2) if pixels.shape[2] >= 3 else pixels[..., 0]
+    values, note = _eight_bits(shown), None
+    if pixels.shape[2] in (2, 4):
+        alpha = _eight_bits(pixels[..., -1])
+        is_mask = np.count_nonzero(np.bincount(values.reshape(-1), minlength=256)) == 2
+        if alpha.min() < alpha.max() and not is_mask:
+            values, note = alpha, IN_ALPHA
+    counts = np.bincount(values.reshape(-1), minlength=256)
+    numbers, bright = counts[1:].sum(), counts[250:].sum()
+    if np.count_nonzero(counts[1:]) <= MOST_NUMBERS and 2 * bright < numbers:
+        values, note = np.where(values > 0, np.uint8(255), np.uint8(0)), note or NUMBERED
+    return np.ascontiguousarray(values), note
+
+
+def _eight_bits(values: np.ndarray) -> np.ndarray:
+    """Return shades as 0 to 255, and numbers of objects as themselves; those above 255 as 1."""
+    largest = values.max()
+    if values.dtype == np.uint8:
+        return values
+    if values.dtype.kind == "f":
+        values = np.nan_to_num(values)
+        shades = 255 * values if largest <= 1 else values
+        return np.clip(np.ceil(shades), 0, 255).astype(np.uint8)
+    if largest <= 255:
+        return np.maximum(values, 0).astype(np.uint8)
+    if values.dtype == np.uint16 and (largest == 65535 or len(np.unique(values)) > MOST_NUMBERS):
+        return (values // 257).astype(np.uint8)
+    return (values > 0).astype(np.uint8)
 
 
 @contextmanager

@@ -3,16 +3,18 @@
 docs/formats.md lists the allowed keys and values.
 """
 
-import difflib
 import logging
 import math
-from collections.abc import Mapping
+from collections import Counter
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, fields
+from pathlib import Path
 from typing import Any
 
 from digs_warp.checks import CaptureError
 from digs_warp.data.about import About
 from digs_warp.record.fields import is_number, shown
+from digs_warp.words import did_you_mean
 
 logger = logging.getLogger(__name__)
 
@@ -32,10 +34,6 @@ CAMERA_MODELS = (
 )
 FISHEYE_MODEL = "OPENCV_FISHEYE"
 COEFFICIENTS = ("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6")
-
-# The depth of images of integers is in millimetres, that of images of floats in metres.
-METRES_PER_INTEGER, METRES_PER_FLOAT = 1e-3, 1.0
-FLOAT_SUFFIXES = (".exr", ".npy")
 
 
 @dataclass(frozen=True)
@@ -101,18 +99,33 @@ def require_metres(index: dict[str, Any], entry: dict[str, Any], where: str) -> 
         )
     given = _value(index, entry, "depth_unit_scale_factor", None)
     depth = entry.get("depth_file_path")
-    expected = metres_per_unit(depth) if isinstance(depth, str) else given
-    if given is not None and not (is_number(given) and math.isclose(given, expected)):
+    suffix = Path(depth).suffix.lower() if isinstance(depth, str) else ""
+    # Arrays may be of either kind.
+    expected = {"": given, ".exr": 1.0, ".npy": None}.get(suffix, 1e-3)
+    if given is not None and not (is_number(given) and expected and math.isclose(given, expected)):
+        wanted = f"{expected:g}" if expected else "none"
         raise CaptureError(
-            f"{where}: depth_unit_scale_factor is {shown(given)}, expected {expected:g} for '{depth}' (float "
-            f"images in metres, 16-bit images in millimetres); {UNDISTORT} converts 16-bit images"
+            f"{where}: depth_unit_scale_factor is {shown(given)}, expected {wanted} for '{depth}' (float "
+            f"images in metres, 16-bit images in millimetres); {UNDISTORT} converts other images"
         )
 
 
-def metres_per_unit(depth_file: str) -> float:
-    """Return the unit [m] of a depth image by the kind of its file."""
-    is_float = depth_file.lower().endswith(FLOAT_SUFFIXES)
-    return METRES_PER_FLOAT if is_float else METRES_PER_INTEGER
+# Keys of a frame that name a file have a value with such an ending.
+FILES = (".png", ".jpg", ".jpeg", ".exr", ".npy", ".npz", ".tif", ".tiff", ".txt", ".json", ".ply")
+
+
+def unread_files(entries: Sequence[Any], known: Collection[str]) -> Counter[str]:
+    """Return what to say of keys of frames that name files and are not ``known``, and of how many frames."""
+    keys = Counter(
+        key
+        for entry in entries
+        if isinstance(entry, dict)
+        for key, value in entry.items()
+        if key not in known
+        and isinstance(value, str)
+        and (key.endswith("_path") or value.lower().endswith(FILES))
+    )
+    return Counter({f"the files under '{key}' are not read": count for key, count in keys.items()})
 
 
 def check_section(ours: dict[str, Any], where: str) -> None:
@@ -134,11 +147,7 @@ def check_section(ours: dict[str, Any], where: str) -> None:
     check_depth_unit(ours, where)
     known = ["format_version", "depth_unit", "rig", *(each.name for each in fields(About))]
     for key in sorted(map(str, ours.keys() - set(known))):
-        similar = difflib.get_close_matches(key, known, 1)
-        logger.warning(
-            "%s: unknown key '%s' has no effect%s",
-            *(where, key, f"; did you mean '{similar[0]}'?" if similar else ""),
-        )
+        logger.warning("%s: unknown key '%s' has no effect%s", where, key, did_you_mean(key, known))
 
 
 def check_depth_unit(section: dict[str, Any], where: str) -> None:

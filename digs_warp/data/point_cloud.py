@@ -136,10 +136,15 @@ def write_points(path: Path, cloud: PointCloud) -> None:
     write_vertices(path, blocks.view(kinds))
 
 
-def read_points(path: Path) -> PointCloud:
+def read_points(path: Path, offset: np.ndarray | float = 0.0, scale: float = 1.0) -> PointCloud:
     """Read a file with positions, and colors, whole numbers or 0 to 1, if it has them (else gray).
 
     Positions that are not finite are left out, with a warning.
+
+    Args:
+        path: of the file.
+        offset: what is taken off the positions before they are rounded to float32, shape (3,) [m].
+        scale: what they are divided by before.
 
     Raises:
         DigsError: no PLY file, or no positions.
@@ -148,7 +153,8 @@ def read_points(path: Path) -> PointCloud:
     names = table.dtype.names or ()
     if not set(POSITION) <= set(names):
         raise DigsError(f"points '{path}': properties {', '.join(names)}, expected x, y and z")
-    positions = np.stack([table[axis] for axis in POSITION], axis=1).astype(np.float32)
+    positions = np.stack([table[axis] for axis in POSITION], axis=1).astype(np.float64)
+    positions = (positions / scale - offset).astype(np.float32)
     colors = np.full(positions.shape, 0.5, np.float32)
     if set(COLOR) <= set(names):
         stored = np.stack([table[name] for name in COLOR], axis=1)

@@ -67,6 +67,20 @@ def is_rigid(matrix: np.ndarray, tolerance: float = 1e-5) -> bool:
     )
 
 
+# Float32 has seven digits: from here on [m], and if the scene is that much smaller, they are too few.
+FAR, FAR_EXTENTS = 1000.0, 10.0
+
+
+def far_offset(places: np.ndarray) -> np.ndarray | None:
+    """Return whole metres, (3,), that bring places near the origin, shape (n, 3); None: they are near.
+
+    Survey coordinates such as UTM are millions of metres.
+    """
+    middle = np.median(places, axis=0)
+    extent = float(np.linalg.norm(np.ptp(places, axis=0)))
+    return np.round(middle) if np.linalg.norm(middle) > max(FAR, FAR_EXTENTS * extent) else None
+
+
 def look_at(eye: np.ndarray, target: np.ndarray, up: np.ndarray) -> np.ndarray:
     """Return ``world_from_cam`` of a camera at ``eye`` that looks at ``target`` (OpenCV axes).
 

@@ -164,6 +164,7 @@ def _poses_and_start(
         frames=frames,
         subject=subject,
         metric_scale=metric_scale,
+        world_offset=capture.about.world_offset if sparse is None else None,
         findings=findings,
         sfm=sparse.quality if sparse else None,
         scale=model.estimate if model else None,

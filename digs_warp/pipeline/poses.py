@@ -179,7 +179,7 @@ def tracked(capture: Capture, config: SfmConfig) -> tuple[Capture, Tracking]:
     logger.info("poses: %s", found.tracking)
     if not found.tracking.loops:
         logger.warning("%s: %s", capture, found.tracking)
-    about = replace(capture.about, poses_known=True, poses_in_metres=True)
+    about = replace(capture.about, poses_known=True, poses_in_metres=True, world_offset=None)
     return replace(capture, frames=frames, about=about), found.tracking
 
 

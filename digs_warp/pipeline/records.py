@@ -47,6 +47,7 @@ class Poses:
         frames: with metric cameras and masks; cameras.json has them. None: the recording is not known.
         subject: what is reconstructed; the frames of a scene have no masks.
         metric_scale: whether lengths are in metres, and how that is known; None where nothing says it.
+        world_offset: what was taken off all places of the recording, see `digs_warp.data.about.About`.
         findings: what does not fit together in the recording; see `digs_warp.check`.
         sfm: quality of structure from motion, where images were matched.
         scale: between structure from motion and metres; None for given poses.
@@ -57,6 +58,7 @@ class Poses:
     frames: Annotated[PosedFrames | None, NOT_STORED] = None
     subject: Annotated[Subject, Figure("subject")] = "object"
     metric_scale: Annotated[MetricScale | None, Figure("scale")] = None
+    world_offset: Annotated[tuple[float, float, float] | None, Figure("offset of the world")] = None
     findings: Annotated[tuple[str, ...], Figure("findings")] = ()
     sfm: Annotated[SfmQuality | None, Figure("structure from motion")] = None
     scale: Annotated[ScaleEstimate | None, Figure("scale of the matched images")] = None

@@ -100,6 +100,7 @@ def scene_metadata(
     """
     from digs_warp.splat.config import DEFAULT_OPTIONS as options
     from digs_warp.usd.metadata import filter_metadata
+    from digs_warp.usd.names import OFFSET_KEY
 
     kernel = filter_metadata(gaussians.screen_filter)
     kernel |= {"min_alpha": options.min_alpha, "max_alpha": options.max_alpha}
@@ -109,6 +110,8 @@ def scene_metadata(
     if poses.metric_scale is not None:
         # A stage has to name a unit: without a scale, its metersPerUnit of 1 means nothing.
         metadata["metric_scale"] = asdict(poses.metric_scale)
+    if poses.world_offset is not None:
+        metadata[OFFSET_KEY] = list(poses.world_offset)
     if scores.views:
         metadata["held_out"] = scores.mean.to_json()
     return metadata

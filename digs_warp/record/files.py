@@ -146,7 +146,7 @@ def _plain(value: Any) -> Any:
 
 
 def read_text(path: Path, what: str, bound: Bound = TEXT, errors: str = "strict") -> str:
-    """Return the content of a text file in UTF-8; ``errors`` as in `open`.
+    """Return the content of a text file in UTF-8, without a mark of its byte order; ``errors`` as in `open`.
 
     Raises:
         DigsError: missing, not readable, not UTF-8, or larger than ``bound``.
@@ -154,7 +154,7 @@ def read_text(path: Path, what: str, bound: Bound = TEXT, errors: str = "strict"
     path = Path(path)
     with _explained(path, what):
         bound.check(f"{what} '{path}'", path.stat().st_size)
-        return path.read_text(encoding="utf-8", errors=errors)
+        return path.read_text(encoding="utf-8-sig", errors=errors)
 
 
 def text_lines(path: Path, what: str) -> Iterator[str]:
@@ -164,7 +164,7 @@ def text_lines(path: Path, what: str) -> Iterator[str]:
         DigsError: missing, not readable or not UTF-8.
     """
     path = Path(path)
-    with _explained(path, what), path.open(encoding="utf-8") as file:
+    with _explained(path, what), path.open(encoding="utf-8-sig") as file:
         yield from file
 
 

@@ -189,8 +189,7 @@ def _cases() -> dict[str, tuple[Make, Read]]:
     from digs_warp.data.capture import read_capture
     from digs_warp.data.gaussians import Gaussians
     from digs_warp.data.images import read_image
-    from digs_warp.formats.captures.recorded_files import read_numbers
-    from digs_warp.formats.captures.to_capture import load_depth
+    from digs_warp.formats.captures.recording import read_numbers
     from digs_warp.formats.splats.spz import read_spz
     from digs_warp.record.files import read_json
     from digs_warp.sim.camera.profiles import load_profile
@@ -231,7 +230,7 @@ def _cases() -> dict[str, tuple[Make, Read]]:
         "bomb.npz": (lambda p: npz(p, 3_000_000), Gaussians.load),
         "depth.npy": (
             lambda p: p.write_bytes(npy_header((100_000, 100_000))),
-            lambda p: load_depth(p, 1.0),
+            lambda p: read_image(p, "depth"),
         ),
         "long.json": (lambda p: long_file(p, 1 << 32), lambda p: read_json(p, "index")),
         "deep.json": (

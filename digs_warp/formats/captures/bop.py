@@ -26,11 +26,11 @@ import numpy as np
 from digs_warp.checks import CaptureError
 from digs_warp.data.capture import Capture
 from digs_warp.data.frame import Frame
-from digs_warp.data.images import to_uint8, write_image
+from digs_warp.data.images import MM_PER_METRE, to_uint8, write_image
 from digs_warp.data.objects import Box
 from digs_warp.data.triangle_mesh import TriangleMesh
 from digs_warp.formats.captures.frames import (
-    LARGEST_UINT16,
+    LARGEST_DEPTH,
     copy_image,
     encode_depth,
     for_each_frame,
@@ -38,8 +38,7 @@ from digs_warp.formats.captures.frames import (
     object_mask,
     warn_of_lost_depth,
 )
-from digs_warp.formats.captures.recorded_files import integer_centered_camera
-from digs_warp.formats.captures.recording import MM_PER_METRE, NumberedFiles, Recording
+from digs_warp.formats.captures.recording import NumberedFiles, Recording, integer_centered_camera
 from digs_warp.geometry.rigid import invert_rigid, rigid
 from digs_warp.record.fields import ABOVE_ZERO, Fields
 from digs_warp.record.files import read_json, to_json, write_atomically
@@ -105,9 +104,11 @@ def _world_from_cam(camera: Fields, objects: list[Fields]) -> np.ndarray | None:
     return _inverse(objects[0], "cam_R_m2c", "cam_t_m2c") if objects else None
 
 
-def _inverse(pose: Fields, rotation: str, translation: str) -> np.ndarray:
+def _inverse(pose: Fields, rotation: str, translation: str) -> np.ndarray | None:
     """Return the inverse of a pose whose translation is in millimetres [m]."""
     turn = pose.array(rotation, (3, 3))
+    if not turn.any():  # lost
+        return None
     if abs(np.linalg.det(turn)) < SMALLEST_VOLUME:
         raise CaptureError(f"{pose.where}: {rotation} is no rotation")
     return np.linalg.inv(rigid(turn, pose.array(translation, (3,)) / MM_PER_METRE))
@@ -200,7 +201,7 @@ def model_placement(capture: Capture, index: int = 0) -> np.ndarray:
 def depth_scale(depth: np.ndarray) -> float:
     """Return the finest scale [mm] in which 16 bits reach the farthest known depth [m]."""
     farthest_mm = np.nan_to_num(depth, nan=0.0).max() * MM_PER_METRE
-    fitting = (scale for scale in DEPTH_SCALES if farthest_mm / scale <= LARGEST_UINT16)
+    fitting = (scale for scale in DEPTH_SCALES if farthest_mm / scale <= LARGEST_DEPTH)
     return next(fitting, DEPTH_SCALES[-1])
 
 

@@ -6,14 +6,13 @@ COLMAP's own reader trusts the counts in binary files. This one believes only th
 import struct
 from collections.abc import Iterator
 from dataclasses import dataclass
-from itertools import dropwhile, islice
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from digs_warp.checks import CaptureError, require_file
-from digs_warp.formats.captures.recorded_files import expecting
+from digs_warp.formats.captures.recording import expecting
 from digs_warp.record.files import text_lines
 
 # COLMAP's camera models in the order of their numbers, and how many parameters they have.
@@ -21,6 +20,8 @@ MODELS = {
     **{"SIMPLE_PINHOLE": 3, "PINHOLE": 4, "SIMPLE_RADIAL": 4, "RADIAL": 5, "OPENCV": 8},
     **{"OPENCV_FISHEYE": 8, "FULL_OPENCV": 12, "FOV": 5, "SIMPLE_RADIAL_FISHEYE": 4},
     **{"RADIAL_FISHEYE": 5, "THIN_PRISM_FISHEYE": 12, "RAD_TAN_THIN_PRISM_FISHEYE": 16},
+    **{"SIMPLE_DIVISION": 4, "DIVISION": 5, "SIMPLE_FISHEYE": 3, "FISHEYE": 4, "EUCM": 6},
+    "EQUIRECTANGULAR": 2,
 }
 
 BYTES_PER_POINT_2D, BYTES_PER_TRACK_ENTRY = 24, 8
@@ -178,11 +179,31 @@ def _text_cameras(path: Path) -> Iterator[tuple[int, ModelCamera]]:
 
 
 def _text_images(path: Path) -> Iterator[RegisteredImage]:
-    lines = dropwhile(lambda line: not line, _lines(path))
-    # Every second line lists the points of the image before: hundreds of megabytes in a large model.
-    for line in filter(None, islice(lines, 0, None, 2)):
+    # The line after that of an image lists its points: hundreds of megabytes in a large model. Of an image
+    # without points it is empty, or missing.
+    may_be_points = False
+    for line in filter(None, _lines(path)):
+        if may_be_points and _are_points(line):
+            may_be_points = False
+            continue
         words = line.split(maxsplit=9)
         yield RegisteredImage(words[9], int(words[8]), np.array(list(map(float, words[1:8]))))
+        may_be_points = True
+
+
+def _are_points(line: str) -> bool:
+    """Whether a line has points, x, y and the number of a 3D point each; only its ends are looked at."""
+    words = line.split(maxsplit=12)
+    ends = (*words[:12], words[-1].rsplit(maxsplit=1)[-1])
+    return (len(words) > 12 or len(words) % 3 == 0) and all(map(_is_number, ends))
+
+
+def _is_number(word: str) -> bool:
+    try:
+        float(word)
+    except ValueError:
+        return False
+    return True
 
 
 def _text_points(path: Path) -> Iterator[tuple[float, ...]]:

@@ -9,12 +9,13 @@ arbitrary unless the model was aligned to known places.
 """
 
 import logging
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import numpy as np
 
 from digs_warp.checks import CaptureError
+from digs_warp.data.file_names import FileNames
 from digs_warp.data.point_cloud import PointCloud
 from digs_warp.formats.captures.colmap_files import (
     MODELS,
@@ -24,11 +25,10 @@ from digs_warp.formats.captures.colmap_files import (
     is_model,
     read_model_files,
 )
-from digs_warp.formats.captures.lens import Lens, undistorted
-from digs_warp.formats.captures.recorded_files import is_readable
-from digs_warp.formats.captures.recording import RecordedFrame, Recording
+from digs_warp.formats.captures.lens import CURVES, Lens, undistorted
+from digs_warp.formats.captures.recording import RecordedFrame, Recording, placed
 from digs_warp.geometry.camera import Intrinsics
-from digs_warp.geometry.rigid import invert_rigid, matrix_from_quat_xyzw, rigid
+from digs_warp.geometry.rigid import invert_rigid
 from digs_warp.words import counted
 
 logger = logging.getLogger(__name__)
@@ -39,6 +39,9 @@ SECONDS_APART = 1.0
 
 # Where a model may lie in a workspace; "*" is the number of one of several models.
 MODEL_PLACES = ("", "sparse", "sparse/*", "colmap", "colmap/sparse/*", "distorted/sparse/*", "*")
+
+# Folders of images; a data set may have been copied with its smaller images only.
+IMAGE_FOLDERS = ("images", "input", "rgb", "", "images_2", "images_4", "images_8")
 
 # How the parameters of a model follow each other: s is a focal length for both axes.
 PARAMETERS = {
@@ -51,6 +54,12 @@ PARAMETERS = {
     "OPENCV_FISHEYE": "fx fy cx cy k1 k2 k3 k4",
     "SIMPLE_RADIAL_FISHEYE": "s cx cy k1",
     "RADIAL_FISHEYE": "s cx cy k1 k2",
+    "SIMPLE_FISHEYE": "s cx cy",
+    "FISHEYE": "fx fy cx cy",
+    "FOV": "fx fy cx cy omega",
+    "SIMPLE_DIVISION": "s cx cy k",
+    "DIVISION": "fx fy cx cy k",
+    "EUCM": "fx fy cx cy alpha beta",
 }
 BROWN, FISHEYE = ("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6"), ("k1", "k2", "k3", "k4")
 
@@ -64,18 +73,17 @@ def read_colmap(folder: Path) -> Recording:
     place, model = _largest_model(folder)
     images = _image_folder(folder, place, model.images)
     rows = sorted(model.images, key=lambda image: image.name)
-    found = [row for row in rows if is_readable(images / row.name)]
+    files = FileNames(images)
+    found = [row for row in rows if files.find(row.name) is not None]
     if len(found) < len(rows):
         lost = next(row.name for row in rows if row not in found)
         logger.warning(
             "recording '%s': %s of the model are not in '%s' and are left out, the first is '%s'",
             *(folder, counted(len(rows) - len(found), "image"), images, lost),
         )
-    frames = [
-        _frame(number, row, model, place, images, images.parent / "masks")
-        for number, row in enumerate(found)
-    ]
-    return Recording(folder, tuple(frames), points=_points(model), poses_in_metres=False)
+    frames = [_frame(number, row, model, place, files) for number, row in enumerate(found)]
+    points = _points(model)
+    return Recording(folder, tuple(frames), points=points, poses_in_metres=False, notes=files.notes)
 
 
 def _largest_model(folder: Path) -> tuple[Path, ColmapFiles]:
@@ -105,11 +113,12 @@ def _largest_model(folder: Path) -> tuple[Path, ColmapFiles]:
 def _image_folder(folder: Path, place: Path, images: Sequence[RegisteredImage]) -> Path:
     """Return the folder to which the names of the images are relative."""
     inside = [each for each in (place, *place.parents) if each.is_relative_to(folder)]
-    tried = [each / name for each in inside[::-1] for name in ("images", "input", "rgb", "")]
+    tried = [each / name for each in inside[::-1] for name in IMAGE_FOLDERS]
     # A model beside the folder of images may have been named itself.
     tried += [folder.parent / "images", folder.parent.parent / "images"]
     for candidate in tried:
-        if any(is_readable(candidate / image.name) for image in images):
+        files = FileNames(candidate)
+        if any(files.find(image.name) is not None for image in images):
             return candidate
     raise CaptureError(
         f"recording '{folder}': none of the model's images, such as '{images[0].name}', is in "
@@ -122,8 +131,7 @@ def _frame(
     row: RegisteredImage,
     model: ColmapFiles,
     place: Path,
-    images: Path,
-    masks: Path,
+    files: FileNames,
 ) -> RecordedFrame:
     where = f"'{place}', image '{row.name}'"
     if row.camera_id not in model.cameras:
@@ -131,21 +139,12 @@ def _frame(
     if ".." in Path(row.name).parts or Path(row.name).is_absolute():
         raise CaptureError(f"{where}: leaves the folder of images; paths must stay inside")
     k, lens = pinhole_and_lens(model.cameras[row.camera_id], where)
-    w, *xyz = row.pose[:4].tolist()
-    turn = np.array([*xyz, w])
-    if not (np.isfinite(row.pose).all() and np.linalg.norm(turn) > 0):
-        raise CaptureError(
-            f"{where}: pose {row.pose.tolist()}, expected a quaternion and a place, all finite"
-        )
-    mask = next(
-        (path for end in (".png", "") if (path := masks / f"{row.name}{end}").is_file()), None
-    )
+    cam_from_world = placed(np.roll(row.pose[:4], -1), row.pose[4:])
     return RecordedFrame(
-        image=images / row.name,
+        image=files.require(row.name, where),
         intrinsics=k,
         time=SECONDS_APART * number,
-        world_from_cam=invert_rigid(rigid(matrix_from_quat_xyzw(turn), row.pose[4:])),
-        mask=mask,
+        world_from_cam=None if cam_from_world is None else invert_rigid(cam_from_world),
         view=undistorted(k, lens),
     )
 
@@ -171,11 +170,16 @@ def pinhole_and_lens(camera: ModelCamera, where: str) -> tuple[Intrinsics, Lens 
         raise CaptureError(f"{where}: camera parameters {camera.params}, expected finite numbers")
     if "FISHEYE" in camera.model:
         return k, Lens(tuple(values.get(name, 0.0) for name in FISHEYE), is_fisheye=True)
+    curve = next((name for name in CURVES if name in camera.model), "")
+    if curve:
+        given = [name for name in values if name not in ("s", "fx", "fy", "cx", "cy")]
+        return k, Lens(tuple(values[name] for name in given), curve=curve)
     return k, Lens.brown(*(values.get(name, 0.0) for name in BROWN))
 
 
-def _points(model: ColmapFiles) -> PointCloud | None:
+def _points(model: ColmapFiles) -> Callable[[np.ndarray], PointCloud] | None:
     sound = np.isfinite(model.points).all(axis=1)
     if not sound.any():
         return None
-    return PointCloud(model.points[sound], np.clip(model.rgb[sound] / 255, 0, 1))
+    colors = np.clip(model.rgb[sound] / 255, 0, 1)
+    return lambda offset: PointCloud(model.points[sound] - offset, colors)

@@ -17,13 +17,14 @@ import numpy as np
 from digs_warp.checks import CaptureError
 from digs_warp.data.images import image_size
 from digs_warp.formats.captures.lens import Eye, Lens, rectify, undistorted
-from digs_warp.formats.captures.recorded_files import (
+from digs_warp.formats.captures.recording import (
     IMAGE_SUFFIXES,
+    RecordedFrame,
+    Recording,
     expecting,
     integer_centered_camera,
     numbered_files,
 )
-from digs_warp.formats.captures.recording import RecordedFrame, Recording
 from digs_warp.formats.captures.to_capture import nearly_rigid
 from digs_warp.geometry.rigid import invert_rigid, matrix_from_quat_xyzw, rigid
 from digs_warp.record.fields import Fields
@@ -184,8 +185,9 @@ def _rows(path: Path) -> np.ndarray:
     with expecting(f"'{path}'", "lines of time, position and quaternion wxyz, separated by commas"):
         rows = [line.split(",")[:8] for line in lines if line[:1].isdigit()]
         found = np.array(rows, dtype=np.float64).reshape(-1, 8)
-    sound = np.isfinite(found).all(axis=1) & (np.linalg.norm(found[:, 4:], axis=1) > 0)
-    found = found[sound]
+    found = found[np.isfinite(found).all(axis=1) & found[:, 4:].any(axis=1)]
+    tracked = (found[:, 1:] != (0, 0, 0, 1, 0, 0, 0)).any(axis=1)
+    found = found[tracked] if tracked.any() else found
     return found[np.argsort(found[:, 0], kind="stable")]
 
 

@@ -4,6 +4,7 @@ One more format is a file in this folder, and its name and functions here.
 """
 
 import importlib
+import logging
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -17,6 +18,8 @@ from digs_warp.words import did_you_mean
 if TYPE_CHECKING:
     from digs_warp.data.capture import Capture
     from digs_warp.formats.captures.recording import Recording
+
+logger = logging.getLogger(__name__)
 
 # The choices of the command line.
 RecordingFormat = Literal[
@@ -143,7 +146,7 @@ def read_recording(folder: Path, form: str) -> "Recording":
         "recording",
         "Name the folder with its images and depth maps; for a film add --from video.",
     )
-    return _function(READERS[form])(folder)
+    return _function(READERS[form])(folder).completed()
 
 
 def export_capture(capture: "Capture", form: str, folder: Path) -> None:
@@ -158,5 +161,10 @@ def export_capture(capture: "Capture", form: str, folder: Path) -> None:
         raise CaptureError(
             f"{capture}: the recording has no camera poses, and every export has them; give the images "
             "themselves to a program that estimates poses"
+        )
+    if capture.about.world_offset:
+        logger.warning(
+            "%s: places in the export are less by the offset of the recording, %s m",
+            *(capture, capture.about.world_offset),
         )
     _function(EXPORTERS[form])(capture, Path(folder))

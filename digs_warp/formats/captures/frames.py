@@ -28,7 +28,9 @@ from digs_warp.record.progress import progress
 
 logger = logging.getLogger(__name__)
 
+# As a depth, the largest number means unknown to many readers, ours among them.
 LARGEST_UINT16 = 65535
+LARGEST_DEPTH = LARGEST_UINT16 - 1
 
 # Mask values above this are object in formats that only know yes and no.
 OBJECT_THRESHOLD = 127
@@ -80,14 +82,14 @@ def encode_depth(depth: np.ndarray, units_per_metre: float) -> tuple[np.ndarray,
         units_per_metre: the number of a pixel one metre away; above 0.
     """
     units = np.round(np.nan_to_num(depth.astype(np.float64), nan=0.0) * units_per_metre)
-    too_far = units > LARGEST_UINT16
+    too_far = units > LARGEST_DEPTH
     return np.where(too_far, 0, units).astype(np.uint16), int(np.count_nonzero(too_far))
 
 
 def warn_of_lost_depth(lost: int, units_per_metre: float, form: str) -> None:
     """Log how much depth a format could not hold."""
     if lost:
-        farthest = LARGEST_UINT16 / units_per_metre
+        farthest = LARGEST_DEPTH / units_per_metre
         logger.warning(
             "%s holds depth up to %.2f m: %d pixels further away are written as unknown",
             *(form, farthest, lost),

@@ -5,6 +5,7 @@ polynomial of the angle of Kannala and Brandt (2006) for fisheye lenses. A pair 
 et al. (2000).
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import lru_cache
 
@@ -23,6 +24,15 @@ MAPS_KEPT = 4
 NOWHERE = -1e4
 
 
+# Other lenses of COLMAP: the distance from the center for that in a pinhole image, and their parameters.
+# Devernay and Faugeras (2001), Fitzgibbon (2001), and Khomutenko et al. (2016).
+CURVES: dict[str, Callable[..., np.ndarray]] = {
+    "FOV": lambda r, omega: np.arctan(2 * r * np.tan(omega / 2)) / omega,
+    "DIVISION": lambda r, k: 2 * r / (1 + np.sqrt(1 - 4 * k * r**2)),
+    "EUCM": lambda r, alpha, beta: r / (alpha * np.sqrt(beta * r**2 + 1) + 1 - alpha),
+}
+
+
 @dataclass(frozen=True)
 class Lens:
     """How a lens bends light.
@@ -32,11 +42,13 @@ class Lens:
         is_fisheye: which of the two.
         eighth: of an ordinary lens, with the eighth power of the radius, where k1, k2 and k3 have the second,
             fourth and sixth: nerfstudio's k4.
+        curve: one of `CURVES`, whose parameters the coefficients are; else empty.
     """
 
     coefficients: tuple[float, ...]
     is_fisheye: bool = False
     eighth: float = 0.0
+    curve: str = ""
 
     @staticmethod
     def brown(*coefficients: float) -> "Lens | None":
@@ -57,7 +69,7 @@ class Lens:
         factor = self._radial(radius) / np.maximum(radius, 1e-12)
         factor = np.where(radius < self._last_radius(float(radius.max())), factor, np.nan)
         bent = np.stack([x * factor, y * factor], axis=-1)
-        if not self.is_fisheye:
+        if not (self.is_fisheye or self.curve):
             _, _, p1, p2 = (*self.coefficients, 0.0, 0.0, 0.0, 0.0)[:4]
             bent[..., 0] += 2 * p1 * x * y + p2 * (radius**2 + 2 * x**2)
             bent[..., 1] += p1 * (radius**2 + 2 * y**2) + 2 * p2 * x * y
@@ -65,6 +77,8 @@ class Lens:
 
     def _radial(self, radius: np.ndarray) -> np.ndarray:
         """Return the distance from the center for that in a pinhole image, both at focal length 1."""
+        if self.curve:
+            return CURVES[self.curve](radius, *self.coefficients)
         if self.is_fisheye:
             angle = np.arctan(radius)
             k1, k2, k3, k4 = (*self.coefficients, 0.0, 0.0, 0.0, 0.0)[:4]

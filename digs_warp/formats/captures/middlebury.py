@@ -14,10 +14,9 @@ import numpy as np
 
 from digs_warp.data.capture import Capture
 from digs_warp.data.frame import Frame
-from digs_warp.data.images import write_image
+from digs_warp.data.images import MM_PER_METRE, write_image
 from digs_warp.data.layers import Occlusion
 from digs_warp.formats.captures.frames import for_each_frame
-from digs_warp.formats.captures.recording import MM_PER_METRE
 from digs_warp.formats.captures.stereo_pair import StereoExport, write_pfm
 from digs_warp.geometry.camera import Intrinsics
 from digs_warp.record.files import write_atomically

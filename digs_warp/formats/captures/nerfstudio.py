@@ -12,6 +12,7 @@ millimetres, and the names of the held-out frames. The world stays as it is, wit
 """
 
 import math
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -21,16 +22,16 @@ import numpy as np
 from digs_warp.checks import CaptureError
 from digs_warp.data.capture import Capture
 from digs_warp.data.capture_writer import POINTS, camera_keys, size_keys
+from digs_warp.data.file_names import FileNames
 from digs_warp.data.frame import Frame
-from digs_warp.data.images import image_size, write_image
+from digs_warp.data.images import MM_PER_METRE, image_size, write_image
 from digs_warp.data.index_rules import (
     INDEX_NAME,
-    METRES_PER_FLOAT,
     POINTS_KEY,
     check_depth_unit,
     check_section,
-    metres_per_unit,
     read_lens,
+    unread_files,
 )
 from digs_warp.data.layers import Layer
 from digs_warp.data.point_cloud import PointCloud, read_points, write_points
@@ -44,8 +45,13 @@ from digs_warp.formats.captures.frames import (
     write_mask,
 )
 from digs_warp.formats.captures.lens import Lens, undistorted
-from digs_warp.formats.captures.recorded_files import IMAGE_SUFFIXES, is_readable, missing
-from digs_warp.formats.captures.recording import MM_PER_METRE, RecordedFrame, Recording
+from digs_warp.formats.captures.recording import (
+    IMAGE_SUFFIXES,
+    RecordedFrame,
+    Recording,
+    in_seconds,
+    known_pose,
+)
 from digs_warp.geometry.camera import Intrinsics
 from digs_warp.geometry.rigid import OPENCV_FROM_OPENGL
 from digs_warp.record.fields import ABOVE_ZERO, Fields
@@ -122,77 +128,103 @@ def _split(capture: Capture, names: list[str], start: StartPoints) -> dict[str, 
     return {"train_filenames": seen, "val_filenames": held_out, "test_filenames": held_out}
 
 
-METRES_PER_UNIT = "metres per unit: 1 for float images, above 0 for 16-bit images, such as 0.001"
 DISTORTION_KEYS = ("k1", "k2", "p1", "p2", "k3", "k4")
 FULL_KEYS = (*DISTORTION_KEYS, "k5", "k6")
 FISHEYE_KEYS = ("k1", "k2", "k3", "k4")
 
 
+# What else the index of a synthetic scene is called: the frames for training count.
+OTHER_INDICES = ("transforms_train.json", "transforms_test.json", "transforms_val.json")
+
+
 def read_nerfstudio(folder: Path) -> Recording:
-    """Read a folder with transforms.json.
+    """Read a folder with transforms.json, or with transforms_train.json.
 
     Raises:
         CaptureError: no usable index, a missing image, another unit of depth than its images have, or a lens
             that needs more coefficients than we know.
     """
-    index = read_json(folder / INDEX_NAME, "nerfstudio index")
+    names = [name for name in (INDEX_NAME, *OTHER_INDICES) if (folder / name).is_file()]
+    name = (names or [INDEX_NAME])[0]
+    index = read_json(folder / name, "nerfstudio index")
     entries = index.get("frames")
     if not isinstance(entries, list) or not entries:
-        raise CaptureError(f"recording '{folder}': {INDEX_NAME} lists no frames")
+        raise CaptureError(f"recording '{folder}': {name} lists no frames")
     ours = index.get("digs_warp")
     if isinstance(ours, dict):
-        check_section(ours, f"recording '{folder}', digs_warp in {INDEX_NAME}")
-    shared = Fields(index, f"recording '{folder}', {INDEX_NAME}", CaptureError)
+        check_section(ours, f"recording '{folder}', digs_warp in {name}")
+    shared = Fields(index, f"recording '{folder}', {name}", CaptureError)
     scale = shared.number("applied_scale", ABOVE_ZERO, default=1.0, what="a number above 0")
+    files = FileNames(folder)
+    if name in OTHER_INDICES and names[1:]:
+        files.notes[f"only the frames of {name} are read, not those of {', '.join(names[1:])}"] = 1
+    files.notes += unread_files(entries, {*(layer.value for layer in Layer), *ALIASES})
     rows = [
         replace(
-            Fields.of(entry, f"recording '{folder}', frame {i} of {INDEX_NAME}", CaptureError),
+            Fields.of(entry, f"recording '{folder}', frame {i} of {name}", CaptureError),
             shared=index,
         )
         for i, entry in enumerate(entries)
     ]
-    frames = tuple(_frame(folder, row, i, scale) for i, row in enumerate(rows))
+    times = in_seconds([_time(row, i) for i, row in enumerate(rows)], files.notes)
+    frames = tuple(_frame(files, *each, scale) for each in zip(rows, times, strict=True))
     rig = shared.section("digs_warp", optional=True).section("rig", optional=True)
     baseline = rig.number("baseline", ABOVE_ZERO, default=None, what="metres above 0")
     return Recording(
         folder,
         frames,
         baseline=baseline,
-        points=_points(folder, shared, scale),
+        points=_points(files, shared, scale),
         poses_in_metres=any(frame.depth is not None for frame in frames),
+        notes=files.notes,
     )
 
 
-def _points(folder: Path, shared: Fields, scale: float) -> PointCloud | None:
-    """Return the sparse points; an index may name a file that was not copied."""
+def _points(
+    files: FileNames, shared: Fields, scale: float
+) -> Callable[[np.ndarray], PointCloud] | None:
+    """Return what reads the sparse points; an index may name a file that was not copied."""
     name = shared.text(POINTS_KEY, "")
-    if not name or not is_readable(folder / name):
-        return None
-    cloud = read_points(folder / name)
-    return PointCloud(cloud.points_world / np.float32(scale), cloud.colors)
+    path = files.find(name) if name else None
+    return None if path is None else lambda offset: read_points(path, offset, scale)
 
 
-def _frame(folder: Path, row: Fields, number: int, scale: float) -> RecordedFrame:
-    image = _image_path(folder, row.text("file_path"), row.where)
+def _time(row: Fields, number: int) -> float:
+    return row.number("time", default=row.number("timestamp", default=float(number)))
+
+
+# What other programs call our keys: NeRFCapture and instant-ngp have depth_path.
+ALIASES = {"depth_path": Layer.DEPTH, "mask_file_path": Layer.MASK}
+
+
+def _frame(files: FileNames, row: Fields, time: float, scale: float) -> RecordedFrame:
+    image = files.require(row.text("file_path"), row.where, ("", *IMAGE_SUFFIXES))
     pose = _pose(row, scale)
     k = _intrinsics(row, image)
     view = undistorted(k, _lens(row))
+    known = {layer: row.text(layer.value, "") for layer in (Layer.DEPTH, Layer.MASK, Layer.RIGHT)}
+    for key, layer in ALIASES.items():
+        known[layer] = known[layer] or row.text(key, "")
+    depth, mask, right = (
+        files.require(name, f"{row.where}, {layer.value}") if name else None
+        for layer, name in known.items()
+    )
     return RecordedFrame(
         image=image,
         intrinsics=k,
-        time=row.number("time", default=row.number("timestamp", default=float(number))),
+        time=time,
         world_from_cam=pose,
-        depth=_optional(folder, row, "depth_file_path"),
-        depth_units_per_metre=_units_per_metre(row),
-        mask=_optional(folder, row, "mask_path"),
-        right=_optional(folder, row, "right_file_path"),
+        depth=depth,
+        mask=mask,
+        right=right,
         view=view,
         right_view=view,
+        **_depth_units(row),
     )
 
 
 def _pose(row: Fields, scale: float) -> np.ndarray | None:
-    """Return world from camera; None where the program that wrote it was lost: it is not finite."""
+    """Return world from camera; None where the program that wrote it was lost."""
     found = row.values.get("transform_matrix")
     rows = found if isinstance(found, list) else []
     values = [value for each in rows if isinstance(each, list) for value in each]
@@ -200,7 +232,8 @@ def _pose(row: Fields, scale: float) -> np.ndarray | None:
         return None
     matrix = row.array("transform_matrix", (4, 4))
     matrix[:3, 3] /= scale
-    return matrix @ OPENCV_FROM_OPENGL
+    pose = known_pose(matrix)
+    return None if pose is None else pose @ OPENCV_FROM_OPENGL
 
 
 def _lens(row: Fields) -> Lens | None:
@@ -222,17 +255,16 @@ def _lens(row: Fields) -> Lens | None:
     return Lens(found[:5], eighth=found[5]) if any(found) else None
 
 
-def _units_per_metre(row: Fields) -> float:
-    """Return how many units of the depth image make a metre: ``depth_unit_scale_factor`` may say it."""
+def _depth_units(row: Fields) -> dict[str, float]:
+    """Return the units of depth images as `RecordedFrame` has them; the index may give metres per unit."""
     check_depth_unit({**(row.shared or {}), **row.values}, row.where)
-    depth = row.text("depth_file_path", "")
-    usual = metres_per_unit(depth)
-    given = row.number("depth_unit_scale_factor", ABOVE_ZERO, default=usual, what=METRES_PER_UNIT)
-    if usual == METRES_PER_FLOAT and given != usual:
-        raise CaptureError(
-            f"{row.where}: depth_unit_scale_factor is {given!r} for '{depth}', expected {METRES_PER_UNIT}"
-        )
-    return 1 / given
+    what = "metres per unit, above 0"
+    for key in ("depth_unit_scale_factor", "integer_depth_scale"):
+        given = row.number(key, ABOVE_ZERO, default=None, what=what)
+        if given is not None:
+            kinds = ("depth", "float") if key == "depth_unit_scale_factor" else ("depth",)
+            return {f"{kind}_units_per_metre": 1 / given for kind in kinds}
+    return {}
 
 
 def _intrinsics(row: Fields, image: Path) -> Intrinsics:
@@ -249,19 +281,3 @@ def _intrinsics(row: Fields, image: Path) -> Intrinsics:
         row.number("cx", default=size[0] / 2),
         row.number("cy", default=size[1] / 2),
     )
-
-
-def _image_path(folder: Path, name: str, where: str) -> Path:
-    path = folder / name
-    endings = ("", *IMAGE_SUFFIXES)
-    found = next((p for p in (Path(f"{path}{end}") for end in endings) if is_readable(p)), None)
-    if found is None:
-        raise CaptureError(f"{where}: {missing(folder, name)}")
-    return found
-
-
-def _optional(folder: Path, row: Fields, key: str) -> Path | None:
-    name = row.text(key, "")
-    if name and not is_readable(folder / name):
-        raise CaptureError(f"{row.where}, {key}: {missing(folder, name)}")
-    return folder / name if name else None

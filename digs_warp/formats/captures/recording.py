@@ -1,23 +1,32 @@
-"""What the readers of other programs' folders return, and the base of those with numbered files."""
+"""What the readers of other programs' folders return, and how they read the small files in these."""
 
-from collections.abc import Mapping
-from dataclasses import dataclass, replace
+import logging
+import re
+from collections import Counter
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from digs_warp.checks import CaptureError
-from digs_warp.data.images import image_size
+from digs_warp.checks import CaptureError, DigsError
+from digs_warp.data.file_names import masks_in
+from digs_warp.data.images import MM_PER_METRE, image_size
 from digs_warp.data.point_cloud import PointCloud
 from digs_warp.formats.captures.lens import PinholeView
-from digs_warp.formats.captures.recorded_files import IMAGE_SUFFIXES, numbered_files
 from digs_warp.geometry.camera import Intrinsics
+from digs_warp.geometry.rigid import matrix_from_quat_xyzw, rigid
+from digs_warp.record.files import read_text
+from digs_warp.words import counted
 
-MM_PER_METRE = 1000.0
+logger = logging.getLogger(__name__)
 
 # For formats without times: the cameras that write such folders take 30 frames per second.
 FRAME_RATE = 30.0
+
+IMAGE_SUFFIXES = (".png", ".jpg", ".jpeg")
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,10 +38,10 @@ class RecordedFrame:
         intrinsics: camera of the capture's image, first pixel center at (0.5, 0.5).
         time: seconds.
         world_from_cam: pose, (4, 4), OpenCV axes, metres; None if unknown.
-        depth: depth image, or None; floats are metres.
+        depth: depth image, or None.
         depth_units_per_metre: the value of a pixel one metre away in a depth image of integers.
-        depth_unknown: beside 0, the value of unknown pixels in a depth image of integers.
-        mask: 8-bit mask, or None to use the alpha channel of the image, if it has one.
+        float_units_per_metre: the same in one of floats.
+        mask: a mask, or None to use the alpha channel of the image, if it has one.
         right: image of the right eye, or None.
         view: how the image of that camera is made from the file; None: the file holds it.
         right_view: the same for the right eye.
@@ -44,7 +53,7 @@ class RecordedFrame:
     world_from_cam: np.ndarray | None = None
     depth: Path | None = None
     depth_units_per_metre: float = MM_PER_METRE
-    depth_unknown: int = 0
+    float_units_per_metre: float = 1.0
     mask: Path | None = None
     right: Path | None = None
     view: PinholeView | None = None
@@ -55,6 +64,27 @@ class RecordedFrame:
         """The camera of the image file, without its lens."""
         return self.intrinsics if self.view is None else self.view.source
 
+    def at_its_size(self) -> "RecordedFrame":
+        """Return the frame with its camera at the size of its image, if both have the same shape."""
+        k = self.file_camera
+        try:
+            width, height = image_size(self.image)
+        except DigsError:  # named when it is read
+            return self
+        if (width, height) == (k.width, k.height) or not same_shape(k, width, height):
+            return self
+        sx, sy = width / k.width, height / k.height
+
+        def scaled(k: Intrinsics) -> Intrinsics:
+            return k.resized(round(k.width * sx), round(k.height * sy))
+
+        views = {
+            name: replace(view, source=scaled(view.source), target=scaled(view.target))
+            for name in ("view", "right_view")
+            if (view := getattr(self, name)) is not None
+        }
+        return replace(self, intrinsics=scaled(self.intrinsics), **views)
+
     def with_field_of_view(self, degrees: float) -> "RecordedFrame":
         """Return the frame with another field of view, if its image is made from that of a lens."""
         if self.view is None:
@@ -62,6 +92,11 @@ class RecordedFrame:
         view = self.view.with_field_of_view(degrees)
         right = self.right_view and self.right_view.with_field_of_view(degrees)
         return replace(self, intrinsics=view.target, view=view, right_view=right)
+
+
+def same_shape(k: Intrinsics, width: int, height: int) -> bool:
+    """Whether images of a size are those of a camera, made smaller or larger; sizes are rounded."""
+    return abs(width * k.height - height * k.width) <= max(k.width, k.height)
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,15 +122,62 @@ class Recording:
         depth_camera: of the depth images where it is not that of the color images.
         baseline: distance between the two eyes [m], or None.
         poses_in_metres: whether the unit of the poses is the metre; in some formats it is arbitrary.
-        points: in the world of the poses, from which a reconstruction can start, or None.
+        points: returns the points from which a reconstruction can start, in the world of the poses less an
+            offset (3,) [m]; or None.
+        notes: what was found out about it while it was read, clauses, and how often.
     """
 
     folder: Path
     frames: tuple[RecordedFrame, ...]
     depth_camera: DepthCamera | None = None
     baseline: float | None = None
-    points: PointCloud | None = None
+    points: Callable[[np.ndarray], PointCloud] | None = None
     poses_in_metres: bool = True
+    notes: Counter[str] = field(default_factory=Counter)
+
+    def say_notes(self) -> None:
+        """Log the notes, each once."""
+        for note, count in sorted(self.notes.items()):
+            logger.warning("recording '%s': %s (%s)", self.folder, note, counted(count, "time"))
+        self.notes.clear()
+
+    def completed(self) -> "Recording":
+        """Return the recording with the masks beside its images, and cameras of the size of those."""
+        frames = tuple(frame.at_its_size() for frame in self.frames)
+        resized = [new for new, old in zip(frames, self.frames, strict=True) if new is not old]
+        if resized:
+            k = resized[0].file_camera
+            self.notes[f"the camera is scaled to the images, {k.width}x{k.height}"] = len(resized)
+        return replace(self, frames=frames)._with_masks_beside()
+
+    def _with_masks_beside(self) -> "Recording":
+        """Return the recording with the masks of a folder beside that of its images, if it has no others."""
+        if any(frame.mask is not None for frame in self.frames):
+            return self
+        first = self.frames[0].image if self.frames else self.folder
+        tops = [
+            top for top in first.parents if top != top.parent and self.folder.parent in top.parents
+        ]
+        for top in tops or [first.parent.parent]:
+            names = [
+                "/".join(frame.image.relative_to(top).parts[1:]) or frame.image.name
+                if frame.image.is_relative_to(top)
+                else frame.image.name
+                for frame in self.frames
+            ]
+            for folder in (top / "masks", top / "mask"):
+                found, left = masks_in(folder, names)
+                if left:
+                    fit = "no image" if not found else "no other image"
+                    self.notes[
+                        f"files in '{folder}' fit {fit}; name them like the images, 0001.png for 0001.jpg"
+                    ] = left
+                if found:
+                    masks = [found.get(name) for name in names]
+                    pairs = zip(self.frames, masks, strict=True)
+                    logger.info("recording '%s': masks are those in '%s'", self.folder, folder)
+                    return replace(self, frames=tuple(replace(f, mask=m) for f, m in pairs))
+        return self
 
     def thinned(self, count: int) -> "Recording":
         """Return the recording with at most ``count`` frames, evenly spread from the first to the last."""
@@ -189,3 +271,91 @@ class NumberedFiles:
             for number, image in self.images.items()
         )
         return Recording(self.folder, frames, depth_camera=depth_camera, baseline=baseline)
+
+
+@contextmanager
+def expecting(where: str, what: str) -> Iterator[None]:
+    """Raise a `CaptureError` when the block finds missing keys or wrong values in a file.
+
+    Args:
+        where: the file.
+        what: what it should hold.
+    """
+    try:
+        yield
+    except CaptureError:
+        raise
+    except (KeyError, TypeError, ValueError, IndexError) as error:
+        raise CaptureError(f"{where}: expected {what} ({error!r})") from None
+
+
+# Clocks of a computer count from 1970; times above these are in the unit.
+CLOCK_UNITS = ((1e17, 1e9, "nanoseconds"), (1e14, 1e6, "microseconds"), (1e11, 1e3, "milliseconds"))
+
+# Of a clock that starts at 0: no two frames in a row are so far apart [s].
+LONGEST_STEP = ((1e6, 1e9, "nanoseconds"), (3600.0, 1e6, "microseconds"))
+
+
+def in_seconds(stamps: Sequence[float] | np.ndarray, notes: Counter[str]) -> np.ndarray:
+    """Return times in seconds: their size, or the steps between them, says their unit."""
+    times = np.asarray(stamps, dtype=np.float64)
+    if not len(times):
+        return times
+    step = float(np.median(np.diff(np.unique(times)))) if len(times) > 1 else 0.0
+    measures = ((np.median(np.abs(times)), CLOCK_UNITS), (step, LONGEST_STEP))
+    for value, units in measures:
+        for above, per_second, unit in units:
+            if value > above:
+                notes[f"times are in {unit}"] += 1
+                return times / per_second
+    return times
+
+
+def known_pose(matrix: np.ndarray) -> np.ndarray | None:
+    """Return a pose, (4, 4); None where the program that wrote it was lost: zeros, or not finite."""
+    return matrix if np.isfinite(matrix).all() and matrix[:3, :3].any() else None
+
+
+def placed(quat_xyzw: np.ndarray, place: np.ndarray) -> np.ndarray | None:
+    """Return the pose of a quaternion and a place; None as of `known_pose`."""
+    if not (np.isfinite(quat_xyzw).all() and np.isfinite(place).all() and quat_xyzw.any()):
+        return None
+    return rigid(matrix_from_quat_xyzw(quat_xyzw), place)
+
+
+def read_numbers(path: Path, shape: tuple[int, ...], what: str) -> np.ndarray:
+    """Return the numbers of a text file, separated by blanks or commas, without lines that begin with #.
+
+    Raises:
+        CaptureError: missing, no numbers, or a count that does not fit ``shape``.
+    """
+    lines = read_text(path, what, errors="replace").splitlines()
+    words = re.split(
+        r"[\s,]+", " ".join(line for line in lines if not line.startswith("#")).strip()
+    )
+    with expecting(f"{what} '{path}'", f"{shape} numbers"):
+        return np.array([float(word) for word in words if word]).reshape(shape)
+
+
+def numbered_files(folder: Path, start: str, suffixes: Sequence[str]) -> dict[int, Path]:
+    """Return the files START + NUMBER + SUFFIX below a folder by number, ascending; START may have a /."""
+    prefix = start.rpartition("/")[2]
+    found = {}
+    for path in folder.glob(f"{start}*"):
+        digits = path.stem.removeprefix(prefix)
+        if path.suffix.lower() in suffixes and digits.isdecimal():
+            found[int(digits)] = path
+    return dict(sorted(found.items()))
+
+
+def integer_centered_camera(matrix: np.ndarray, size: tuple[int, int]) -> Intrinsics:
+    """Return the camera of a matrix that counts the center of the first pixel as (0, 0).
+
+    Args:
+        matrix: K, [[fx, 0, cx], [0, fy, cy], ...], (3, 3) or larger.
+        size: (width, height).
+    """
+    k = Intrinsics(
+        *size, float(matrix[0, 0]), float(matrix[1, 1]), float(matrix[0, 2]), float(matrix[1, 2])
+    )
+    return replace(k, cx=k.cx + 0.5, cy=k.cy + 0.5)

@@ -14,16 +14,19 @@ import numpy as np
 from digs_warp.checks import CaptureError
 from digs_warp.data.capture import Capture
 from digs_warp.data.frame import Frame
+from digs_warp.data.images import MM_PER_METRE
 from digs_warp.formats.captures.frames import (
     integer_centered,
     the_one_camera,
     write_colors_and_depths,
 )
-from digs_warp.formats.captures.recorded_files import (
+from digs_warp.formats.captures.recording import (
+    NumberedFiles,
+    Recording,
     integer_centered_camera,
+    known_pose,
     read_numbers,
 )
-from digs_warp.formats.captures.recording import MM_PER_METRE, NumberedFiles, Recording
 from digs_warp.record.fields import Fields
 from digs_warp.record.files import read_json, to_json, write_atomically
 
@@ -48,11 +51,12 @@ def read_redwood(folder: Path) -> Recording:
     )
 
 
-def _read_log(path: Path) -> np.ndarray:
-    """Return the poses, world from camera, (n, 4, 4)."""
+def _read_log(path: Path) -> list[np.ndarray | None]:
+    """Return the poses, world from camera, (4, 4)."""
     if not path.is_file():
-        return np.zeros((0, 4, 4))
-    return read_numbers(path, (-1, 19), "trajectory")[:, 3:].reshape(-1, 4, 4)
+        return []
+    rows = read_numbers(path, (-1, 19), "trajectory")
+    return [known_pose(row[3:].reshape(4, 4)) for row in rows]
 
 
 def write_redwood(capture: Capture, folder: Path) -> None:

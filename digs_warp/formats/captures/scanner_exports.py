@@ -25,22 +25,21 @@ from pathlib import Path
 import numpy as np
 
 from digs_warp.checks import CaptureError
-from digs_warp.data.images import image_size
-from digs_warp.formats.captures.recorded_files import (
-    IMAGE_SUFFIXES,
-    integer_centered_camera,
-    numbered_files,
-    read_numbers,
-)
+from digs_warp.data.images import MM_PER_METRE, image_size
 from digs_warp.formats.captures.recording import (
     FRAME_RATE,
-    MM_PER_METRE,
+    IMAGE_SUFFIXES,
     DepthCamera,
     NumberedFiles,
     Recording,
+    integer_centered_camera,
+    known_pose,
+    numbered_files,
+    placed,
+    read_numbers,
 )
 from digs_warp.geometry.camera import Intrinsics
-from digs_warp.geometry.rigid import OPENCV_FROM_OPENGL, matrix_from_quat_xyzw, rigid
+from digs_warp.geometry.rigid import OPENCV_FROM_OPENGL
 from digs_warp.record.fields import ABOVE_ZERO, Fields
 from digs_warp.record.files import read_json
 
@@ -59,8 +58,8 @@ def read_record3d(folder: Path) -> Recording:
     metadata = Fields(read_json(path, "metadata"), f"'{path}'", CaptureError)
     cameras = _cameras(metadata, files)
     rows = metadata.array("poses", (-1, 7), default=np.zeros((0, 7)))
-    turns = matrix_from_quat_xyzw(rows[:, :4])
-    poses = {i: rigid(turns[i], rows[i, 4:]) @ OPENCV_FROM_OPENGL for i in range(len(rows))}
+    found = {i: placed(row[:4], row[4:]) for i, row in enumerate(rows)}
+    poses = {i: pose @ OPENCV_FROM_OPENGL for i, pose in found.items() if pose is not None}
     rate = metadata.number("fps", 0, default=0.0) or FRAME_RATE
     return files.recording(cameras, poses, frame_rate=rate)
 
@@ -68,14 +67,28 @@ def read_record3d(folder: Path) -> Recording:
 def _cameras(metadata: Fields, files: NumberedFiles) -> Intrinsics | dict[int, Intrinsics]:
     """The camera of all images, or one for each where the phone wrote them (autofocus)."""
     size = files.image_size
-    own = metadata.array("perFrameIntrinsicCoeffs", (-1, 4), default=np.zeros((0, 4)))
-    if len(own) == len(files.images):
-        rows = zip(files.images, own.tolist(), strict=True)
-        return {number: Intrinsics(*size, *row) for number, row in rows}
+    written = metadata.number("w", 1, default=size[0]), metadata.number("h", 1, default=size[1])
+    if (written[0] > written[1]) != (
+        size[0] > size[1]
+    ):  # a phone turns its images, not always these
+        written = written[::-1]
+    scale = size[0] / written[0]
     matrix = metadata.array("K", (3, 3)).T
-    scale = size[0] / metadata.number("w", 1, default=size[0])
-    values = np.array([matrix[0, 0], matrix[1, 1], matrix[0, 2], matrix[1, 2]]) * scale
-    return Intrinsics(*size, *values.tolist())
+    row = np.array([matrix[0, 0], matrix[1, 1], matrix[0, 2], matrix[1, 2]])
+    own = metadata.array("perFrameIntrinsicCoeffs", (-1, 4), default=np.zeros((0, 4)))
+    rows = own if len(own) == len(files.images) else np.tile(row, (len(files.images), 1))
+    if not len(own):
+        return Intrinsics(*size, *_turned(row * scale, size))
+    return {
+        number: Intrinsics(*size, *_turned(each * scale, size))
+        for number, each in zip(files.images, rows, strict=True)
+    }
+
+
+def _turned(row: np.ndarray, size: tuple[int, int]) -> list[float]:
+    """Return fx, fy, cx, cy; exchanged if only then the principal point is near the middle of the image."""
+    far, near = (np.abs(row[order] / size - 0.5).max() for order in ([2, 3], [3, 2]))
+    return (row if far <= max(near, 0.1) else row[[1, 0, 3, 2]]).tolist()
 
 
 def read_scannet(folder: Path) -> Recording:
@@ -94,14 +107,9 @@ def read_scannet(folder: Path) -> Recording:
     poses = numbered_files(folder, "pose/", (".txt",))
     return files.recording(
         integer_centered_camera(color_k, files.image_size),
-        {number: _read_pose(path) for number, path in poses.items()},
+        {number: known_pose(read_numbers(path, (4, 4), "pose")) for number, path in poses.items()},
         depth_camera=depth_camera,
     )
-
-
-def _read_pose(path: Path) -> np.ndarray | None:
-    pose = read_numbers(path, (4, 4), "pose")
-    return pose if np.isfinite(pose).all() else None
 
 
 CALIBRATION = "calibration.json"

@@ -17,18 +17,16 @@ from pathlib import Path
 import numpy as np
 
 from digs_warp.checks import CaptureError
-from digs_warp.data.images import image_size
-from digs_warp.formats.captures.recorded_files import (
-    IMAGE_SUFFIXES,
-    expecting,
-    integer_centered_camera,
-    read_numbers,
-)
+from digs_warp.data.images import MM_PER_METRE, image_size
 from digs_warp.formats.captures.recording import (
-    MM_PER_METRE,
+    IMAGE_SUFFIXES,
     DepthCamera,
     NumberedFiles,
     Recording,
+    expecting,
+    integer_centered_camera,
+    known_pose,
+    read_numbers,
 )
 from digs_warp.geometry.camera import Intrinsics
 from digs_warp.geometry.rigid import invert_rigid
@@ -37,9 +35,6 @@ from digs_warp.record.files import read_text
 CALIBRATION = "camera-intrinsics.txt"
 INFOS = ("info.txt", "_info.txt")
 DEPTH_SUFFIXES = (".png", ".pgm")
-
-# Depth images mark unknown pixels with 0 or with this.
-UNKNOWN = 65535
 
 # The page of the data set gives the first; the second is that of the Kinect's color camera.
 KINECT_SIZE = (640, 480)
@@ -96,7 +91,6 @@ def read_seven_scenes(folder: Path) -> Recording:
         poses,
         depth_camera=rig.depth if files.depths else None,
         depth_units_per_metre=dict.fromkeys(images, rig.units_per_metre),
-        depth_unknown=dict.fromkeys(images, UNKNOWN),
     )
 
 
@@ -148,9 +142,7 @@ def _rig_of_info(path: Path, size: tuple[int, int], depth_size: tuple[int, int])
 
 def _color_pose(path: Path, rig: _Rig) -> np.ndarray | None:
     """Return world from color camera; None where tracking failed."""
-    pose = read_numbers(path, (4, 4), "pose")
-    if not np.isfinite(pose).all():
-        return None
-    if rig.depth is None or rig.depth.color_from_depth is None:
+    pose = known_pose(read_numbers(path, (4, 4), "pose"))
+    if pose is None or rig.depth is None or rig.depth.color_from_depth is None:
         return pose
     return pose @ invert_rigid(rig.depth.color_from_depth)

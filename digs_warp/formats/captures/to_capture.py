@@ -13,16 +13,15 @@ import numpy as np
 
 from digs_warp.checks import CaptureError
 from digs_warp.data.about import About
-from digs_warp.data.capture import Capture
+from digs_warp.data.capture import OFFSET_TAKEN, Capture
 from digs_warp.data.capture_writer import CaptureWriter, FrameImages
-from digs_warp.data.images import read_image
+from digs_warp.data.images import depth_in_metres, mask_of, read_image
 from digs_warp.data.rig import Rig
 from digs_warp.formats.captures.frames import for_each_frame
 from digs_warp.formats.captures.lens import register_depth, resample_depth
-from digs_warp.formats.captures.recording import RecordedFrame, Recording
+from digs_warp.formats.captures.recording import RecordedFrame, Recording, same_shape
 from digs_warp.geometry.camera import Intrinsics
-from digs_warp.geometry.rigid import rigid
-from digs_warp.record.arrays import read_array
+from digs_warp.geometry.rigid import OPENCV_FROM_OPENGL, far_offset, rigid
 from digs_warp.words import counted
 
 # What is nearer than this many times the distance between the eyes gets no depth: the search has to end.
@@ -94,27 +93,42 @@ def write_capture(recording: Recording, form: str, folder: Path) -> Capture:
     """
     frames = _usable_frames(recording)
     known = frames[0].world_from_cam is not None
+    recording.say_notes()
     _check_views(recording.folder, frames)
     rig = None if recording.baseline is None else Rig(recording.baseline)
+    offset = far_offset(np.array([f.world_from_cam for f in frames])[:, :3, 3]) if known else None
+    taken = np.zeros(3) if offset is None else offset
+    if offset is not None:
+        recording.notes[OFFSET_TAKEN.format(tuple(offset.tolist()))] = len(frames)
     writer = CaptureWriter(folder, frames[0].intrinsics, rig)
 
     def work(number: int, frame: RecordedFrame) -> None:
         writer.write_frame(number, load_frame(frame, recording), frame.intrinsics)
 
     for_each_frame(frames, "Converting", work)
+    recording.say_notes()
     for number, frame in enumerate(frames):
-        pose = np.eye(4) if frame.world_from_cam is None else frame.world_from_cam
+        pose = np.array(np.eye(4) if frame.world_from_cam is None else frame.world_from_cam)
+        pose[:3, 3] -= taken
         own = None if frame.intrinsics == writer.intrinsics else frame.intrinsics
         writer.add_pose(number, pose, frame.time - frames[0].time, own)
     metric = known and recording.poses_in_metres
-    about = About(recorded_as=form, poses_known=known, poses_in_metres=metric)
-    return writer.finish(about, recording.points)
+    about = About(
+        recorded_as=form,
+        poses_known=known,
+        poses_in_metres=metric,
+        world_offset=None if offset is None else tuple(offset.tolist()),
+    )
+    return writer.finish(about, recording.points and recording.points(taken))
 
 
 def load_frame(frame: RecordedFrame, recording: Recording) -> FrameImages:
     """Return the pixels of a frame as a capture has them: metres, NaN where unknown, no distortion."""
     rgb, alpha = load_color(frame.image, "image", frame.file_camera)
-    mask = alpha if frame.mask is None else load_mask(frame.mask, frame.file_camera)
+    mask = alpha
+    if frame.mask is not None:
+        mask, note = load_mask(frame.mask, frame.file_camera)
+        recording.notes.update([note] if note else [])
     right = None
     if frame.right is not None:
         right_camera = frame.right_view.source if frame.right_view else frame.file_camera
@@ -122,7 +136,8 @@ def load_frame(frame: RecordedFrame, recording: Recording) -> FrameImages:
         right = right if frame.right_view is None else frame.right_view.apply(right)
     depth = None
     if frame.depth is not None:
-        depth = load_depth(frame.depth, frame.depth_units_per_metre, frame.depth_unknown)
+        units = frame.depth_units_per_metre, frame.float_units_per_metre
+        depth = depth_in_metres(read_image(frame.depth, "depth"), f"depth '{frame.depth}'", *units)
         depth = _registered(depth, frame, recording)
     if frame.view is not None:
         rgb = frame.view.apply(rgb)
@@ -149,12 +164,15 @@ def load_color(path: Path, what: str, k: Intrinsics) -> tuple[np.ndarray, np.nda
     return np.ascontiguousarray(rgb), alpha
 
 
-def load_mask(path: Path, k: Intrinsics) -> np.ndarray:
-    """Return a mask, 0 to 255, (height, width), uint8."""
+def load_mask(path: Path, k: Intrinsics) -> tuple[np.ndarray, str | None]:
+    """Return a mask of the size of a camera's image, as `digs_warp.data.images.mask_of` does."""
     pixels = read_image(path, "mask")
+    height, width = pixels.shape[:2]
+    if (width, height) != (k.width, k.height) and same_shape(k, width, height):
+        rows, columns = (np.arange(n) * m // n for n, m in ((k.height, height), (k.width, width)))
+        pixels = pixels[rows[:, None], columns]
     _check_size(path, pixels, k)
-    # Some programs write 0 and 1.
-    return pixels[..., 0].astype(np.uint8) * (255 if pixels.max() == 1 else 1)
+    return mask_of(pixels)
 
 
 def _registered(depth: np.ndarray, frame: RecordedFrame, recording: Recording) -> np.ndarray:
@@ -172,25 +190,6 @@ def _registered(depth: np.ndarray, frame: RecordedFrame, recording: Recording) -
     if camera.color_from_depth is None:
         return resample_depth(depth, camera.intrinsics, k)
     return register_depth(depth, camera.intrinsics, k, camera.color_from_depth)
-
-
-def load_depth(path: Path, units_per_metre: float, unknown: int = 0) -> np.ndarray:
-    """Return planar depth [m], (height, width), float32, NaN where 0, negative, NaN or infinite.
-
-    ``units_per_metre`` is for images of integers, and so is ``unknown``, a value that means the same as 0;
-    images of floats hold metres.
-    """
-    if path.suffix == ".npy":
-        pixels = read_array(path, "depth")
-        pixels = pixels.reshape(pixels.shape[0], pixels.shape[1], -1)
-    else:
-        pixels = read_image(path, "depth")
-    depth = pixels[..., 0].astype(np.float32)
-    if pixels.dtype.kind in "ui":
-        depth /= np.float32(units_per_metre)
-        depth[pixels[..., 0] == unknown] = np.nan
-    depth[~(np.isfinite(depth) & (depth > 0))] = np.nan
-    return depth
 
 
 def nearly_rigid(matrix: np.ndarray, where: str) -> np.ndarray:
@@ -219,6 +218,7 @@ def _usable_frames(recording: Recording) -> Sequence[RecordedFrame]:
     if not recording.frames:
         raise CaptureError(f"recording '{recording.folder}': no frames found in it")
     frames = sorted(recording.frames, key=lambda frame: frame.time)
+    frames = _without_placeholders(recording, frames)
     posed = [frame for frame in frames if frame.world_from_cam is not None]
     if posed and len(posed) < len(recording.frames):
         logger.warning(
@@ -226,6 +226,24 @@ def _usable_frames(recording: Recording) -> Sequence[RecordedFrame]:
             *(recording.folder, len(recording.frames) - len(posed), len(recording.frames)),
         )
     return _with_sound_poses(recording.folder, posed) or frames
+
+
+def _without_placeholders(
+    recording: Recording, frames: Sequence[RecordedFrame]
+) -> list[RecordedFrame]:
+    """Return the frames; poses that are exactly the identity, though most are not, become unknown."""
+    posed = [frame for frame in frames if frame.world_from_cam is not None]
+    lost = [frame for frame in posed[1:] if _is_identity(frame)]
+    if not 0 < 2 * len(lost) < len(posed):
+        return list(frames)
+    recording.notes["poses are the identity, taken for unknown"] = len(lost)
+    return [replace(frame, world_from_cam=None) if frame in lost else frame for frame in frames]
+
+
+def _is_identity(frame: RecordedFrame) -> bool:
+    """Whether the pose in the file is the identity, in the axes of OpenCV or of OpenGL."""
+    kinds = (np.eye(4), OPENCV_FROM_OPENGL)
+    return any(np.array_equal(frame.world_from_cam, each) for each in kinds)  # pyright: ignore
 
 
 def _with_sound_poses(folder: Path, posed: Sequence[RecordedFrame]) -> list[RecordedFrame]:
@@ -289,7 +307,7 @@ def _check_size(path: Path, pixels: np.ndarray, k: Intrinsics) -> None:
 def _scaled_to(k: Intrinsics, depth: np.ndarray, path: Path | None) -> Intrinsics:
     """The color camera at the size of the depth image."""
     height, width = depth.shape
-    if abs(width * k.height - height * k.width) > max(k.width, k.height):
+    if not same_shape(k, width, height):
         raise CaptureError(
             f"depth '{path}': {width}x{height} pixels, another shape than the image's {k.width}x{k.height}; "
             "export depth that is registered to the color image"

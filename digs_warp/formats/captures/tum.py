@@ -8,12 +8,14 @@ See https://cvg.cit.tum.de/data/datasets/rgbd-dataset/file_formats.
 """
 
 import logging
+from collections import Counter
 from pathlib import Path
 
 import numpy as np
 
 from digs_warp.checks import CaptureError
 from digs_warp.data.capture import Capture
+from digs_warp.data.file_names import FileNames
 from digs_warp.data.frame import Frame
 from digs_warp.data.images import image_size
 from digs_warp.formats.captures.frames import (
@@ -21,14 +23,17 @@ from digs_warp.formats.captures.frames import (
     the_one_camera,
     write_colors_and_depths,
 )
-from digs_warp.formats.captures.recorded_files import (
+from digs_warp.formats.captures.recording import (
+    RecordedFrame,
+    Recording,
     expecting,
+    in_seconds,
     integer_centered_camera,
+    placed,
     read_numbers,
 )
-from digs_warp.formats.captures.recording import RecordedFrame, Recording
 from digs_warp.geometry.camera import Intrinsics
-from digs_warp.geometry.rigid import matrix_from_quat_xyzw, quat_xyzw_from_matrix, rigid
+from digs_warp.geometry.rigid import quat_xyzw_from_matrix
 from digs_warp.record.files import read_text, write_atomically
 from digs_warp.words import counted
 
@@ -82,9 +87,10 @@ def read_tum(folder: Path) -> Recording:
     Raises:
         CaptureError: lists are missing or broken, their times do not match, or no camera is known.
     """
-    times, images = _read_list(folder, "rgb.txt")
-    depth_times, depths = _read_list(folder, "depth.txt")
-    pose_times, poses = _read_poses(folder / TRUTH)
+    files = FileNames(folder)
+    times, images = _read_list(files, "rgb.txt")
+    depth_times, depths = _read_list(files, "depth.txt")
+    pose_times, poses = _read_poses(folder / TRUTH, files.notes)
     depth_of = at_the_moments(
         times, depth_times, LARGEST_GAP, f"'{folder / 'depth.txt'}'", "depth image"
     )
@@ -96,41 +102,44 @@ def read_tum(folder: Path) -> Recording:
             "recording '%s': %d of %d images have no depth of the same moment, to %g ms",
             *(folder, without, len(times), 1e3 * LARGEST_GAP),
         )
-    k = _intrinsics(folder, image_size(folder / images[0]))
+    k = _intrinsics(folder, image_size(images[0]))
     frames = []
     for time, image, depth, pose in zip(times, images, depth_of, pose_of, strict=True):
         frames.append(
             RecordedFrame(
-                image=folder / image,
+                image=image,
                 intrinsics=k,
                 time=time,
                 world_from_cam=None if pose is None else poses[pose],
-                depth=None if depth is None else folder / depths[depth],
+                depth=None if depth is None else depths[depth],
                 depth_units_per_metre=DEPTH_UNITS_PER_METRE,
             )
         )
-    return Recording(folder, tuple(frames))
+    return Recording(folder, tuple(frames), notes=files.notes)
 
 
-def _read_list(folder: Path, name: str) -> tuple[np.ndarray, list[str]]:
-    """Return times [s] and file names of a list."""
-    path = folder / name
+def _read_list(files: FileNames, name: str) -> tuple[np.ndarray, list[Path]]:
+    """Return times [s] and files of a list."""
+    path = files.folder / name
     if not path.is_file():
-        raise CaptureError(f"recording '{folder}': no {name} in it; is this the right --from?")
+        raise CaptureError(
+            f"recording '{files.folder}': no {name} in it; is this the right --from?"
+        )
     lines = read_text(path, "list of a recording").splitlines()
     rows = [line.split() for line in lines if line.strip() and not line.startswith("#")]
     if not rows:
         raise CaptureError(f"'{path}': no lines, expected some of time and file name")
     with expecting(f"'{path}'", "lines of time and file name"):
-        return np.array([float(row[0]) for row in rows]), [row[1] for row in rows]
+        times = in_seconds([float(row[0]) for row in rows], files.notes)
+        return times, [files.require(row[1], f"'{path}'") for row in rows]
 
 
-def _read_poses(path: Path) -> tuple[np.ndarray, list[np.ndarray]]:
+def _read_poses(path: Path, notes: Counter[str]) -> tuple[np.ndarray, list[np.ndarray | None]]:
+    """Return times [s] and poses of the file; None where the camera was lost."""
     if not path.is_file():
         return np.zeros(0), []
     rows = read_numbers(path, (-1, 8), "poses")
-    rotations = matrix_from_quat_xyzw(rows[:, 4:])
-    return rows[:, 0], [rigid(turn, row[1:4]) for turn, row in zip(rotations, rows, strict=True)]
+    return in_seconds(rows[:, 0], notes), [placed(row[4:], row[1:4]) for row in rows]
 
 
 def _intrinsics(folder: Path, size: tuple[int, int]) -> Intrinsics:

@@ -46,7 +46,7 @@ def test_numbers_of_the_wrong_type_are_refused(tmp_path: Path) -> None:
     write_image(frame.path(Layer.IMAGE), np.ones((9, 12, 1), np.uint8))
     change_frame(tmp_path, 0, depth_file_path="depth/0000.png")
     frame = read_capture(tmp_path).frames[0]
-    with pytest.raises(CaptureError, match="uint8, expected a float EXR in metres"):
+    with pytest.raises(CaptureError, match="8 bits per pixel, a picture of depth"):
         frame.load_depth()
     with pytest.raises(CaptureError, match="expected 8 bits"):
         frame.load_mask()

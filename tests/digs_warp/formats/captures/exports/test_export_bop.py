@@ -77,7 +77,7 @@ def test_an_object_out_of_view_has_no_box(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("farthest", "scale"), [(0.5, 0.1), (6.5535, 0.1), (6.56, 0.2), (32.0, 0.5), (99.0, 1.0)]
+    ("farthest", "scale"), [(0.5, 0.1), (6.5534, 0.1), (6.56, 0.2), (32.0, 0.5), (99.0, 1.0)]
 )
 def test_bop_takes_the_finest_depth_scale_that_fits(farthest: float, scale: float) -> None:
     depth = np.array([[np.nan, 0.4, farthest]])

@@ -43,10 +43,10 @@ def test_formats_of_one_camera_refuse_two(capture: Capture, form: str, tmp_path:
 
 
 def test_depth_that_16_bits_cannot_hold_becomes_unknown() -> None:
-    depth = np.array([[np.nan, 0.0001, 1.0, 13.107, 13.1072]], dtype=np.float32)
+    depth = np.array([[np.nan, 0.0001, 1.0, 13.1068, 13.107]], dtype=np.float32)
     units, lost = encode_depth(depth, 5000.0)
     assert units.dtype == np.uint16
-    np.testing.assert_array_equal(units, [[0, 0, 5000, 65535, 0]])
+    np.testing.assert_array_equal(units, [[0, 0, 5000, 65534, 0]])
     assert lost == 1
 
 

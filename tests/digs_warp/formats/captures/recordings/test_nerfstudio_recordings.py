@@ -60,8 +60,11 @@ def test_nerfstudio_without_depth_is_a_capture_of_images(capture: Capture, tmp_p
 
 BROKEN_POSES: dict[str, tuple[Callable[[np.ndarray], np.ndarray], str]] = {
     "lost": (lambda pose: pose * np.nan, "1 of 9 frames have no pose and are left out"),
-    "zeros": (lambda pose: pose * 0, "1 frame of 9 with a broken pose .*stretch by"),
-    "scaled": (lambda pose: pose @ np.diag([1.3, 1.3, 1.3, 1]), "stretch by .1.3 1.3 1.3"),
+    "zeros": (lambda pose: pose * 0, "1 of 9 frames have no pose and are left out"),
+    "scaled": (
+        lambda pose: pose @ np.diag([1.3, 1.3, 1.3, 1]),
+        "1 frame of 9 with a broken pose .*stretch by .1.3 1.3 1.3",
+    ),
     "mirrored": (lambda pose: pose @ np.diag([-1, 1, 1, 1]), "they mirror"),
 }
 
@@ -182,14 +185,18 @@ def test_a_missing_image_is_named(capture: Capture, tmp_path: Path) -> None:
         "../ns/images/frame_00002.JPG",
     ],
 )
-def test_the_likely_right_name_of_a_missing_image_is_told(
-    capture: Capture, tmp_path: Path, name: str
+def test_names_from_another_system_are_found(
+    capture: Capture, tmp_path: Path, caplog: pytest.LogCaptureFixture, name: str
 ) -> None:
     index = write_nerfstudio(capture, tmp_path / "ns")
     index["frames"][1]["file_path"] = name
     (tmp_path / "ns/transforms.json").write_text(to_json(index))
-    message = r"frame 1 .*but 'images/frame_00002.jpg' does; correct the name"
-    with pytest.raises(CaptureError, match=message):
+    found = read_recording(tmp_path / "ns", "nerfstudio")
+    assert found.frames[1].image == tmp_path / "ns/images/frame_00002.jpg"
+    assert found.notes
+    with pytest.raises(CaptureError, match=r"frame_2.jpg' does not exist in .*correct the name"):
+        index["frames"][1]["file_path"] = "images/frame_2.jpg"
+        (tmp_path / "ns/transforms.json").write_text(to_json(index))
         read_recording(tmp_path / "ns", "nerfstudio")
 
 

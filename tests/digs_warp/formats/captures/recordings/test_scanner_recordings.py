@@ -12,7 +12,6 @@ from digs_warp.checks import CaptureError
 from digs_warp.data.capture import Capture
 from digs_warp.data.images import read_image, write_image
 from digs_warp.formats.captures.formats import read_recording
-from digs_warp.formats.captures.to_capture import load_depth
 from digs_warp.geometry.rigid import OPENCV_FROM_OPENGL, quat_xyzw_from_matrix
 from digs_warp.record.files import to_json
 from reference.recorded import HEIGHT, WIDTH, check_same, converted
@@ -92,7 +91,6 @@ def test_zed_frames_have_depth_codes_but_no_poses(
             coded = depth.copy()
             coded[0, :3] = [np.nan, np.inf, -np.inf]
             np.save(folder / f"depth{number:06d}.npy", coded)
-            assert np.isnan(load_depth(folder / f"depth{number:06d}.npy", 1.0)[0, :3]).all()
     calibration = {"fx": 19.0, "fy": 23.0, "cx": 9.25, "cy": 7.75, "baseline": 0.12}
     (folder / "calibration.json").write_text(json.dumps(calibration))
     found = converted("zed", folder, tmp_path / "capture")

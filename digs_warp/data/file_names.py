@@ -1,0 +1,143 @@
+"""Finds files by names that differ a little: names from another system, or the mask of an image."""
+
+import re
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from pathlib import Path, PurePath, PurePosixPath
+from typing import TypeVar
+
+from digs_warp.checks import CaptureError
+
+T = TypeVar("T")
+
+
+def is_readable(path: Path) -> bool:
+    """Whether there is a file; False for names that the system does not allow."""
+    try:
+        return path.is_file()
+    except (OSError, ValueError):  # too long; with a NUL
+        return False
+
+
+# Folders of smaller images beside, or instead of, a folder of images.
+SMALLER = ("", "_2", "_4", "_8")
+
+
+class FileNames:
+    """Finds the files that an index names, which may come from another system.
+
+    Attributes:
+        folder: of the recording.
+        notes: of names that are not exactly those of the files, see `Recording`.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        self.notes: Counter[str] = Counter()
+        self._listed: dict[Path, dict[str, str]] = {}
+
+    def find(self, name: str, endings: Sequence[str] = ("",)) -> Path | None:
+        """Return the file of a name, or None.
+
+        The name may lack one of the ``endings``, have backslashes, letters in another case or the path of
+        another machine, or be in a folder such as images of which only images_2 is there.
+        """
+        exact = (Path(f"{self.folder / name}{end}") for end in endings)
+        if (found := next(filter(is_readable, exact), None)) is not None:
+            return found
+        found = self._likely(name, endings)
+        # A bare name could be that of an image as well as of its depth.
+        if found is None or ("/" not in found and re.search(r"[/\\]", name.removeprefix("./"))):
+            return None
+        self.notes["names in the index differ from those of the files, which are taken"] += 1
+        return self.folder / found
+
+    def require(self, name: str, where: str, endings: Sequence[str] = ("",)) -> Path:
+        """Return the file of a name; raise a `CaptureError` with the likely right name if there is none."""
+        if (found := self.find(name, endings)) is not None:
+            return found
+        likely = self._likely(name, endings)
+        if likely is not None:
+            raise CaptureError(
+                f"{where}: '{name}' does not exist, but '{likely}' does; correct the name"
+            )
+        raise CaptureError(
+            f"{where}: '{name}' does not exist in '{self.folder}'; copy it there, or correct the name"
+        )
+
+    def _likely(self, name: str, endings: Sequence[str]) -> str | None:
+        parts = [part for part in re.split(r"[/\\]", name) if part not in ("", ".", "..")]
+        for n in range(len(parts)):
+            head, *rest = parts[n:]
+            for size in SMALLER if rest else ("",):
+                for end in endings:
+                    tail = [f"{head}{size}", *rest]
+                    tail[-1] += end
+                    if (found := self._in_any_case(tail)) is not None:
+                        return found
+        return None
+
+    def _in_any_case(self, parts: Sequence[str]) -> str | None:
+        """Return the path below the folder that differs in nothing but case, if there is one."""
+        found: list[str] = []
+        for part in parts:
+            here = self._names(self.folder.joinpath(*found))
+            if part.lower() not in here:
+                return None
+            found.append(here[part.lower()])
+        return "/".join(found) if is_readable(self.folder.joinpath(*found)) else None
+
+    def _names(self, place: Path) -> dict[str, str]:
+        if place not in self._listed:
+            try:
+                self._listed[place] = {path.name.lower(): path.name for path in place.iterdir()}
+            except OSError:
+                self._listed[place] = {}
+        return self._listed[place]
+
+
+MASK_SUFFIXES = (".png", ".jpg", ".jpeg", ".npy", ".exr", ".tif", ".tiff", ".bmp", ".webp")
+
+
+def masks_in(folder: Path, images: Sequence[str]) -> tuple[dict[str, Path], int]:
+    """Return the mask files of images by the image's name, and how many files fit no image.
+
+    The mask of 0001.jpg is 0001.jpg.png, 0001.png, 0001_mask.png or mask_0001.png, in letters of any case and
+    with any suffix of images; where no name fits, the one with the same number, if all numbers differ.
+
+    Args:
+        folder: of the masks; may be missing.
+        images: paths relative to the folder of images, with slashes.
+    """
+    paths = [each for each in sorted(folder.rglob("*")) if each.suffix.lower() in MASK_SUFFIXES]
+    files = {_stem(path.relative_to(folder)): path for path in paths}
+
+    def of(image: str) -> Path | None:
+        name = PurePosixPath(image.lower())
+        stems = [_stem(each) for each in (name, PurePosixPath(name.name))]
+        tried = [image.lower(), name.name]
+        tried += [form.format(*stem.rpartition("/")) for stem in stems for form in _MASK_NAMES]
+        return next((files[each] for each in tried if each in files), None)
+
+    found = {image: path for image in images if (path := of(image)) is not None}
+    if not found:
+        by_number, wanted = _by_number(files), _by_number({image: image for image in images})
+        found = {
+            image: by_number[number] for number, image in wanted.items() if number in by_number
+        }
+    return found, len(files) - len(set(found.values()))
+
+
+_MASK_NAMES = ("{0}{1}{2}", "{0}{1}{2}_mask", "{0}{1}mask_{2}", "{0}{1}{2}.mask")
+_NUMBER = re.compile(r"\d+")
+
+
+def _stem(path: PurePath) -> str:
+    return path.with_suffix("").as_posix().lower()
+
+
+def _by_number(names: Mapping[str, T]) -> dict[int, T]:
+    """Return what has the last number in a name; nothing if two names share one."""
+    numbers = [[int(each) for each in _NUMBER.findall(PurePosixPath(name).name)] for name in names]
+    found = {each[-1]: value for each, value in zip(numbers, names.values(), strict=True) if each}
+    return found if len(found) == len(names) else {}

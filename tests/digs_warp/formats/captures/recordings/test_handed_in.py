@@ -1,0 +1,531 @@
+"""What people hand in, after public bug reports: files of other programs that are not quite as expected.
+
+Each test makes its own input; the right result is that of the same recording without its peculiarity.
+"""
+
+import json
+import re
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from digs_warp.checks import CaptureError
+from digs_warp.data.capture import Capture, read_capture
+from digs_warp.data.images import depth_in_metres, encode_jpeg, mask_of, read_image, write_image
+from digs_warp.formats.captures.colmap_files import ModelCamera
+from digs_warp.formats.captures.colmap_import import PARAMETERS, pinhole_and_lens
+from digs_warp.formats.captures.formats import export_capture, read_recording
+from digs_warp.geometry.rigid import OPENCV_FROM_OPENGL
+from digs_warp.record.files import to_json
+from reference.recorded import CAMERA, HEIGHT, WIDTH, check_same, converted
+
+SMALL = np.random.default_rng(3).integers(0, 256, (HEIGHT // 2, WIDTH // 2, 3), dtype=np.uint8)
+
+
+def nerfstudio(capture: Capture, folder: Path, **changes: Any) -> dict[str, Any]:
+    """The capture as another program's index: PNG images, depth of 16 bits, masks."""
+    export_capture(capture, "nerfstudio", folder)
+    index = json.loads((folder / "transforms.json").read_text())
+    for key in ("train_filenames", "val_filenames", "test_filenames"):
+        index.pop(key, None)
+    index |= changes
+    (folder / "transforms.json").write_text(to_json(index))
+    return index
+
+
+def save(folder: Path, index: dict[str, Any], name: str = "transforms.json") -> None:
+    (folder / name).write_text(json.dumps(index))
+
+
+@pytest.mark.parametrize("last", [" 1 0000.png", " 1 12 34"])
+@pytest.mark.parametrize("blank", ["", "\n", "\n\n"])
+def test_colmap_text_needs_no_second_line(
+    capture: Capture, tmp_path: Path, blank: str, last: str
+) -> None:
+    folder = tmp_path / "colmap"
+    export_capture(capture, "colmap-text", folder)
+    path = folder / "sparse/0/images.txt"
+    images = [line for line in path.read_text().splitlines() if line.endswith(".png")]
+    path.write_text("# images\n" + "".join(f"{line}\n{blank}" for line in images))
+    assert len(read_recording(folder, "colmap").frames) == len(capture)
+    path.write_text(f"{images[0]}\n1.5 2.5 -1\n{images[1]}\n{images[2]}\n1 2 3 4 5 6 7 8 9 1 2 3\n")
+    assert len(read_recording(folder, "colmap").frames) == len(capture)
+
+
+def far(folder: Path, form: str, offset: np.ndarray) -> None:
+    """Move the world of an export."""
+    if form == "nerfstudio":
+        index = json.loads((folder / "transforms.json").read_text())
+        for frame in index["frames"]:
+            for row, shift in zip(frame["transform_matrix"], offset, strict=False):
+                row[3] += shift
+        save(folder, index)
+        return
+    path = folder / "groundtruth.txt"
+    rows = [line.split() for line in path.read_text().splitlines() if line[0] != "#"]
+    for row in rows:
+        row[1:4] = [f"{float(a) + b:.9f}" for a, b in zip(row[1:4], offset, strict=True)]
+    path.write_text("\n".join(map(" ".join, rows)))
+
+
+@pytest.mark.parametrize("form", ["nerfstudio", "tum", "as it is"])
+def test_survey_coordinates_are_taken_off_and_kept(
+    capture: Capture, tmp_path: Path, form: str
+) -> None:
+    offset, folder = np.array([431000.0, 4582000.0, 120.0]), tmp_path / "far"
+    kind = "nerfstudio" if form == "as it is" else form
+    export_capture(capture, kind, folder)
+    near = converted(kind, folder, tmp_path / "near")
+    far(folder, kind, offset)
+    if form != "tum":
+        points = near.load_points()
+        assert points is not None
+        table = ["ply", "format ascii 1.0", f"element vertex {len(points)}"]
+        table += [f"property double {axis}" for axis in "xyz"] + ["end_header"]
+        table += [
+            " ".join(f"{v:.6f}" for v in row + offset) for row in points.points_world.tolist()
+        ]
+        (folder / "sparse_pc.ply").write_text("\n".join(table) + "\n")
+    found = read_capture(folder) if form == "as it is" else converted(kind, folder, tmp_path / "c")
+    assert found.about.world_offset is not None
+    moved = np.array(found.about.world_offset) - offset
+    assert np.linalg.norm(moved) < 10
+    for frame, true in zip(found.frames, near.frames, strict=True):
+        expected = true.camera.center_world - moved
+        np.testing.assert_allclose(frame.camera.center_world, expected, atol=1e-6)
+    if form != "tum":
+        again = found.load_points()
+        assert again is not None and points is not None
+        np.testing.assert_allclose(again.points_world, points.points_world - moved, atol=2e-5)
+
+
+def blob(value: int, dtype: type = np.uint8) -> np.ndarray:
+    mask = np.zeros((8, 10), dtype)
+    mask[2:6, 3:8] = value
+    return mask
+
+
+def rgba(color: np.ndarray, alpha: np.ndarray) -> np.ndarray:
+    return np.dstack([color, color, color, alpha])
+
+
+NOISE = np.random.default_rng(0).integers(0, 256, (8, 10), dtype=np.uint8)
+MASKS: dict[str, np.ndarray] = {
+    "as usual": blob(255),
+    "of one": blob(1),
+    "number three": blob(3),
+    "several numbers": np.where(np.arange(10) % 2, blob(3), blob(7)).astype(np.uint8),
+    "a gray": blob(128),
+    "alpha beside white": rgba(np.full((8, 10), 255, np.uint8), blob(255)),
+    "alpha beside black": rgba(np.zeros((8, 10), np.uint8), blob(255)),
+    "a cut-out": rgba(NOISE, blob(255)),
+    "gray with alpha": np.dstack([np.full((8, 10), 255, np.uint8), blob(255)]),
+    "numbers in alpha": rgba(np.zeros((8, 10), np.uint8), blob(2)),
+    "opaque": rgba(blob(255), np.full((8, 10), 255, np.uint8)),
+    "green": np.dstack([blob(0), blob(255), blob(0)]),
+    "16 bits": blob(65535, np.uint16),
+    "a number of 16 bits": blob(1000, np.uint16),
+    "floats": blob(1, np.float32),
+    "integers": blob(4, np.int64),
+}
+
+
+@pytest.mark.parametrize("name", MASKS)
+def test_masks_are_read_by_what_they_hold(name: str) -> None:
+    pixels = MASKS[name].reshape(8, 10, -1)
+    np.testing.assert_array_equal(mask_of(pixels)[0], blob(255))
+
+
+def test_shades_of_masks_stay() -> None:
+    soft = np.clip(40 * np.arange(-3, 20), 0, 255).astype(np.uint8)[None, :, None]
+    np.testing.assert_array_equal(mask_of(soft)[0], soft[..., 0])
+
+
+@pytest.mark.parametrize("direct", [False, True])
+def test_numbers_and_alpha_are_masks_in_folders_too(
+    capture: Capture, tmp_path: Path, caplog: pytest.LogCaptureFixture, direct: bool
+) -> None:
+    folder = tmp_path / "ns"
+    nerfstudio(capture, folder)
+    for number, frame in enumerate(capture.frames):
+        on = frame.load_mask() > 127
+        pixels = np.where(on, 3, 0).astype(np.uint8)
+        if number == 1:
+            pixels = rgba(np.full(on.shape, 255, np.uint8), np.where(on, 255, 0).astype(np.uint8))
+        write_image(folder / f"masks/{number:04d}.png", pixels)
+    found = read_capture(folder) if direct else converted("nerfstudio", folder, tmp_path / "c")
+    for frame, true in zip(found.frames, capture.frames, strict=True):
+        np.testing.assert_array_equal(frame.load_mask() > 127, true.load_mask() > 127)
+    if not direct:
+        assert caplog.text.count("masks hold numbers of objects") == 1
+
+
+MASK_NAMES = {
+    "stem": "{0}.png",
+    "with suffix": "{0}.png.png",
+    "word behind": "{0}_mask.png",
+    "word before": "mask_{0}.png",
+    "upper case": "{0}.PNG",
+    "number": "object-{0}.png",
+    "jpeg": "{0}.jpg",
+}
+
+
+@pytest.mark.parametrize("form", ["colmap", "nerfstudio", "tum", "redwood"])
+@pytest.mark.parametrize("name", MASK_NAMES)
+def test_masks_beside_the_images_are_found(
+    capture: Capture, tmp_path: Path, form: str, name: str
+) -> None:
+    folder = tmp_path / "recording"
+    export_capture(capture, form, folder)
+    shutil.rmtree(folder / "masks", ignore_errors=True)
+    if form == "nerfstudio":
+        index = json.loads((folder / "transforms.json").read_text())
+        save(folder, index | {"frames": [f | {"mask_path": None} for f in index["frames"]]})
+    for frame in read_recording(folder, form).frames:
+        mask = capture.frames[0].load_mask()
+        path = folder / "masks" / MASK_NAMES[name].format(frame.image.stem)
+        path.parent.mkdir(exist_ok=True)
+        if path.suffix == ".jpg":
+            path.write_bytes(encode_jpeg(np.repeat(mask[..., None], 3, axis=2), 100))
+        else:
+            write_image(folder / "made.png", mask)
+            (folder / "made.png").rename(path)
+    for frame in converted(form, folder, tmp_path / "c").frames:
+        found = frame.load_mask() > 127
+        np.testing.assert_array_equal(found, capture.frames[0].load_mask() > 127)
+
+
+def test_masks_that_fit_no_image_are_told(
+    capture: Capture, tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    folder = tmp_path / "colmap"
+    export_capture(capture, "colmap", folder)
+    for number, path in enumerate(sorted((folder / "masks").iterdir())):
+        path.rename(folder / f"masks/{'abc'[number]}.png")
+    converted("colmap", folder, tmp_path / "c")
+    assert re.search(r"files in '.*masks' fit no image; name them like.*3 times", caplog.text)
+
+
+DEPTH = np.array([[0, 1000, 65535], [2500, 40, 0]], np.uint16)
+METRES = np.array([[np.nan, 1.0, np.nan], [2.5, 0.04, np.nan]], np.float32)
+DEPTHS: dict[str, tuple[np.ndarray, dict[str, float]]] = {
+    "png": (DEPTH, {}),
+    "integers": (np.where(DEPTH == 65535, -1, DEPTH).astype(np.int32), {}),
+    "wide integers": (np.where(DEPTH == 65535, 2**32 - 1, DEPTH).astype(np.uint32), {}),
+    "other unit": ((np.minimum(DEPTH, 13107) * 5).astype(np.uint16), {"units_per_metre": 5000.0}),
+    "metres": (METRES, {}),
+    "endless": (np.where(np.isnan(METRES), np.float32(1e10), METRES), {}),
+    "half floats": (np.where(np.isnan(METRES), np.inf, METRES).astype(np.float16), {}),
+    "largest of half floats": (np.where(np.isnan(METRES), np.float32(65504), METRES), {}),
+    "integers divided": (DEPTH.astype(np.float32) / np.float32(1000), {}),
+    "millimetres": (DEPTH.astype(np.float32), {"float_units_per_metre": 1000.0}),
+}
+
+
+@pytest.mark.parametrize("name", DEPTHS)
+def test_the_kind_of_number_gives_the_unit_of_depth(tmp_path: Path, name: str) -> None:
+    pixels, units = DEPTHS[name]
+    path = tmp_path / "depth.npy"
+    np.save(path, pixels)
+    found = depth_in_metres(read_image(path, "depth"), "depth", **units)
+    np.testing.assert_allclose(found, METRES, rtol=1e-3)
+
+
+PICTURES = {
+    "8 bits": np.tile(np.arange(WIDTH, dtype=np.uint8), (HEIGHT, 1)),
+    "colors": np.random.default_rng(1).integers(0, 256, (HEIGHT, WIDTH, 3), dtype=np.uint8),
+    "colors of 16 bits": np.random.default_rng(1).integers(1, 9999, (HEIGHT, WIDTH, 3)).astype(np.uint16),
+    "colors and alpha": np.random.default_rng(1).integers(0, 256, (HEIGHT, WIDTH, 4), dtype=np.uint8),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("form", ["nerfstudio", "tum", "redwood", "bop", "as it is"])
+@pytest.mark.parametrize("name", PICTURES)
+def test_pictures_of_depth_are_refused(
+    capture: Capture, tmp_path: Path, form: str, name: str
+) -> None:
+    kind = "nerfstudio" if form == "as it is" else form
+    export_capture(capture, kind, tmp_path / "r")
+    depth = next(path for path in sorted((tmp_path / "r").rglob("depth/*.png")))
+    write_image(depth, PICTURES[name])
+    with pytest.raises(CaptureError, match="a picture of depth, expected its values: 16-bit"):
+        if form == "as it is":
+            read_capture(tmp_path / "r").frames[0].load_depth()
+        else:
+            converted(kind, tmp_path / "r", tmp_path / "c")
+
+
+@pytest.mark.parametrize("form", ["nerfstudio", "tum", "redwood", "bop", "as it is"])
+def test_the_largest_number_is_unknown_depth(capture: Capture, tmp_path: Path, form: str) -> None:
+    kind = "nerfstudio" if form == "as it is" else form
+    export_capture(capture, kind, tmp_path / "r")
+    for depth in (tmp_path / "r").rglob("depth/*.png"):
+        pixels = read_image(depth)
+        write_image(depth, np.where(pixels == 0, np.uint16(65535), pixels))
+    folder = tmp_path / "r"
+    found = read_capture(folder) if form == "as it is" else converted(kind, folder, tmp_path / "c")
+    check_same(found, capture, 4e-3)
+
+
+@pytest.mark.parametrize(
+    ("dtype", "factor", "given"),
+    [(np.int32, 1000, None), (np.float64, 1, None), (np.float32, 1000, 0.001), (np.uint16, 5000, 2e-4)],
+)  # fmt: skip
+def test_arrays_of_depth_are_read(
+    capture: Capture, tmp_path: Path, dtype: type, factor: float, given: float | None
+) -> None:
+    folder = tmp_path / "ns"
+    index = nerfstudio(capture, folder)
+    for number, (entry, frame) in enumerate(zip(index["frames"], capture.frames, strict=True)):
+        values = np.nan_to_num(frame.load_depth()) * factor
+        np.save(folder / f"{number}.npy", np.minimum(values.round(), 65535).astype(dtype)
+                if np.dtype(dtype).kind in "ui" else values.astype(dtype))  # fmt: skip
+        entry["depth_file_path"] = f"{number}.npy"
+    save(folder, index | ({} if given is None else {"depth_unit_scale_factor": given}))
+    tolerance = 4e-3
+    check_same(converted("nerfstudio", folder, tmp_path / "c"), capture, tolerance)
+    if given is None:
+        check_same(read_capture(folder), capture, tolerance)
+
+
+def test_depth_of_nerfcapture_is_read_and_unread_files_are_told(
+    capture: Capture, tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    folder, scale = tmp_path / "ns", 8.0 / 65535
+    index = nerfstudio(capture, folder, integer_depth_scale=scale)
+    for number, (entry, frame) in enumerate(zip(index["frames"], capture.frames, strict=True)):
+        units = np.round(np.nan_to_num(frame.load_depth()) / scale).astype(np.uint16)
+        write_image(folder / f"images/{number}.depth.png", units)
+        del entry["depth_file_path"]
+        entry["depth_path"] = f"images/{number}.depth.png"
+        entry["normal_file_path"] = entry["semantics"] = f"other/{number}.png"
+    save(folder, index)
+    check_same(converted("nerfstudio", folder, tmp_path / "c"), capture, 4e-3)
+    assert "files under 'normal_file_path' are not read (3 times)" in caplog.text
+    assert "files under 'semantics' are not read (3 times)" in caplog.text
+    assert "depth_path" not in caplog.text
+    caplog.clear()
+    read_capture(folder)
+    assert "'depth_path' are not read (3 frames)" in caplog.text
+
+
+def zeros_in_tum(folder: Path, words: str) -> None:
+    path = folder / "groundtruth.txt"
+    lines = path.read_text().splitlines()
+    lines[-2] = " ".join([lines[-2].split()[0], words])
+    path.write_text("\n".join(lines))
+
+
+def zeros_in_log(folder: Path, words: str) -> None:
+    path = folder / "trajectory.log"
+    lines = path.read_text().splitlines()
+    rows = np.eye(4) if words.endswith("1") else np.zeros((4, 4))
+    lines[6:10] = [" ".join(map(str, row)) for row in rows.tolist()]
+    path.write_text("\n".join(lines))
+
+
+def zeros_in_nerfstudio(folder: Path, words: str) -> None:
+    index = json.loads((folder / "transforms.json").read_text())
+    rows = OPENCV_FROM_OPENGL if words.endswith("1") else np.zeros((4, 4))
+    index["frames"][1]["transform_matrix"] = rows.tolist()
+    save(folder, index)
+
+
+def zeros_in_colmap(folder: Path, words: str) -> None:
+    path = folder / "sparse/0/images.txt"
+    x, y, z, *turn, w = words.split()
+    pose = " ".join([w, *turn, x, y, z])
+    path.write_text(re.sub(r"\n2( \S+){7}", f"\n2 {pose}", path.read_text()))
+
+
+LOST: dict[str, Callable[[Path, str], None]] = {
+    "tum": zeros_in_tum,
+    "redwood": zeros_in_log,
+    "nerfstudio": zeros_in_nerfstudio,
+    "colmap-text": zeros_in_colmap,
+}
+
+
+@pytest.mark.parametrize("words", ["0 0 0 0 0 0 0", "0 0 0 0 0 0 1"])
+@pytest.mark.parametrize("form", LOST)
+def test_a_lost_pose_is_unknown(capture: Capture, tmp_path: Path, form: str, words: str) -> None:
+    export_capture(capture, form, tmp_path / "r")
+    LOST[form](tmp_path / "r", words)
+    found = converted(form.removesuffix("-text"), tmp_path / "r", tmp_path / "c")
+    assert len(found) == 2 and found.knows_poses
+    for frame, number in zip(found.frames, (0, 2), strict=True):
+        expected = capture.frames[number].camera.world_from_cam
+        np.testing.assert_allclose(frame.camera.world_from_cam, expected, atol=1e-6)
+
+
+BOMS = {
+    "colmap-text": ["sparse/0/cameras.txt", "sparse/0/images.txt", "sparse/0/points3D.txt"],
+    "nerfstudio": ["transforms.json"],
+    "tum": ["rgb.txt", "depth.txt", "groundtruth.txt", "calibration.txt"],
+    "redwood": ["camera_intrinsic.json", "trajectory.log"],
+    "bop": ["train/000000/scene_camera.json", "train/000000/scene_gt.json"],
+}
+
+
+@pytest.mark.parametrize("form", BOMS)
+def test_a_byte_order_mark_is_no_text(capture: Capture, tmp_path: Path, form: str) -> None:
+    export_capture(capture, form, tmp_path / "r")
+    kind = form.removesuffix("-text")
+    expected = converted(kind, tmp_path / "r", tmp_path / "plain")
+    for name in BOMS[form]:
+        path = tmp_path / "r" / name
+        lines = [line for line in path.read_bytes().splitlines() if not line.startswith(b"#")]
+        path.write_bytes(b"\xef\xbb\xbf" + b"\r\n".join(lines) + b"\r\n")
+    check_same(
+        converted(kind, tmp_path / "r", tmp_path / "c"), expected, 1e-9
+    ) if kind != "colmap" else (
+        len(converted(kind, tmp_path / "r", tmp_path / "c")) == len(expected)
+    )
+
+
+def test_an_index_of_training_frames_alone_is_read(
+    capture: Capture, tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    folder = tmp_path / "ns"
+    index = nerfstudio(capture, folder)
+    (folder / "transforms.json").rename(folder / "transforms_train.json")
+    check_same(converted("nerfstudio", folder, tmp_path / "c"), capture, 1e-3)
+    save(folder, index | {"frames": index["frames"][:1]}, "transforms_test.json")
+    assert len(converted("nerfstudio", folder, tmp_path / "again")) == len(capture)
+    assert "not those of transforms_test.json" in caplog.text
+    with pytest.raises(CaptureError, match=r"transforms_train.json.*--from nerfstudio"):
+        read_capture(folder)
+
+
+@pytest.mark.parametrize("form", ["nerfstudio", "colmap-text", "tum"])
+@pytest.mark.parametrize("kind", ["backslash", "case"])
+def test_names_from_another_system_are_read(
+    capture: Capture, tmp_path: Path, form: str, kind: str
+) -> None:
+    folder = tmp_path / "r"
+    export_capture(capture, form, folder)
+    index = {
+        "nerfstudio": "transforms.json",
+        "colmap-text": "sparse/0/images.txt",
+        "tum": "rgb.txt",
+    }
+    path = folder / index[form]
+    if form == "colmap-text":
+        (folder / "images/left").mkdir()
+        for image in (folder / "images").glob("*.png"):
+            image.rename(folder / "images/left" / image.name)
+        shutil.rmtree(folder / "masks")
+        path.write_text(re.sub(r"(\d{4}\.png)", r"left/\1", path.read_text()))
+    text = path.read_text()
+    if kind == "case":
+        changed = text.replace(".png", ".PNG").replace("rgb/", "RGB/").replace("left/", "Left/")
+    else:
+        slash = r"\\\\" if form == "nerfstudio" else r"\\"
+        changed = re.sub(r"(images|masks|depth|left|rgb)/", rf"\1{slash}", text)
+    assert changed != text
+    path.write_text(changed)
+    found = converted(form.removesuffix("-text"), folder, tmp_path / "c")
+    for frame, true in zip(found.frames, capture.frames, strict=True):
+        np.testing.assert_array_equal(frame.load_image(), true.load_image())
+    if form == "nerfstudio":
+        assert len(read_capture(folder)) == len(capture)
+
+
+@pytest.mark.parametrize("form", ["nerfstudio", "colmap"])
+def test_smaller_images_are_taken_with_their_camera(
+    capture: Capture, tmp_path: Path, form: str
+) -> None:
+    folder = tmp_path / "r"
+    export_capture(capture, form, folder)
+    for path in sorted((folder / "images").iterdir()):
+        write_image(folder / "images_2" / path.name, SMALL)
+    shutil.rmtree(folder / "images")
+    found = converted(form, folder, tmp_path / "c")
+    k = found.frames[0].camera.intrinsics
+    assert (k.width, k.height) == (WIDTH // 2, HEIGHT // 2)
+    assert k.fx == pytest.approx(CAMERA.fx * (WIDTH // 2) / WIDTH)
+    assert k.cy == pytest.approx(CAMERA.cy / 2)
+    np.testing.assert_array_equal(found.frames[0].load_image(), SMALL)
+    assert found.frames[0].load_mask().shape == SMALL.shape[:2]
+
+
+def test_all_lenses_of_colmap_bend_light_as_colmap_says() -> None:
+    pycolmap = pytest.importorskip("pycolmap")
+    values = {"s": 30.0, "fx": 30.0, "fy": 33.0, "cx": 20.0, "cy": 15.0, "omega": 0.9, "k": -0.1}
+    values |= {"alpha": 0.6, "beta": 1.1, "k1": 0.05, "k2": 0.01, "k3": 0.001, "k4": 0.002}
+    values |= {"k5": 0.01, "k6": 0.003, "p1": 0.001, "p2": 0.002}
+    rays = np.random.default_rng(0).uniform(-0.6, 0.6, (50, 3))
+    rays[:, 2] = 1.0
+    for model, names in PARAMETERS.items():
+        params = tuple(values[name] for name in names.split())
+        k, lens = pinhole_and_lens(ModelCamera(model, 40, 30, params), "here")
+        bent = rays[:, :2] if lens is None else lens.distort(rays)
+        expected = pycolmap.Camera(model=model, width=40, height=30, params=params)
+        places = bent * [k.fx, k.fy] + [k.cx, k.cy]
+        np.testing.assert_allclose(places, expected.img_from_cam(rays), atol=1e-9)
+    assert {"FISHEYE", "SIMPLE_DIVISION", "DIVISION", "EUCM", "FOV"} <= PARAMETERS.keys()
+
+
+@pytest.mark.parametrize("per_second", [1e9, 1e6])
+@pytest.mark.parametrize("start", [0.0, 1_700_000_000.0])
+@pytest.mark.parametrize("truth", [True, False])
+def test_times_of_tum_may_be_in_another_unit(
+    capture: Capture, tmp_path: Path, per_second: float, start: float, truth: bool
+) -> None:
+    folder = tmp_path / "tum"
+    export_capture(capture, "tum", folder)
+    for name in ("rgb.txt", "depth.txt", "groundtruth.txt"):
+        rows = [line.split() for line in (folder / name).read_text().splitlines() if line[0] != "#"]
+        unit = per_second if name != "groundtruth.txt" or truth else 1
+        for row in rows:
+            time = float(row[0]) + start
+            row[0] = str(round(time * unit)) if unit > 1 else f"{time:.6f}"
+        (folder / name).write_text("\n".join(map(" ".join, rows)))
+    found = converted("tum", folder, tmp_path / "c")
+    check_same(found, capture, 1e-3)
+    times = [frame.time for frame in found.frames]
+    np.testing.assert_allclose(times, [frame.time for frame in capture.frames], atol=1e-5)
+
+
+@pytest.mark.parametrize("own", [False, True])
+@pytest.mark.parametrize("scale", [1, 2])
+def test_record3d_may_exchange_width_and_height(
+    capture: Capture, tmp_path: Path, scale: int, own: bool
+) -> None:
+    folder = tmp_path / "r3d"
+    (folder / "rgb").mkdir(parents=True)
+    upright = np.zeros((2 * WIDTH, 2 * HEIGHT, 3), np.uint8)
+    for number in range(2):
+        (folder / f"rgb/{number}.jpg").write_bytes(encode_jpeg(upright))
+        write_image(folder / f"depth/{number}.exr", np.ones((2 * WIDTH, 2 * HEIGHT), np.float32))
+    row = np.array([50.0, 52.0, 2 * HEIGHT / 2 + 1, 2 * WIDTH / 2 - 2]) * scale
+    matrix = [row[0], 0, 0, 0, row[1], 0, row[2], row[3], 1]
+    metadata = {"w": 2 * WIDTH * scale, "h": 2 * HEIGHT * scale, "K": matrix}
+    if own:
+        metadata["perFrameIntrinsicCoeffs"] = [row.tolist()] * 2
+    save(folder, metadata, "metadata.json")
+    for name in ("as written", "turned"):
+        if name == "turned":  # the camera of the image before the phone turned it
+            turned = [row[1], 0, 0, 0, row[0], 0, row[3], row[2], 1]
+            metadata["K"] = turned
+            if own:
+                metadata["perFrameIntrinsicCoeffs"] = [row[[1, 0, 3, 2]].tolist()] * 2
+            save(folder, metadata, "metadata.json")
+        k = read_recording(folder, "record3d").frames[0].intrinsics
+        assert (k.width, k.height) == (2 * HEIGHT, 2 * WIDTH)
+        np.testing.assert_allclose([k.fx, k.fy, k.cx, k.cy], row / scale)
+
+
+def test_a_link_to_another_disk_is_read_or_its_cure_named(capture: Capture, tmp_path: Path) -> None:
+    folder = tmp_path / "ns"
+    nerfstudio(capture, folder)
+    (folder / "images").rename(tmp_path / "disk")
+    (folder / "images").symlink_to(tmp_path / "disk")
+    check_same(converted("nerfstudio", folder, tmp_path / "c"), capture, 1e-3)
+    with pytest.raises(CaptureError, match=r"a link leads to '.*disk.*--from nerfstudio.*copies"):
+        read_capture(folder)
