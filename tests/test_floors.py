@@ -50,7 +50,7 @@ LINE_BUDGETS = {
     "pipeline": 2_200,
     "poses": 5_050,
     "record": 2_150,
-    "show": 3_950,
+    "show": 3_980,
     "sim.camera": 1_700,
     "sim.fit": 2_250,
     "sim.record": 2_600,

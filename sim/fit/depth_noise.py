@@ -118,11 +118,6 @@ def static_field(means: Sequence[np.ndarray], blocks: np.ndarray) -> Estimate:
     return jackknife(np.asarray(sums), ratio).root()
 
 
-def correlation_length(residual: np.ndarray, blocks: np.ndarray) -> Estimate:
-    """Return the distance at which the correlation of a residual falls to 1/e [px]; see `noise`."""
-    return _length(_lag_sums(residual, blocks))
-
-
 def _correlation_length(poses: Sequence[Pose], blocks: np.ndarray) -> Estimate:
     return _length(sum(_lag_sums(part, blocks) for part in _changing(poses)))
 

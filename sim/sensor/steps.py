@@ -8,8 +8,6 @@ The kernel's formula in NumPy: tests/sim/sensor/test_steps.py.
 # pyright: reportGeneralTypeIssues=false, reportInvalidTypeForm=false, reportOperatorIssue=false
 # pyright: reportIndexIssue=false
 
-from dataclasses import dataclass
-
 import numpy as np
 import warp as wp
 
@@ -23,21 +21,6 @@ wp.set_module_options(vector_module_options())
 # Only loops of fixed length become vector code: kernels walk a row in pieces of this many pixels, then
 # pixel by pixel.
 _PIECE = wp.constant(64)
-
-
-@dataclass(frozen=True, eq=False)
-class Steps:
-    """Jumps of disparity between two neighbors along the last axis; all shapes (n,).
-
-    Attributes:
-        rows: row of the pair.
-        near: column of the nearer pixel.
-        far: column of the farther pixel, a neighbor of ``near``.
-    """
-
-    rows: np.ndarray
-    near: np.ndarray
-    far: np.ndarray
 
 
 @wp.kernel
@@ -75,41 +58,12 @@ def _step_kernel(
         steps[start + i] = wp.uint8(found)
 
 
-def find_steps(disparity: np.ndarray, threshold: float) -> tuple[Steps, Steps]:
-    """Return the jumps of more than ``threshold`` pixels along the rows, and those along the columns.
-
-    Both in reading order along their axis; missing values have no steps. Along columns, ``Steps`` has rows
-    and columns exchanged: they are the steps of the transposed image.
-
-    Args:
-        disparity: [px], (height, width), float32, NaN where there is nothing.
-        threshold: [px], >= 0.
-    """
-    height, width = disparity.shape
-    marks, values = _marks(disparity, threshold).reshape(-1), disparity.reshape(-1)
-    at = np.flatnonzero(marks)
-    sideways, downward = at[marks[at] & 1 > 0], at[marks[at] & 2 > 0]
-    rows, left = np.divmod(sideways, width)
-    # Reading order of the transposed image: column by column.
-    columns, top = np.divmod(np.sort(downward % width * height + downward // width), height)
-    above = top * width + columns
-    return (
-        _steps(rows, left, values[sideways + 1] > values[sideways]),
-        _steps(columns, top, values[above + width] > values[above]),
-    )
-
-
 def _marks(disparity: np.ndarray, threshold: float) -> np.ndarray:
     """Return 1 where disparity jumps to the right, 2 where it does downward, 3 for both, uint8."""
     height, width = disparity.shape
     marks = np.empty((height, width), dtype=np.uint8)
     launch_rows(_step_kernel, height, [shared(disparity), height, width, threshold, shared(marks)])
     return marks
-
-
-def _steps(rows: np.ndarray, first: np.ndarray, near_is_second: np.ndarray) -> Steps:
-    """Return the steps between a pixel and the one after it."""
-    return Steps(rows, first + near_is_second, first + ~near_is_second)
 
 
 def near_steps(disparity: np.ndarray, threshold: float, radius: int) -> np.ndarray:

@@ -11,7 +11,7 @@ from digs_warp.data.posed_frames import PosedFrames
 from digs_warp.pipeline.reconstruction import Reconstruction
 from digs_warp.show.film.camera_path import find_framed_subject, up_of
 from digs_warp.show.report.markup import chart, number, section, table
-from digs_warp.show.report.plots import Line, map_chart, step_chart
+from digs_warp.show.report.plots import Line, line_chart, map_chart
 from digs_warp.splat.device import DeviceGaussians
 from digs_warp.train.adherence import MeasuredView, load_measured_views, signed_distances
 from digs_warp.train.shutter import NO_SHUTTER
@@ -119,9 +119,9 @@ def _histogram(errors: Sequence[_Errors]) -> str:
     lines = []
     for each in errors:
         counts = np.histogram(each.values, edges)[0]
-        share = 100.0 * counts / len(each.values)
-        lines.append(Line(each.label, edges.tolist(), share.tolist()))
-    svg = step_chart(lines, "difference [mm]", "share of pixels [%]")
+        steps = np.repeat(100.0 * counts / len(each.values), 2)
+        lines.append(Line(each.label, np.repeat(edges, 2).tolist(), [0.0, *steps, 0.0]))
+    svg = line_chart(lines, "difference [mm]", "share of pixels [%]")
     alt = "Histogram of differences of depth: " + "; ".join(
         f"{each.label}, median {np.median(each.values):.2f} mm" for each in errors
     )

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from digs_warp.sim.sensor.steps import find_steps, near_steps
+from digs_warp.sim.sensor.steps import near_steps
 
 
 def rough(shape: tuple[int, int]) -> np.ndarray:
@@ -14,25 +14,22 @@ def rough(shape: tuple[int, int]) -> np.ndarray:
     return disparity
 
 
-def steps_twin(disparity: np.ndarray, threshold: float) -> list[tuple[int, int, int]]:
-    """Row, near and far column of every step along the rows."""
-    found = []
-    for row, line in enumerate(disparity):
-        for left in range(len(line) - 1):
-            jump = line[left + 1] - line[left]
-            if abs(jump) > threshold:
-                near, far = (left + 1, left) if jump > 0 else (left, left + 1)
-                found.append((row, near, far))
-    return found
+def near_twin(disparity: np.ndarray, threshold: float, radius: int) -> np.ndarray:
+    """Which pixels are that near to either side of a step along rows or columns."""
+    near = np.zeros(disparity.shape, bool)
+    for values, marks in ((disparity, near), (disparity.T, near.T)):
+        for row, column in np.argwhere(np.abs(np.diff(values, axis=1)) > threshold):
+            rows = slice(max(0, row - radius), row + radius + 1)
+            marks[rows, max(0, column - radius) : column + radius + 2] = True
+    return near
 
 
 @pytest.mark.parametrize("shape", [(1, 1), (1, 9), (9, 1), (2, 2), (3, 70), (20, 150)])
 def test_steps_are_those_of_the_definition(shape: tuple[int, int]) -> None:
     disparity = rough(shape)
-    along_rows, along_columns = find_steps(disparity, 1.0)
-    for steps, image in ((along_rows, disparity), (along_columns, disparity.T)):
-        listed = list(zip(*(a.tolist() for a in (steps.rows, steps.near, steps.far)), strict=True))
-        assert listed == steps_twin(image, 1.0)
+    for threshold in (1.0, 4.5):
+        found = near_steps(disparity, threshold, 1)
+        np.testing.assert_array_equal(found, near_twin(disparity, threshold, 1))
 
 
 def test_pixels_near_a_step_are_those_within_the_radius_on_both_sides() -> None:
