@@ -35,7 +35,7 @@ FLOORS = {
 # The most lines of a room. A change that needs more says in its message what the weight buys.
 LINE_BUDGETS = {
     "api": 250,
-    "check": 1_850,
+    "check": 1_940,
     "commands": 3_100,
     "data": 3_200,
     "device": 900,
@@ -65,7 +65,7 @@ LINE_BUDGETS = {
     "train": 4_160,
     "usd": 4_150,
 }
-MOST_LINES, MOST_FILES = 78_750, 526  # of the product; 65,000 in 500 files are the goal
+MOST_LINES, MOST_FILES = 78_850, 526  # of the product; 65,000 in 500 files are the goal
 # A shorter file with a single client in its folder belongs into that client.
 CRUMB = 60
 

@@ -27,6 +27,9 @@ EDGE_REACH, AROUND = 10, 4
 REACH = 8
 FARTHEST = REACH + 2
 
+# Masks that are looked at, evenly spread, for whether they mark anything.
+MASKS = 10
+
 # Half the width of an outline [thumbnail px].
 HALF_WIDTH = 0.75
 
@@ -56,6 +59,19 @@ def moved_by(right: int, down: int, frame: SmallFrame) -> str:
         f"{abs(right) / width:.1%} of the width to the {'right' if right > 0 else 'left'} and "
         f"{abs(down) / width:.1%} {'down' if down > 0 else 'up'}"
     )
+
+
+def masks_of_nothing(evidence: Evidence, least: Threshold) -> dict[str, Any] | None:
+    """Find masks that mark less than this share of the image, or almost no pixel (median)."""
+    frames = [frame for frame in evidence.capture.frames if frame.has(Layer.MASK)]
+    if not (frames and evidence.uses_masks):
+        return None
+    some = frames[:: -(-len(frames) // MASKS)]
+    marked = [np.count_nonzero(frame.load_mask() > 127) for frame in some]
+    size = some[0].camera.intrinsics.width * some[0].camera.intrinsics.height
+    pixels = float(np.median(marked))
+    is_little = pixels < min(limits.LEAST_MASK, least * size)
+    return {"pixels": f"{pixels:,.0f} of {size:,}"} if is_little else None
 
 
 def masks_inverted(evidence: Evidence, share: Threshold) -> dict[str, Any] | None:

@@ -6,6 +6,7 @@ much better with it than as recorded.
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from itertools import permutations, product
 from typing import Any
 
 import numpy as np
@@ -15,7 +16,7 @@ from digs_warp.check.evidence import Agreement, Evidence, agreement
 from digs_warp.check.thresholds import Threshold
 from digs_warp.geometry.camera import Camera, Intrinsics, pixel_centers
 from digs_warp.geometry.rigid import OPENCV_FROM_OPENGL, invert_rigid
-from digs_warp.measure.thumbnails import SmallFrame
+from digs_warp.measure.thumbnails import WIDTH, SmallFrame, green_means, thumbnails
 
 # Depth cameras measure medians in this range [m].
 NEAREST, FARTHEST = 0.01, 100.0
@@ -126,6 +127,93 @@ def depth_range(evidence: Evidence, _: Threshold) -> dict[str, Any] | None:
     if NEAREST <= median <= FARTHEST:
         return None
     return {"median": median, "nearest": NEAREST, "farthest": FARTHEST}
+
+
+# Frames and points that are looked at, evenly spread.
+VIEWS, POINTS = 12, 2000
+
+# What is behind the nearest point of so many thumbnail pixels, by more than this share, is hidden.
+CELL, BEHIND = 4, 1.1
+
+
+@dataclass(frozen=True, eq=False)
+class PointsFit:
+    """How sparse points fit the photographs.
+
+    Attributes:
+        in_view: share of them that any camera looks at, 0 to 1.
+        colors: correlation of their brightness with that of the photographs at their places, -1 to 1; 0 where
+            it tells nothing.
+    """
+
+    in_view: float
+    colors: float
+
+
+def points_elsewhere(evidence: Evidence, least: Threshold) -> dict[str, Any] | None:
+    """Find sparse points that few cameras look at, that have other colors, or that fit after a turn."""
+    capture = evidence.capture
+    cloud = capture.load_points() if evidence.knows_poses else None
+    if cloud is None or len(cloud) < limits.LEAST_POINTS_IN_COMMON:
+        return None
+    cloud = cloud.select(np.linspace(0, len(cloud) - 1, min(POINTS, len(cloud))).astype(int))
+    points, green = cloud.points_world.astype(np.float64), 255 * cloud.colors[:, 1]
+    last = len(capture) - 1
+    numbers = np.unique(np.linspace(0, last, min(VIEWS, last + 1)).round().astype(int))
+    frames = [capture.frames[number] for number in numbers.tolist()]
+    seen = thumbnails(frames, lambda image: green_means(image, -(-image.shape[1] // WIDTH)))
+    views = [(f.camera.resized(*g.shape[::-1]), g) for f, g in zip(frames, seen, strict=True)]
+    recorded = _points_fit(points, green, views)
+    found = f"{recorded.in_view:.0%} of the sparse points are in view of a camera"
+    if green.std() < limits.PLAIN_IMAGE:
+        return {"found": found} if recorded.in_view < least else None
+    found += f", and their brightness follows that of the photographs by {recorded.colors:.2f}"
+    moves = [(f"they are turned, {name}", turn) for name, turn in _right_angles()]
+    moves += [(f"they are in another unit ({f:g})", f * np.eye(3)) for f in (1e-3, 1e-2, 1e2, 1e3)]
+    fits = [(_points_fit(points @ turn.T, green, views).colors, name) for name, turn in moves]
+    best, name = max(fits)
+    enough = max(
+        limits.POINTS_FIT_FACTOR * recorded.colors, recorded.colors + limits.POINTS_FIT_MORE
+    )
+    if best > max(enough, limits.POINTS_FIT):
+        return {"found": f"{found}, with {best:.2f} if {name}"}
+    is_poor = recorded.in_view < least or recorded.colors < limits.POINTS_MISFIT
+    return {"found": found} if is_poor else None
+
+
+def _points_fit(
+    points: np.ndarray, green: np.ndarray, views: Sequence[tuple[Camera, np.ndarray]]
+) -> PointsFit:
+    """Return how points, (n, 3), of a brightness, (n,), fit thumbnails; what is nearer hides points."""
+    in_view, here, there = np.zeros(len(points), bool), [np.zeros(0)], [np.zeros(0)]
+    for camera, image in views:
+        px, depth = camera.project(points)
+        shown = np.flatnonzero(camera.shows(px, depth))
+        in_view[shown] = True
+        column, row = px[shown].astype(int).T
+        cell = row // CELL * image.shape[1] + column // CELL
+        nearest = np.full(image.size, np.inf)
+        np.minimum.at(nearest, cell, depth[shown])
+        front = depth[shown] <= BEHIND * nearest[cell]
+        here.append(green[shown[front]])
+        there.append(image[row[front], column[front]])
+    one, other = np.concatenate(here), np.concatenate(there)
+    is_enough = len(one) >= limits.LEAST_POINTS_IN_COMMON and one.std() > 0 < other.std()
+    fit = float(np.corrcoef(one, other)[0, 1]) if is_enough else 0.0
+    return PointsFit(float(in_view.mean()), fit)
+
+
+def _right_angles() -> Iterator[tuple[str, np.ndarray]]:
+    """Yield the 23 turns that lay axes on axes, each with what becomes x, y and z."""
+    for order in permutations(range(3)):
+        for signs in product((1, -1), repeat=3):
+            turn = np.zeros((3, 3))
+            turn[range(3), order] = signs
+            if np.linalg.det(turn) > 0 and not np.array_equal(turn, np.eye(3)):
+                names = [
+                    f"{'-' if s < 0 else ''}{'xyz'[i]}" for i, s in zip(order, signs, strict=True)
+                ]
+                yield f"({', '.join(names)}) for (x, y, z)", turn
 
 
 def _enough(recorded: Agreement, convincing: float) -> float:

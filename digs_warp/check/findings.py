@@ -141,6 +141,23 @@ CHECKS = (
         unless=(ERRORS,),
     ),
     Check(
+        kind="masks empty",
+        measure=alignment.masks_of_nothing,
+        limit=Threshold(0.01, "of the image", "a smaller share counts as well if it has 50 px"),
+        message="The masks mark almost nothing: {pixels} pixels (median).",
+        remedy="255, or any number but 0, marks the object. Look at them, or make them again: --masks depth, "
+        "or --masks isnet.",
+        is_error=True,
+    ),
+    Check(
+        kind="points",
+        measure=conventions.points_elsewhere,
+        limit=Threshold(0.5, set_on="a simulated object and its scene, a real door", margin="2"),
+        message="The sparse points do not fit the photographs: {found}.",
+        remedy="Move them as the poses were moved (nerfstudio: applied_transform), or leave them out.",
+        is_error=True,
+    ),
+    Check(
         kind="masks inverted",
         measure=alignment.masks_inverted,
         limit=Threshold(0.5, set_on="a majority"),
@@ -156,7 +173,7 @@ CHECKS = (
         message="The depth ends {cut:.1%} of the image's width outside of the masks: they cut the object.",
         remedy="Make them again: --masks depth, or a folder of better ones with --masks folder.",
         is_error=True,
-        unless=("masks inverted",),
+        unless=("masks empty", "masks inverted"),
     ),
     Check(
         kind="masks moved",
@@ -165,7 +182,7 @@ CHECKS = (
         message="The masks fit depth and images better if they are moved by {move}.",
         remedy="Make them from the images of this recording, at their full size and without cropping.",
         is_error=True,
-        unless=("masks inverted", "masks cut"),
+        unless=("masks empty", "masks inverted", "masks cut"),
     ),
     Check(
         kind="alignment",
@@ -174,7 +191,7 @@ CHECKS = (
         message=NOT_ALIGNED,
         remedy=REGISTER,
         is_error=True,
-        unless=("masks inverted", "masks cut"),
+        unless=("masks empty", "masks inverted", "masks cut"),
     ),
     Check(
         kind="alignment",
@@ -183,7 +200,7 @@ CHECKS = (
         message=NOT_ALIGNED,
         remedy=REGISTER,
         is_error=True,
-        unless=("masks inverted", "masks cut", "masks moved", "alignment"),
+        unless=("masks empty", "masks inverted", "masks cut", "masks moved", "alignment"),
     ),
     Check(
         kind="moving things",

@@ -46,6 +46,14 @@ LEAST_OVERLAP = Threshold(0.25)
 AGREEMENT_GAIN_FACTOR = Threshold(1.12, set_on="the same")
 AGREEMENT_GAIN_OFFSET = Threshold(0.03, set_on="the same")
 
+# Sparse points: in their right place their brightness follows that of the photographs by 0.67 to 0.87, turned
+# by 0.2 or, about the vertical, by 0.5. A turn explains it that brings this much, and more than as recorded
+# by this factor and difference; below the last one they fit nothing.
+POINTS_FIT = Threshold(0.4, set_on="a simulated object and its scene, a real door")
+POINTS_FIT_FACTOR = Threshold(1.2, set_on="the same", margin="1.1")
+POINTS_FIT_MORE = Threshold(0.12, set_on="the same", margin="1.4")
+POINTS_MISFIT = Threshold(0.15, set_on="the same", margin="4")
+
 # Edges of depth and image: a change of depth over two thumbnail pixels, and fewer of them say nothing. At the
 # best offset, the images' contrast at depth edges (in standard deviations above its mean) is at least
 # this, exceeds that without a shift by this factor and difference, and by the last difference that at offsets
@@ -56,6 +64,9 @@ EDGE_CONTRAST = Threshold(0.25, "standard deviations")
 EDGE_CONTRAST_FACTOR = Threshold(1.3)
 EDGE_CONTRAST_OFFSET = Threshold(0.12, "standard deviations")
 EDGE_CONTRAST_PEAK = Threshold(0.1, "standard deviations")
+
+# A mask of fewer pixels marks nothing that could be reconstructed.
+LEAST_MASK = Threshold(50, "px")
 
 # Outlines of masks: depth bends fully where the second difference of the inverse depth is this share of it
 # (zero on a plane in any view, so that the ground does not count); fewer pixels, or outlines, say nothing.

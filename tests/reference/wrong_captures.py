@@ -2,12 +2,14 @@
 
 from collections.abc import Callable
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 
 from digs_warp.data.capture import Capture
 from digs_warp.data.frame import Frame
 from digs_warp.data.layers import Layer
+from digs_warp.data.point_cloud import PointCloud, write_points
 from digs_warp.data.viewpoints import looked_at
 from digs_warp.geometry.camera import Intrinsics, pixel_centers
 from digs_warp.geometry.rigid import OPENCV_FROM_OPENGL, invert_rigid
@@ -79,6 +81,30 @@ def poses_of(capture: Capture, numbers: list[int]) -> Capture:
 
 def inverted_masks(capture: Capture) -> Capture:
     return each_frame(capture, lambda f: f.with_layer(Layer.MASK, 255 - f.load_mask()))
+
+
+def masks_of(capture: Capture, pixels: int) -> Capture:
+    """Masks of so many pixels, in a row."""
+
+    def change(frame: Frame) -> Frame:
+        mask = np.zeros_like(frame.load_mask())
+        mask[40, 60 : 60 + pixels] = 255
+        return frame.with_layer(Layer.MASK, mask)
+
+    return each_frame(capture, change)
+
+
+def with_points(capture: Capture, folder: Path, turn: np.ndarray) -> Capture:
+    """Sparse points of the scene, turned against the cameras."""
+    clouds = []
+    for frame in capture.frames[::3]:
+        depth, image = frame.load_depth()[4::9, 4::9], frame.load_image()[4::9, 4::9]
+        k = frame.camera.intrinsics
+        places = frame.camera.unproject(pixel_centers(k.width, k.height)[4::9, 4::9], depth)
+        known = np.isfinite(depth)
+        clouds.append(PointCloud(places[known] @ turn.T, image[known] / 255))
+    write_points(folder / "points.ply", PointCloud.joined(clouds))
+    return replace(capture, points=folder / "points.ply")
 
 
 def eroded_masks(capture: Capture, pixels: int) -> Capture:

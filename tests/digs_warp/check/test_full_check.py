@@ -22,6 +22,7 @@ from digs_warp.cli import EXIT_BAD_INPUT, EXIT_OK, main
 from digs_warp.data.capture import Capture
 from digs_warp.data.capture_writer import CaptureWriter, FrameImages
 from digs_warp.data.layers import Layer
+from digs_warp.geometry.rigid import matrix_from_rotation_vector
 from digs_warp.sim.config import SimulateConfig
 from digs_warp.sim.record.record import simulate_in_memory
 from reference import wrong_captures as wrong
@@ -39,6 +40,9 @@ DAMAGES: dict[str, tuple[Callable[[Capture], Capture], str]] = {
     "OpenCV axes": (wrong.opencv_axes, "pose convention"),
     "inverted poses": (wrong.inverted, "pose convention"),
     "shuffled": (lambda c: wrong.poses_of(c, OTHER_ORDER), "order|time stamps"),
+    "masks of a pixel": (lambda c: wrong.masks_of(c, 1), "masks empty"),
+    "masks of three pixels": (lambda c: wrong.masks_of(c, 3), "masks empty"),
+    "masks of nothing": (lambda c: wrong.masks_of(c, 0), "masks empty"),
     "inverted masks": (wrong.inverted_masks, "masks inverted"),
     "eroded masks": (lambda c: wrong.eroded_masks(c, 5), "masks cut"),
     "moved masks": (lambda c: wrong.moved_masks(c, SHIFT), "masks moved"),
@@ -82,6 +86,29 @@ def test_the_damage_is_the_only_finding(good: Capture, damage: str) -> None:
     spoil, kind = DAMAGES[damage]
     (found,) = kinds(spoil(good))
     assert found in kind.split("|")
+
+
+TURNS = {
+    "z up": np.array([[0, 1, 0], [1, 0, 0], [0, 0, -1.0]]),
+    "y down": np.diag([1, -1, -1.0]),
+    "a quarter": np.array([[0, -1, 0], [1, 0, 0], [0, 0, 1.0]]),
+    "any": matrix_from_rotation_vector(np.array([0.4, 0.9, -0.5])),
+    "millimetres": 1000 * np.eye(3),
+}
+
+
+@pytest.mark.parametrize("name", ["right", *TURNS])
+@pytest.mark.parametrize("has_depth", [True, False])
+def test_points_that_are_turned_against_the_cameras_are_found(
+    good: Capture, tmp_path: Path, name: str, has_depth: bool
+) -> None:
+    turned = wrong.with_points(good, tmp_path, TURNS.get(name, np.eye(3)))
+    if not has_depth:
+        turned = wrong.each_frame(turned, lambda frame: frame.without_layer(Layer.DEPTH))
+    findings = [each for each in check_capture(turned).findings if each.kind == "points"]
+    assert len(findings) == (name != "right")
+    if name in ("z up", "y down", "a quarter"):
+        assert "if they are turned" in findings[0].what
 
 
 def test_limits_keep_a_distance_from_the_good_and_the_damaged(good: Capture) -> None:
