@@ -41,7 +41,7 @@ LINE_BUDGETS = {
     "device": 900,
     "engines": 1_050,
     "files at the top": 800,
-    "formats": 5_150,
+    "formats": 5_330,
     "geometry": 600,
     "init": 4_400,
     "losses": 950,
@@ -65,7 +65,7 @@ LINE_BUDGETS = {
     "train": 4_160,
     "usd": 4_150,
 }
-MOST_LINES, MOST_FILES = 78_850, 526  # of the product; 65,000 in 500 files are the goal
+MOST_LINES, MOST_FILES = 79_050, 527  # of the product; 65,000 in 500 files are the goal
 # A shorter file with a single client in its folder belongs into that client.
 CRUMB = 60
 

@@ -154,6 +154,10 @@ UNKNOWN_DEPTH, UNKNOWN_METRES, ENDLESS = 65535, np.float32(65.535), np.float32(6
 
 MM_PER_METRE = 1000.0
 
+PICTURE_CURE = (
+    "export the raw depth (librealsense: the Z16 frame, without the colorizer), or leave depth out"
+)
+
 
 def depth_in_metres(
     pixels: np.ndarray,
@@ -181,8 +185,7 @@ def depth_in_metres(
         found = "colors" if colored else "8 bits per pixel"
         raise CaptureError(
             f"{where}: {found}, a picture of depth, expected its values: 16-bit integers in millimetres or "
-            "floats in metres, one channel; export the raw depth (librealsense: the Z16 frame, without the "
-            "colorizer), or leave depth out"
+            f"floats in metres, one channel; {PICTURE_CURE}"
         )
     depth = pixels[..., 0].astype(np.float32)
     if pixels.dtype.kind == "f":

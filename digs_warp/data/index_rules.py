@@ -25,6 +25,7 @@ POINTS_KEY = "ply_file_path"
 
 FORMAT_VERSION = 1
 DEPTH_UNIT = "metre"
+PINHOLES = "make pinhole images with 'colmap image_undistorter'"
 UNDISTORT = "'digs-warp convert FOLDER --from nerfstudio --out CAPTURE'"
 
 # Camera models whose rays are those of a pinhole camera when all coefficients are zero.
@@ -68,8 +69,7 @@ def read_lens(index: dict[str, Any], entry: dict[str, Any], where: str) -> Lens:
     if name not in (*CAMERA_MODELS, FISHEYE_MODEL):
         raise CaptureError(
             f"{where}: camera_model is {shown(model)}, expected one of "
-            f"{', '.join((*CAMERA_MODELS, FISHEYE_MODEL))}; make pinhole images first, for example with "
-            "'colmap image_undistorter'"
+            f"{', '.join((*CAMERA_MODELS, FISHEYE_MODEL))}; {PINHOLES}"
         )
     coefficients = {key: _value(index, entry, key, 0.0) for key in COEFFICIENTS}
     for key, value in coefficients.items():

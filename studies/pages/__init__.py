@@ -26,6 +26,7 @@ PAGES = {
     "sensor": "sensor",
     "scenes": "scenes",
     "randomization": "randomization",
+    "what-is-read": "what_is_read",
     "real-recordings": "real_recordings",
     "studies": "published",
     "killed": "killed",

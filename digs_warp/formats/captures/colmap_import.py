@@ -16,6 +16,7 @@ import numpy as np
 
 from digs_warp.checks import CaptureError
 from digs_warp.data.file_names import FileNames
+from digs_warp.data.index_rules import PINHOLES
 from digs_warp.data.point_cloud import PointCloud
 from digs_warp.formats.captures.colmap_files import (
     MODELS,
@@ -158,8 +159,7 @@ def pinhole_and_lens(camera: ModelCamera, where: str) -> tuple[Intrinsics, Lens 
     if camera.model not in PARAMETERS:
         known = ", ".join(name for name in MODELS if name in PARAMETERS)
         raise CaptureError(
-            f"{where}: camera model {camera.model}, expected one of {known}; make pinhole images with "
-            "'colmap image_undistorter'"
+            f"{where}: camera model {camera.model}, expected one of {known}; {PINHOLES}"
         )
     values = dict(zip(PARAMETERS[camera.model].split(), camera.params, strict=True))
     fx = values.get("fx", values.get("s", 0.0))

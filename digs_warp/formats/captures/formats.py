@@ -146,7 +146,7 @@ def read_recording(folder: Path, form: str) -> "Recording":
         "recording",
         "Name the folder with its images and depth maps; for a film add --from video.",
     )
-    return _function(READERS[form])(folder).completed()
+    return _function(READERS[form])(folder).completed(form)
 
 
 def export_capture(capture: "Capture", form: str, folder: Path) -> None:

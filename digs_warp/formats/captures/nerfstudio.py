@@ -27,6 +27,7 @@ from digs_warp.data.frame import Frame
 from digs_warp.data.images import MM_PER_METRE, image_size, write_image
 from digs_warp.data.index_rules import (
     INDEX_NAME,
+    PINHOLES,
     POINTS_KEY,
     check_depth_unit,
     check_section,
@@ -244,7 +245,7 @@ def _lens(row: Fields) -> Lens | None:
     if more := sorted(lens.coefficients.keys() - set(keys)):
         raise CaptureError(
             f"{row.where}: {lens.model} with {', '.join(more)}, expected only {', '.join(keys)}; "
-            "undistort the images first, for example with 'colmap image_undistorter'"
+            f"{PINHOLES}"
         )
     found = tuple(lens.coefficients.get(key, 0.0) for key in keys)
     if lens.is_fisheye:

@@ -16,15 +16,19 @@ from digs_warp.data.file_names import masks_in
 from digs_warp.data.images import MM_PER_METRE, image_size
 from digs_warp.data.point_cloud import PointCloud
 from digs_warp.formats.captures.lens import PinholeView
+from digs_warp.formats.table import RECORDINGS
 from digs_warp.geometry.camera import Intrinsics
 from digs_warp.geometry.rigid import matrix_from_quat_xyzw, rigid
 from digs_warp.record.files import read_text
-from digs_warp.words import counted
+from digs_warp.words import counted, first_few
 
 logger = logging.getLogger(__name__)
 
 # For formats without times: the cameras that write such folders take 30 frames per second.
 FRAME_RATE = 30.0
+
+# Kinds of files that are not read and named at once.
+MOST_UNREAD = 8
 
 IMAGE_SUFFIXES = (".png", ".jpg", ".jpeg")
 
@@ -138,17 +142,26 @@ class Recording:
     def say_notes(self) -> None:
         """Log the notes, each once."""
         for note, count in sorted(self.notes.items()):
-            logger.warning("recording '%s': %s (%s)", self.folder, note, counted(count, "time"))
+            often = f" ({counted(count, 'time')})" if count > 1 else ""
+            logger.warning("recording '%s': %s%s", self.folder, note, often)
         self.notes.clear()
 
-    def completed(self) -> "Recording":
-        """Return the recording with the masks beside its images, and cameras of the size of those."""
+    def completed(self, form: str) -> "Recording":
+        """Return the recording with the masks beside its images, and cameras of the size of those.
+
+        What the folder of a recording of the format ``form`` holds beside becomes a note.
+        """
         frames = tuple(frame.at_its_size() for frame in self.frames)
         resized = [new for new, old in zip(frames, self.frames, strict=True) if new is not old]
         if resized:
             k = resized[0].file_camera
             self.notes[f"the camera is scaled to the images, {k.width}x{k.height}"] = len(resized)
-        return replace(self, frames=frames)._with_masks_beside()
+        found = replace(self, frames=frames)._with_masks_beside()
+        files = ((f.image, f.depth, f.mask, f.right) for f in found.frames)
+        used = {path for each in files for path in each if path is not None}
+        if unread := [*RECORDINGS[form].unread(self.folder, used)]:
+            found.notes[f"not read: {first_few(unread, MOST_UNREAD)}"] = 1
+        return found
 
     def _with_masks_beside(self) -> "Recording":
         """Return the recording with the masks of a folder beside that of its images, if it has no others."""

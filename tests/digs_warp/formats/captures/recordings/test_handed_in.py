@@ -529,3 +529,19 @@ def test_a_link_to_another_disk_is_read_or_its_cure_named(capture: Capture, tmp_
     check_same(converted("nerfstudio", folder, tmp_path / "c"), capture, 1e-3)
     with pytest.raises(CaptureError, match=r"a link leads to '.*disk.*--from nerfstudio.*copies"):
         read_capture(folder)
+
+
+def test_what_is_not_read_is_said(
+    capture: Capture, tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    folder = tmp_path / "tum"
+    export_capture(capture, "tum", folder)
+    write_image(folder / "rgb/9.png", SMALL)
+    (folder / "accelerometer.txt").write_text("0 1 2 3\n")
+    (folder / "flow").mkdir()
+    for number in range(3):
+        (folder / f"flow/{number}.flo").write_text("x")
+    (folder / "README.txt").write_text("Read me.")
+    converted("tum", folder, tmp_path / "c")
+    said = "not read: accelerations ('accelerometer.txt'), 'flow/*.flo', 3 files, 'rgb/*.png'\n"
+    assert said in caplog.text
