@@ -9,6 +9,7 @@ import os
 import shlex
 import sys
 from collections.abc import Sequence
+from io import TextIOWrapper
 
 from tqdm import tqdm
 
@@ -43,6 +44,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     0: done; 1: bad input, explained on stderr; 2: wrong usage; 130: interrupted with Ctrl-C; 143 and 129:
     with SIGTERM and SIGHUP; 141: nobody reads the output any more (``digs-warp run --help | head``).
     """
+    _mend_streams()
     try:
         code = _run(argv)
         sys.stdout.flush()
@@ -51,6 +53,10 @@ def main(argv: Sequence[str] | None = None) -> int:
         if missing is None:
             raise
         _complain(str(missing))
+        return EXIT_BAD_INPUT
+    except UnicodeEncodeError as error:
+        near = error.object[max(0, error.start - 30) : error.end + 30]
+        _complain(f"{near!r}: a name that is no UTF-8, which is not possible here; rename it")
         return EXIT_BAD_INPUT
     except BrokenPipeError:
         _drop_output()
@@ -62,6 +68,16 @@ def main(argv: Sequence[str] | None = None) -> int:
         )
         return EXIT_BAD_INPUT
     return code
+
+
+def _mend_streams() -> None:
+    """Let any text be printed: file names that are no text, all in a locale of ASCII, into closed streams."""
+    for name in ("stdout", "stderr"):
+        stream = getattr(sys, name)
+        if stream is None:  # its number would be that of the next file
+            setattr(sys, name, open(os.devnull, "w", encoding="utf-8"))
+        elif isinstance(stream, TextIOWrapper):
+            stream.reconfigure(errors="backslashreplace")
 
 
 def _drop_output() -> None:

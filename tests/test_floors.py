@@ -37,7 +37,7 @@ LINE_BUDGETS = {
     "api": 250,
     "check": 1_940,
     "commands": 3_100,
-    "data": 3_200,
+    "data": 3_260,
     "device": 900,
     "engines": 1_050,
     "files at the top": 800,
@@ -65,7 +65,7 @@ LINE_BUDGETS = {
     "train": 4_160,
     "usd": 4_150,
 }
-MOST_LINES, MOST_FILES = 79_050, 527  # of the product; 65,000 in 500 files are the goal
+MOST_LINES, MOST_FILES = 79_400, 527  # of the product; 65,000 in 500 files are the goal
 # A shorter file with a single client in its folder belongs into that client.
 CRUMB = 60
 

@@ -56,6 +56,8 @@ def opened_stage(path: Path) -> Iterator["Usd.Stage"]:
         raise UsdError(
             f"USD scene '{path}': text in it is not UTF-8 ({error.reason}). Export it again."
         ) from error
+    except UnicodeEncodeError as error:
+        raise _unnamable(path) from error
     except TypeError as error:
         if "No to_python" not in str(error):
             raise
@@ -113,8 +115,16 @@ def finished_file(path: Path) -> Iterator[Path]:
         raise
     except DigsError as error:
         raise UsdError(f"USD scene {error}") from error
+    except UnicodeEncodeError as error:
+        raise _unnamable(path) from error
     except Tf.ErrorException as error:
         raise UsdError(f"USD scene {out_of_space(path, reason(error))}") from error
+
+
+def _unnamable(path: Path) -> UsdError:
+    return UsdError(
+        f"USD scene '{path}': OpenUSD opens only files with names in UTF-8; rename it, or its folder"
+    )
 
 
 def export_layer(layer: "Sdf.Layer", target: Path, path: Path) -> None:

@@ -86,6 +86,7 @@ def _portable(value: Any) -> Any:
     if isinstance(value, list):
         return [_portable(item) for item in value]
     if isinstance(value, str):
+        value = value.encode("utf-8", "backslashreplace").decode()  # a file's name may be no text
         for path in (PurePosixPath(value), PureWindowsPath(value)):
             if path.is_absolute():
                 return path.name

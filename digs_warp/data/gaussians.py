@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from importlib import import_module
 from pathlib import Path
 
 import numpy as np
@@ -16,6 +17,9 @@ FIELDS = ("means", "log_scales", "quats", "opacity_logits", "sh")
 MOST_DILATION = 100.0
 
 _NOTE = "screen_filter"
+
+# Other formats are floors above, and are loaded by name when they are asked for.
+OTHER_FORMATS = "digs_warp.pipeline.scene_files"
 
 
 @dataclass(frozen=True)
@@ -105,18 +109,31 @@ class Gaussians:
         return replace(self, **{name: getattr(self, name)[keep] for name in FIELDS})
 
     def save(self, path: Path) -> None:
-        """Write an ``.npz`` with one array per field; the file appears only when complete."""
+        """Write a file, complete or not at all.
+
+        By its suffix it is an ``.npz`` with one array per field, or PLY, SPZ, .splat or USD.
+
+        Raises:
+            DigsError: another suffix, values that the format cannot hold, or the file cannot be written.
+        """
+        path = Path(path)
+        if path.suffix.lower() != ".npz":
+            import_module(OTHER_FORMATS).save_gaussians(path, self)
+            return
         arrays = {name: getattr(self, name) for name in FIELDS}
         note = np.array([self.screen_filter.dilation, self.screen_filter.antialias])
         write_arrays(path, arrays | {_NOTE: note})
 
     @staticmethod
     def load(path: Path) -> "Gaussians":
-        """Read a file that `save` wrote. One without a note of the filter is older: `CLASSIC`.
+        """Read a file that `save` wrote. An ``.npz`` without a note of the filter is older: `CLASSIC`.
 
         Raises:
             DigsError: the file is missing, truncated, or lacks a field.
         """
+        path = Path(path)
+        if path.suffix.lower() != ".npz":
+            return import_module(OTHER_FORMATS).read_scene(path).gaussians
         with open_arrays(path, "Gaussians", FIELDS) as arrays:
             found = CLASSIC
             if _NOTE in arrays:

@@ -257,7 +257,12 @@ def _opened(path: Path, what: str) -> Iterator[Any]:
     # Without this, the colors of transparent pixels are premultiplied by alpha.
     config = oiio.ImageSpec()
     config.attribute("oiio:UnassociatedAlpha", 1)
-    source = oiio.ImageInput.open(str(path), config)
+    try:
+        source = oiio.ImageInput.open(str(path), config)
+    except TypeError:  # what it says of a name with half a character
+        raise DigsError(
+            f"{what} '{path}': its name, or that of a folder, is no UTF-8; rename it"
+        ) from None
     if source is None:
         raise DigsError(f"{what} '{path}': cannot be opened as an image ({_error_of(oiio)})")
     try:

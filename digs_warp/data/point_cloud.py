@@ -96,7 +96,10 @@ class PointCloud:
         return PointCloud(**{name: all_of(name) for name in fields}, **marks)
 
     def save(self, path: Path) -> None:
-        """Write an ``.npz`` with one array per field; the file appears only when complete."""
+        """Write an ``.npz`` with one array per field, or a PLY file of positions and colors, complete."""
+        if Path(path).suffix.lower() == ".ply":
+            write_points(path, self)
+            return
         arrays = {name: getattr(self, name) for name in (*FIELDS, *OPTIONAL_FIELDS)}
         write_arrays(path, {name: array for name, array in arrays.items() if array is not None})
 
@@ -107,6 +110,8 @@ class PointCloud:
         Raises:
             DigsError: the file is missing, truncated, or lacks a field.
         """
+        if Path(path).suffix.lower() == ".ply":
+            return read_points(path)
         with open_arrays(path, "points", FIELDS) as arrays:
             optional = {name: arrays[name] for name in OPTIONAL_FIELDS if name in arrays}
             return PointCloud(*(arrays[name] for name in FIELDS), **optional)

@@ -7,6 +7,7 @@ a CPU) and take the chunk's first index as their first argument. Then the result
 number of threads.
 """
 
+import os
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from functools import cache
@@ -62,6 +63,17 @@ _recording = Lock()
 @cache
 def _pool(threads: int) -> ThreadPoolExecutor:
     return ThreadPoolExecutor(threads, thread_name_prefix="warp")
+
+
+def _start_anew() -> None:
+    """Forget the threads, of which a forked process has none, and the locks that they may have held."""
+    global _recording, _copying
+    _pool.cache_clear()
+    _recording, _copying = Lock(), Lock()
+
+
+if hasattr(os, "register_at_fork"):  # a data loader of PyTorch forks its workers
+    os.register_at_fork(after_in_child=_start_anew)
 
 
 def recorded(kernel: Any, dim: int, inputs: list[Any], device: str = "cpu") -> Any:

@@ -83,6 +83,12 @@ def check_target(target: Path) -> None:
         )
 
 
+def save_gaussians(path: Path, gaussians: Gaussians) -> None:
+    """Write Gaussians of no known origin; see `digs_warp.data.gaussians.Gaussians.save`."""
+    check_target(path)
+    write_scene_file(path, Reconstruction(gaussians=gaussians), Path("memory"))
+
+
 def write_scene_file(
     target: Path,
     result: Reconstruction,

@@ -37,7 +37,13 @@ UNREADABLE = (
 
 
 def write_arrays(path: Path, arrays: dict[str, np.ndarray]) -> None:
-    """Write an ``.npz`` of named arrays; see `write_atomically`."""
+    """Write an ``.npz`` of named arrays; see `write_atomically`.
+
+    Raises:
+        DigsError: the suffix says that it is something else, or the file cannot be written.
+    """
+    if Path(path).suffix.lower() != ".npz":
+        raise DigsError(f"'{path}': suffix '{Path(path).suffix}', expected .npz")
     buffer = BytesIO()
     np.savez(buffer, **arrays)  # pyright: ignore[reportArgumentType]
     write_atomically(path, buffer.getvalue())

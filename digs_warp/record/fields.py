@@ -192,9 +192,10 @@ def is_number(value: Any) -> bool:
 
 def is_text(value: Any) -> bool:
     """Whether a JSON value is a text that can be a file name: no NUL and no half of a character."""
-    if not isinstance(value, str):
+    if not isinstance(value, str) or "\0" in value:
         return False
-    return "\0" not in value and not any("\ud800" <= letter <= "\udfff" for letter in value)
+    # Except those by which Python writes the bytes of names that are no UTF-8.
+    return not any("\ud800" <= c <= "\udfff" and not "\udc80" <= c <= "\udcff" for c in value)
 
 
 def _flat(values: list[Any]) -> Iterator[Any]:

@@ -1,6 +1,7 @@
 """The command line: exit codes, messages, and the rules that protect what lies in the output folder."""
 
 import os
+import shlex
 import subprocess
 import sys
 from pathlib import Path
@@ -11,6 +12,7 @@ import warp as wp
 from digs_warp.cli import EXIT_BAD_INPUT, EXIT_INTERRUPTED, EXIT_OK, EXIT_WRONG_USAGE, main
 from digs_warp.commands.simulate import Simulate
 from digs_warp.record.run_log import RunLog
+from reference.splat_scenes import random_gaussians
 
 
 def our_folder(path: Path) -> Path:
@@ -190,3 +192,36 @@ def test_output_to_a_full_disk_is_an_error_in_one_line(
     assert result.returncode == EXIT_BAD_INPUT
     (line,) = result.stderr.splitlines()
     assert "could not be written: No space left on device" in line
+
+
+@pytest.mark.parametrize("suffix", [".ply", ".npz", ".spz", ".splat", ".usda", ".usdz"])
+def test_a_name_that_is_no_text_is_read_or_named(
+    tmp_path: Path, suffix: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    plain = tmp_path / f"a{suffix}"
+    random_gaussians(5, seed=1).save(plain)
+    path = tmp_path / os.fsdecode(b"b\xff" + suffix.encode())
+    try:
+        plain.rename(path)
+    except OSError:
+        pytest.skip("the file system takes only UTF-8")
+    is_usd = suffix.startswith(".usd")
+    assert main(["info", str(path)]) == is_usd
+    assert not is_usd or "rename it" in capsys.readouterr().err
+    out = tmp_path / os.fsdecode(b"c\xff.ply")
+    assert main(["convert", str(path), "--out", str(out)]) == is_usd
+    if not is_usd:
+        assert "c\\udcff.ply: 5 Gaussians" in capsys.readouterr().out
+        assert (
+            main(["convert", str(path), "--out", str(tmp_path / "d.usdz")]) == 0
+        )  # it names its source
+
+
+@pytest.mark.parametrize(("closing", "code"), [(">&-", 0), ("2>&-", 0), (">&- 2>&- <&-", 0)])
+@pytest.mark.parametrize("arguments", ["--version", "--help", "study list"])
+def test_closed_streams_and_a_locale_of_ascii(closing: str, code: int, arguments: str) -> None:
+    ascii_only = {"LC_ALL": "C", "PYTHONUTF8": "0", "PYTHONCOERCECLOCALE": "0"}
+    command = f"{shlex.quote(sys.executable)} -m digs_warp {arguments} {closing}"
+    env = os.environ | ascii_only
+    done = subprocess.run(command, check=False, shell=True, env=env, stderr=subprocess.PIPE)
+    assert (done.returncode, done.stderr) == (code, b"")

@@ -68,7 +68,7 @@ def write_report(capture: Capture, result: Reconstruction, path: Path) -> None:
         f"<title>{name} · digs-warp report</title>\n<style>{CSS}</style>\n</head>\n"
         f"<body>\n<main>\n{body}\n</main>\n</body>\n</html>\n"
     )
-    write_atomically(path, page.encode("utf-8"))
+    write_atomically(path, page.encode("utf-8", "backslashreplace"))
 
 
 def _body(

@@ -38,8 +38,9 @@ def resolver_beside(path: Path) -> Any:
         def get(self, name: str) -> bytes:
             return files.read(name.strip())
 
-    # Textures often lie in a folder next to that of the mesh.
-    return Beside(str(path), allow_anywhere=True)
+    # Textures often lie in a folder next to that of the mesh. trimesh names parts after the file, whose own
+    # name may be no text.
+    return Beside(str(path.with_name("mesh")), allow_anywhere=True)
 
 
 def obj_materials(path: Path) -> list[str]:

@@ -96,35 +96,29 @@ def _checked_suffix(path: Path) -> str:
     return suffix
 
 
-def _content(path: Path, header: dict[str, Any], plain: dict[str, Any]) -> BytesIO | None:
-    """Return what trimesh is to read in place of a file; None: the file itself."""
+def _content(path: Path, header: dict[str, Any], plain: dict[str, Any]) -> BytesIO:
+    """Return what trimesh is to read in place of a file."""
     suffix = path.suffix.lower()
     if plain != header or suffix == ".gltf":
         return file_with_header(path, plain)
+    data = path.read_bytes()
     if suffix == ".stl":
-        return BytesIO(plain_stl(path.read_bytes()))
-    if suffix != ".obj":
-        return None
-    text = without_mark(path.read_bytes())
-    return BytesIO(cut_polygons(text) or text)
+        data = plain_stl(data)
+    elif suffix == ".obj":
+        data = without_mark(data)
+        data = cut_polygons(data) or data
+    return BytesIO(data)
 
 
-def _read(path: Path, content: BytesIO | None) -> Any:
-    """Return a file as a `trimesh.Scene`, vertices and faces as they are stored.
-
-    Args:
-        path: of the file.
-        content: taken for what the file holds; None: the file itself.
-    """
+def _read(path: Path, content: BytesIO) -> Any:
+    """Return a file, taken to hold ``content``, as a `trimesh.Scene`: vertices and faces as stored."""
     import trimesh
 
     file_type, resolver = path.suffix[1:].lower(), resolver_beside(path)
     log = trimesh.util.log
     usual, log.disabled = log.disabled, True  # it shows tracebacks of what the resolver has said
     try:
-        loaded = trimesh.load_scene(
-            content or path, file_type=file_type, resolver=resolver, process=False
-        )
+        loaded = trimesh.load_scene(content, file_type=file_type, resolver=resolver, process=False)
         shows_all = file_type != "ply" or shows_all_of_ply(loaded)
         return loaded if shows_all else _unusual_ply(path, resolver)
     except ValueError as error:

@@ -2,7 +2,11 @@
 # pyright: reportOperatorIssue=false, reportIndexIssue=false, reportArgumentType=false
 """Launches shared out over threads: every index once, the same bits for any number of threads."""
 
+import os
+import subprocess
+import sys
 from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -142,3 +146,29 @@ def test_an_exception_in_any_thread_reaches_the_caller() -> None:
     launch.chunks.append(Broken())
     with pytest.raises(RuntimeError, match="broken chunk"):
         launch.run()
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="this system does not fork")
+def test_a_forked_process_has_threads_of_its_own(tmp_path: Path) -> None:
+    """As the workers of PyTorch's data loaders, after their parent has used the threads."""
+    script = tmp_path / "fork.py"
+    script.write_text(
+        "import os, signal\n"
+        "import numpy as np, warp as wp\n"
+        "from digs_warp.device.parallel import launch_parallel\n"
+        "@wp.kernel\n"
+        "def double(first: int, values: wp.array[float]):\n"
+        "    values[first + wp.tid()] *= 2.0\n"
+        "def work():\n"
+        "    values = wp.ones(100, dtype=float, device='cpu')\n"
+        "    launch_parallel(double, 100, [values], threads=4)\n"
+        "    assert (values.numpy() == 2).all()\n"
+        "[work() for _ in range(20)]\n"
+        "if (child := os.fork()) == 0:\n"
+        "    signal.alarm(30)\n"
+        "    work()\n"
+        "    os._exit(0)\n"
+        "raise SystemExit(os.waitpid(child, 0)[1])\n"
+    )
+    done = subprocess.run([sys.executable, script], check=False, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
