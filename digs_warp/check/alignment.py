@@ -208,13 +208,15 @@ def _along_outline(frame: SmallFrame) -> tuple[np.ndarray, np.ndarray, np.ndarra
     rows, columns = np.nonzero(rings[REACH])
     if np.isfinite(bend[rows, columns]).sum() < limits.LEAST_OUTLINE_PIXELS:
         return None
-    moves = range(-REACH, REACH + 1)
-    places = [[(rows + down, columns + right) for right in moves] for down in moves]
-    return (
-        np.array([[_mean(bend[place]) for place in row] for row in places]),
-        np.array([_mean(bend[ring]) for ring in rings]),
-        np.array([[_mean(steepness[place]) for place in row] for row in places]),
-    )
+    bends, slopes = (_moved(each, rows, columns, REACH) for each in (bend, steepness))
+    return _mean(bends), np.array([_mean(bend[ring]) for ring in rings]), _mean(slopes)
+
+
+def _moved(image: np.ndarray, rows: np.ndarray, columns: np.ndarray, reach: int) -> np.ndarray:
+    """Return an image at places after each move by up to ``reach`` pixels, (down, right, places)."""
+    moves = np.arange(-reach, reach + 1)
+    places = rows * image.shape[1] + columns
+    return image.ravel()[(moves[:, None] * image.shape[1] + moves)[..., None] + places]
 
 
 def _distance(mask: np.ndarray) -> np.ndarray:
@@ -251,10 +253,12 @@ def _bend(depth: np.ndarray) -> np.ndarray:
     return np.minimum(np.fmax(np.abs(across), np.abs(down)) * depth / limits.FULL_BEND, 1.0)
 
 
-def _mean(values: np.ndarray) -> float:
-    """Return the mean of what is known; 0 where that is little."""
-    known = values[np.isfinite(values)]
-    return float(known.mean()) if len(known) >= limits.LEAST_OUTLINE_PIXELS else 0.0
+def _mean(values: np.ndarray) -> np.ndarray:
+    """Return the mean of what is known along the last axis; 0 where that is little."""
+    known = np.isfinite(values)
+    count = np.count_nonzero(known, axis=-1)
+    sums = np.where(known, values, 0.0).sum(axis=-1)
+    return np.where(count >= limits.LEAST_OUTLINE_PIXELS, sums / np.maximum(count, 1), 0.0)
 
 
 def _ratio(best: float, now: float) -> float:
@@ -276,10 +280,7 @@ def _contrast(frame: SmallFrame) -> np.ndarray | None:
     if len(rows) < limits.LEAST_EDGES or steepness.std() == 0:
         return None
     steepness = (steepness - steepness.mean()) / steepness.std()
-    offsets = range(2 * EDGE_REACH + 1)
-    return np.array(
-        [[steepness[rows + row, columns + column].mean() for column in offsets] for row in offsets]
-    )
+    return _moved(steepness, rows + EDGE_REACH, columns + EDGE_REACH, EDGE_REACH).mean(axis=-1)
 
 
 def _largest_around(contrast: np.ndarray, row: int, column: int) -> float:

@@ -14,6 +14,7 @@ noticed.
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -54,7 +55,7 @@ class Links:
     names: tuple[str, ...]
     shares: dict[tuple[int, int], float | None]
 
-    @property
+    @cached_property
     def typical(self) -> float:
         """Median of neighboring frames; 0 if there are none."""
         found = [s for (a, b), s in self.shares.items() if s is not None and b == a + 1]

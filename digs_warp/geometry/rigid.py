@@ -23,9 +23,10 @@ def mask_box(mask: np.ndarray) -> PixelBox:
 
 def grown(mask: np.ndarray, radius: float) -> np.ndarray:
     """Return a mask grown by squares that reach at least ``radius`` [px] to all sides."""
-    from scipy.ndimage import maximum_filter
+    import cv2
 
-    return maximum_filter(mask, size=2 * int(np.ceil(radius)) + 1)
+    side = 2 * int(np.ceil(radius)) + 1
+    return cv2.dilate(mask.astype(np.uint8), np.ones((side, side), np.uint8)).astype(bool)
 
 
 def transform_points(b_from_a: np.ndarray, points_a: np.ndarray) -> np.ndarray:

@@ -52,6 +52,9 @@ _VOXELS = wp.constant(wp.float64(TOLERANCE_VOXELS))
 # pixels of the views, and a cloud of one voxel is one layer.
 STAYS = 0.4
 
+# Rays to the surface that a point keeps from one pass over the views to the next.
+KEPT_RAYS = wp.constant(64)
+
 _FACING = wp.constant(wp.float64(FACING))
 _STAYS = wp.constant(wp.float64(STAYS))
 _SHARE = wp.constant(wp.float64(TOLERANCE_SHARE))
@@ -138,6 +141,13 @@ def ray_to(eye: Eye, point: wp.vec3d, depth: wp.float64) -> wp.vec3d:
     return wp.transform_vector(wp.transpose(eye.cam_from_world), seen / depth)
 
 
+@wp.func
+def weight_of(unit: wp.vec3d, apart: wp.float64, middle: wp.vec3d, reach: wp.float64):
+    """Weight of a view: the surface faces the middle of those that see it; grazing ones tell little."""
+    facing = wp.max(wp.dot(unit, middle), wp.float64(0.0))
+    return (wp.float64(1.0) - wp.abs(apart) / reach) * wp.pow(facing, _FACING)
+
+
 @wp.kernel
 def onto_surface_kernel(
     first: int,
@@ -153,26 +163,43 @@ def onto_surface_kernel(
     point = points[i]
     reach = _NEAR * voxel_size
     middle = wp.vec3d()
+    rays = wp.zeros(shape=(KEPT_RAYS,), dtype=wp.vec3d)
+    units = wp.zeros(shape=(KEPT_RAYS,), dtype=wp.vec3d)
+    gaps = wp.zeros(shape=(KEPT_RAYS,), dtype=wp.float64)
+    kept = int(0)
+    others = int(eyes.shape[0])  # the first eye whose ray is not kept
     for e in range(eyes.shape[0]):
         measured, own = depths_at(eyes[e], depth, point)
         # Comparisons with NaN, where nothing was measured, are False.
         if wp.abs(measured - own) < reach:
-            middle += wp.normalize(ray_to(eyes[e], point, own))
+            toward = ray_to(eyes[e], point, own)
+            unit = wp.normalize(toward)
+            middle += unit
+            if kept < KEPT_RAYS:
+                rays[kept] = toward
+                units[kept] = unit
+                gaps[kept] = measured - own
+                kept += 1
+            else:
+                others = wp.min(others, e)
     middle = wp.normalize(middle)
     weights = wp.float64(0.0)
     distance = wp.float64(0.0)
     ray = wp.vec3d()
-    for e in range(eyes.shape[0]):
+    for k in range(kept):
+        share = weight_of(units[k], gaps[k], middle, reach)
+        weights += share
+        distance += share * gaps[k]
+        ray += share * rays[k]
+    for e in range(others, eyes.shape[0]):
         measured, own = depths_at(eyes[e], depth, point)
         apart = measured - own
         if wp.abs(apart) < reach:
             toward = ray_to(eyes[e], point, own)
-            # The surface faces the middle of the views that see it; those that graze it tell little.
-            facing = wp.max(wp.dot(wp.normalize(toward), middle), wp.float64(0.0))
-            weight = (wp.float64(1.0) - wp.abs(apart) / reach) * wp.pow(facing, _FACING)
-            weights += weight
-            distance += weight * apart
-            ray += weight * toward
+            share = weight_of(wp.normalize(toward), apart, middle, reach)
+            weights += share
+            distance += share * apart
+            ray += share * toward
     if wp.abs(distance) > _STAYS * voxel_size * weights:
         point += (distance / weights) * (ray / weights)
     moved[i] = point

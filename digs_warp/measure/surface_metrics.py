@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
+from functools import lru_cache
 
 import numpy as np
 import warp as wp
@@ -38,19 +39,17 @@ def visible_places(
         cameras: where they are looked at from.
     """
     visible = np.zeros(len(places_world), dtype=bool)
-    mesh = wp.Mesh(
-        points=wp.array(np.ascontiguousarray(surface.points_world), dtype=wp.vec3, device="cpu"),
-        indices=wp.array(surface.triangles.ravel(), dtype=int, device="cpu"),
-    )
+    mesh = _mesh_of(surface)
     for camera in cameras:
-        px, z = camera.project(places_world)
+        left = np.flatnonzero(~visible)
+        px, z = camera.project(places_world[left])
         k = camera.intrinsics
         with np.errstate(invalid="ignore"):
             inside = (z > 0) & np.all((px >= 0) & (px < [k.width, k.height]), axis=1)
-        toward = places_world - camera.center_world
-        across = np.abs(np.einsum("ij,ij->i", toward, normals_world))
+        toward = places_world[left] - camera.center_world
+        across = np.abs(np.einsum("ij,ij->i", toward, normals_world[left]))
         faced = across >= EDGE_ON * np.linalg.norm(toward, axis=1)
-        asked = np.flatnonzero(inside & faced & ~visible)
+        asked = left[inside & faced]
         if not len(asked):
             continue
         places = np.ascontiguousarray(places_world[asked], dtype=np.float32)
@@ -60,6 +59,15 @@ def visible_places(
         launch_parallel(_clear_kernel, len(asked), inputs)
         visible[asked] = clear.numpy()
     return visible
+
+
+@lru_cache(1)
+def _mesh_of(surface: TriangleMesh) -> wp.Mesh:
+    """Return a mesh to cast rays at; both questions about a surface take the same one."""
+    return wp.Mesh(
+        points=wp.array(np.ascontiguousarray(surface.points_world), dtype=wp.vec3, device="cpu"),
+        indices=wp.array(surface.triangles.ravel(), dtype=int, device="cpu"),
+    )
 
 
 @wp.kernel(enable_backward=False)
@@ -75,10 +83,6 @@ def _clear_kernel(
     toward = places[i] - center
     reach = BEFORE * wp.length(toward)
     clear[i] = not wp.mesh_query_ray_anyhit(mesh, center, wp.normalize(toward), reach)
-
-
-# Kernels are typed by Warp, whose stubs pyright cannot follow; scipy comes without stubs:
-# pyright: reportAttributeAccessIssue=false, reportOperatorIssue=false, reportInvalidTypeForm=false
 
 
 # Number of neighbors that measures the density of points at a place on the surface.
@@ -206,14 +210,10 @@ def sample_with_normals(
 
 def distances_to_surface(points_world: np.ndarray, surface: TriangleMesh) -> np.ndarray:
     """Return the distance [m] from each point, shape (n, 3), to the nearest triangle, shape (n,)."""
-    corners = np.ascontiguousarray(surface.points_world)
-    mesh = wp.Mesh(
-        points=wp.array(corners, dtype=wp.vec3, device="cpu"),
-        indices=wp.array(surface.triangles.ravel(), dtype=int, device="cpu"),
-    )
+    mesh = _mesh_of(surface)
     points = np.ascontiguousarray(points_world, dtype=np.float32)
     # A query needs a bound; no distance exceeds the diagonal of the box around both.
-    limit = float(np.linalg.norm(np.ptp(np.vstack([points, corners]), axis=0))) + 1.0
+    limit = float(np.linalg.norm(np.ptp(np.vstack([points, surface.points_world]), axis=0))) + 1.0
     distances = wp.zeros(len(points), dtype=float, device="cpu")
     inputs = [mesh.id, wp.array(points, dtype=wp.vec3, device="cpu"), limit, distances]
     launch_parallel(_distance_kernel, len(points), inputs)

@@ -76,8 +76,6 @@ def refined(
     Raises:
         DigsError: "on", and the frames have no depth, or do not hold together.
     """
-    from digs_warp.poses.refine.refine import refine
-
     if config.refine_poses == "off":
         return frames, PoseRefinement(False, "--refine-poses off")
     if config.refine_poses == "auto" and capture.about.tier and config.poses == "capture":
@@ -85,6 +83,8 @@ def refined(
     if config.refine_poses == "auto" and config.poses == "rgbd":
         because = "the poses were aligned when they were found"
         return frames, PoseRefinement(False, because, in_training=True)
+    from digs_warp.poses.refine.refine import refine  # has kernels, and simulated poses need none
+
     held_out = {frame.name for frame in frames.held_out}
     every = [frame for frame, _ in frames.by_time]
     with_depth = any(frame.has(Layer.DEPTH) for frame in every)
