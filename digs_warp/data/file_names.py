@@ -19,6 +19,19 @@ def is_readable(path: Path) -> bool:
         return False
 
 
+def folder_named(folder: Path, name: str) -> Path:
+    """Return a folder below another by its path, where it is written in another case, too."""
+    for part in PurePosixPath(name).parts:
+        exact = folder / part
+        near = (
+            (p for p in folder.iterdir() if p.name.lower() == part.lower())
+            if folder.is_dir()
+            else ()
+        )
+        folder = exact if exact.is_dir() else next(iter(near), exact)
+    return folder
+
+
 # Folders of smaller images beside, or instead of, a folder of images.
 SMALLER = ("", "_2", "_4", "_8")
 
@@ -103,7 +116,7 @@ def masks_in(folder: Path, images: Sequence[str]) -> tuple[dict[str, Path], int]
     """Return the mask files of images by the image's name, and how many files fit no image.
 
     The mask of 0001.jpg is 0001.jpg.png, 0001.png, 0001_mask.png or mask_0001.png, in letters of any case and
-    with any suffix of images; where no name fits, the one with the same number, if all numbers differ.
+    with any suffix of images; where no name fits, that with the same number, if the numbers are the same.
 
     Args:
         folder: of the masks; may be missing.
@@ -122,9 +135,8 @@ def masks_in(folder: Path, images: Sequence[str]) -> tuple[dict[str, Path], int]
     found = {image: path for image in images if (path := of(image)) is not None}
     if not found:
         by_number, wanted = _by_number(files), _by_number({image: image for image in images})
-        found = {
-            image: by_number[number] for number, image in wanted.items() if number in by_number
-        }
+        if by_number.keys() == wanted.keys():
+            found = {image: by_number[number] for number, image in wanted.items()}
     return found, len(files) - len(set(found.values()))
 
 

@@ -99,8 +99,8 @@ PNG_FILTER_SUB, PNG_FILTER_AVG = 0x10, 0x40
 def read_image(path: Path, what: str = "image") -> np.ndarray:
     """Return the pixels of a file, shape (height, width, channels), in the file's own number type.
 
-    8-bit and 16-bit files give uint8 and uint16, floating-point files float32. Nothing is converted
-    between color spaces. An array of NumPy (``.npy``) may hold integers of any size.
+    Integers stay as they are, floating-point files give float32. Nothing is converted between color spaces.
+    Arrays of NumPy (``.npy``) are read, too.
 
     Raises:
         DigsError: the file is missing, truncated, no image, or larger than `digs_warp.bounds.IMAGE`.
@@ -111,9 +111,8 @@ def read_image(path: Path, what: str = "image") -> np.ndarray:
         return _of_array(read_array(path, what), f"{what} '{path}'")
     with _opened(path, what) as source:
         spec = source.spec()
-        kind = {oiio.UINT8: oiio.UINT8, oiio.UINT16: oiio.UINT16}.get(
-            spec.format.basetype, oiio.FLOAT
-        )
+        kind = spec.format.basetype
+        kind = oiio.FLOAT if kind in (oiio.HALF, oiio.DOUBLE) else kind
         pixels = source.read_image(kind)
         problem = _error_of(source)
     if pixels is None or problem:

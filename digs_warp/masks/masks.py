@@ -12,8 +12,9 @@ from pathlib import Path
 import numpy as np
 
 from digs_warp.checks import DigsError, check_shape
+from digs_warp.data.file_names import masks_in
 from digs_warp.data.frame import Frame, PixelSource
-from digs_warp.data.images import read_image, write_image
+from digs_warp.data.images import mask_of, read_image, write_image
 from digs_warp.data.layers import Layer
 from digs_warp.data.posed_frames import PosedFrames
 from digs_warp.device.parallel import default_threads
@@ -73,7 +74,7 @@ def segment(frames: Sequence[Frame], config: SegmentConfig, folder: Path) -> lis
     _forget_other_masks(paths, _key(frames, config), folder)
     missing = [number for number, path in enumerate(paths) if not is_kept(path)]
     if missing:
-        _make(frames, paths, missing, _mask_maker(config), _workers(config))
+        _make(frames, paths, missing, _mask_maker(frames, config), _workers(config))
     return paths
 
 
@@ -126,7 +127,7 @@ def _make(
             )
 
 
-def _mask_maker(config: SegmentConfig) -> MaskOf:
+def _mask_maker(frames: Sequence[Frame], config: SegmentConfig) -> MaskOf:
     if config.instance is not None:
         return partial(_mask_of_instance, config.instance)
     if config.runs_network:
@@ -139,7 +140,7 @@ def _mask_maker(config: SegmentConfig) -> MaskOf:
     if config.masks == "depth":
         return lambda frame: mask_from_depth(frame.load_image(), frame.load_depth())
     assert config.mask_folder is not None
-    return partial(_mask_from_folder, config.mask_folder)
+    return partial(_mask_from_folder, _masks_named(frames, config.mask_folder))
 
 
 def _workers(config: SegmentConfig) -> int:
@@ -152,9 +153,9 @@ def _mask_of_instance(instance: int, frame: Frame) -> np.ndarray:
     return np.where(frame.load_instances() == instance, frame.load_mask(), np.uint8(0))
 
 
-def _mask_from_folder(folder: Path, frame: Frame) -> np.ndarray:
-    """Return NAME.png as 8 bits; a cut-out gives its alpha."""
-    path = folder / f"{frame.name}.png"
+def _mask_from_folder(files: dict[str, Path], frame: Frame) -> np.ndarray:
+    """Return the frame's file as `mask_of` reads it."""
+    path = files[frame.name]
     pixels = read_image(path, "mask")
     k = frame.camera.intrinsics
     if pixels.shape[:2] != (k.height, k.width):
@@ -162,12 +163,12 @@ def _mask_from_folder(folder: Path, frame: Frame) -> np.ndarray:
             f"mask '{path}': {pixels.shape[1]}x{pixels.shape[0]} pixels, expected {k.width}x{k.height} as "
             "its image has; segment the images of this recording at their full size"
         )
-    if pixels.dtype == np.uint16:
-        pixels = (pixels // 257).astype(np.uint8)
-    if pixels.dtype != np.uint8:
-        raise DigsError(f"mask '{path}': {pixels.dtype} pixels, expected 8 or 16 bits")
-    has_alpha = pixels.shape[2] in (2, 4)
-    return np.ascontiguousarray(pixels[..., -1 if has_alpha else 0])
+    return mask_of(pixels)[0]
+
+
+def _masks_named(frames: Sequence[Frame], folder: Path) -> dict[str, Path]:
+    """Return the mask of each frame by its name."""
+    return masks_in(folder, [frame.name for frame in frames])[0]
 
 
 def check_source(config: SegmentConfig) -> None:
@@ -189,7 +190,7 @@ def check_inputs(frames: Sequence[Frame], config: SegmentConfig) -> None:
                 f"'{lacking[0]}'), which --masks {config.masks} needs; choose another source"
             )
     if config.mask_folder is not None:
-        lacking = [f.name for f in frames if not (config.mask_folder / f"{f.name}.png").is_file()]
+        lacking = sorted({f.name for f in frames} - _masks_named(frames, config.mask_folder).keys())
         if lacking:
             raise DigsError(
                 f"masks: '{config.mask_folder}' lacks the masks of {len(lacking)} of {len(frames)} frames, "
@@ -201,7 +202,7 @@ def _key(frames: Sequence[Frame], config: SegmentConfig) -> str:
     """A hash of the settings and of the state of every file that a mask depends on."""
     sources = [frame.layers[layer] for frame in frames for layer in _INPUTS[config.source]]
     if config.mask_folder is not None:
-        sources += [config.mask_folder / f"{frame.name}.png" for frame in frames]
+        sources += _masks_named(frames, config.mask_folder).values()
     if config.runs_network:
         model = config.mask_model or default_model_path()
         sources += [model] if model.is_file() else []

@@ -1,5 +1,6 @@
 """Reads Gaussians or a posed recording from a file or folder; writes Gaussians to any supported file."""
 
+import logging
 from dataclasses import replace
 from pathlib import Path
 from typing import Literal
@@ -10,6 +11,8 @@ from digs_warp.data.gaussians import Gaussians
 from digs_warp.data.index_rules import INDEX_NAME
 from digs_warp.pipeline.reconstruction import Reconstruction
 from digs_warp.record.layout import GAUSSIANS, find_gaussians
+
+logger = logging.getLogger(__name__)
 
 UpAxis = Literal["z", "y", "-y"]
 SpzVersion = Literal[2, 3, 4]
@@ -103,6 +106,9 @@ def write_scene_file(
     ``vertex_colors`` adds red, green and blue to a PLY, for programs that know only points.
     """
     suffix = target.suffix.lower()
+    offset = result.poses.world_offset
+    if offset is not None and suffix not in USD_SUFFIXES:
+        logger.warning("'%s': places are less by the offset of the recording, %s m", target, offset)
     if suffix in SPLAT_SUFFIXES:
         from digs_warp.formats.splats.files import write_splat_file
 

@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 
 from digs_warp.checks import CaptureError
-from digs_warp.data.file_names import FileNames
+from digs_warp.data.file_names import FileNames, folder_named
 from digs_warp.data.index_rules import PINHOLES
 from digs_warp.data.point_cloud import PointCloud
 from digs_warp.formats.captures.colmap_files import (
@@ -114,7 +114,7 @@ def _largest_model(folder: Path) -> tuple[Path, ColmapFiles]:
 def _image_folder(folder: Path, place: Path, images: Sequence[RegisteredImage]) -> Path:
     """Return the folder to which the names of the images are relative."""
     inside = [each for each in (place, *place.parents) if each.is_relative_to(folder)]
-    tried = [each / name for each in inside[::-1] for name in IMAGE_FOLDERS]
+    tried = [folder_named(each, name) for each in inside[::-1] for name in IMAGE_FOLDERS]
     # A model beside the folder of images may have been named itself.
     tried += [folder.parent / "images", folder.parent.parent / "images"]
     for candidate in tried:

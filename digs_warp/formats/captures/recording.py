@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from digs_warp.checks import CaptureError, DigsError
-from digs_warp.data.file_names import masks_in
+from digs_warp.data.file_names import folder_named, masks_in
 from digs_warp.data.images import MM_PER_METRE, image_size
 from digs_warp.data.point_cloud import PointCloud
 from digs_warp.formats.captures.lens import PinholeView
@@ -31,6 +31,8 @@ FRAME_RATE = 30.0
 MOST_UNREAD = 8
 
 IMAGE_SUFFIXES = (".png", ".jpg", ".jpeg")
+# Floats first: beside them, a PNG is often a picture of the depth.
+DEPTH_SUFFIXES = (".exr", ".npy", ".tiff", ".tif", ".pgm", ".png")
 
 
 @dataclass(frozen=True, eq=False)
@@ -186,6 +188,8 @@ class Recording:
                         f"files in '{folder}' fit {fit}; name them like the images, 0001.png for 0001.jpg"
                     ] = left
                 if found:
+                    if lacking := len(set(names) - found.keys()):
+                        self.notes[f"images have no mask in '{folder}'"] = lacking
                     masks = [found.get(name) for name in names]
                     pairs = zip(self.frames, masks, strict=True)
                     logger.info("recording '%s': masks are those in '%s'", self.folder, folder)
@@ -232,9 +236,7 @@ class NumberedFiles:
     depths: dict[int, Path]
 
     @staticmethod
-    def find(
-        folder: Path, images: str, depths: str, depth_suffixes: tuple[str, ...] = (".png",)
-    ) -> "NumberedFiles":
+    def find(folder: Path, images: str, depths: str) -> "NumberedFiles":
         """Find the files; ``images`` and ``depths`` are what precedes the number, such as "rgb/" or "left".
 
         Raises:
@@ -245,7 +247,7 @@ class NumberedFiles:
             raise CaptureError(
                 f"recording '{folder}': no images {images}NUMBER.png or .jpg; is this the right --from?"
             )
-        return NumberedFiles(folder, found, numbered_files(folder, depths, depth_suffixes))
+        return NumberedFiles(folder, found, numbered_files(folder, depths, DEPTH_SUFFIXES))
 
     @property
     def image_size(self) -> tuple[int, int]:
@@ -351,13 +353,17 @@ def read_numbers(path: Path, shape: tuple[int, ...], what: str) -> np.ndarray:
 
 
 def numbered_files(folder: Path, start: str, suffixes: Sequence[str]) -> dict[int, Path]:
-    """Return the files START + NUMBER + SUFFIX below a folder by number, ascending; START may have a /."""
-    prefix = start.rpartition("/")[2]
+    """Return the files START + NUMBER + SUFFIX below a folder by number, ascending; START may have a /.
+
+    Where there are several of a number, the one whose suffix is named first counts.
+    """
+    place, _, prefix = start.rpartition("/")
     found = {}
-    for path in folder.glob(f"{start}*"):
-        digits = path.stem.removeprefix(prefix)
-        if path.suffix.lower() in suffixes and digits.isdecimal():
-            found[int(digits)] = path
+    for suffix in reversed(suffixes):
+        for path in folder_named(folder, place).glob(f"{prefix}*"):
+            digits = path.stem.removeprefix(prefix)
+            if path.suffix.lower() == suffix and digits.isdecimal():
+                found[int(digits)] = path
     return dict(sorted(found.items()))
 
 

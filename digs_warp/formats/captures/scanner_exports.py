@@ -53,7 +53,7 @@ def read_record3d(folder: Path) -> Recording:
         CaptureError: no images or metadata, or metadata without a camera.
     """
     base = "EXR_RGBD/" if (folder / "EXR_RGBD").is_dir() else ""
-    files = NumberedFiles.find(folder, f"{base}rgb/", f"{base}depth/", (".exr",))
+    files = NumberedFiles.find(folder, f"{base}rgb/", f"{base}depth/")
     path = folder / METADATA if (folder / METADATA).is_file() else folder / base / METADATA
     metadata = Fields(read_json(path, "metadata"), f"'{path}'", CaptureError)
     cameras = _cameras(metadata, files)
@@ -124,7 +124,7 @@ def read_zed(folder: Path) -> Recording:
     Raises:
         CaptureError: no left images, or no usable calibration.json.
     """
-    files = NumberedFiles.find(folder, "left", "depth", (".png", ".exr", ".npy"))
+    files = NumberedFiles.find(folder, "left", "depth")
     path = folder / CALIBRATION
     content = read_json(path, "calibration of the rectified left camera")
     calibration = Fields(content, f"'{path}'", CaptureError)

@@ -19,6 +19,7 @@ import numpy as np
 from digs_warp.checks import CaptureError
 from digs_warp.data.images import MM_PER_METRE, image_size
 from digs_warp.formats.captures.recording import (
+    DEPTH_SUFFIXES,
     IMAGE_SUFFIXES,
     DepthCamera,
     NumberedFiles,
@@ -34,7 +35,6 @@ from digs_warp.record.files import read_text
 
 CALIBRATION = "camera-intrinsics.txt"
 INFOS = ("info.txt", "_info.txt")
-DEPTH_SUFFIXES = (".png", ".pgm")
 
 # The page of the data set gives the first; the second is that of the Kinect's color camera.
 KINECT_SIZE = (640, 480)

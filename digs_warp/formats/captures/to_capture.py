@@ -150,7 +150,7 @@ def load_frame(frame: RecordedFrame, recording: Recording) -> FrameImages:
 
 
 def load_color(path: Path, what: str, k: Intrinsics) -> tuple[np.ndarray, np.ndarray | None]:
-    """Return sRGB, (height, width, 3), uint8, and the alpha channel, (height, width), if there is one.
+    """Return sRGB, (height, width, 3), uint8, and the alpha channel, (height, width), if it hides anything.
 
     Raises:
         CaptureError: more than 8 bits, or another size than that of the camera ``k``.
@@ -158,10 +158,12 @@ def load_color(path: Path, what: str, k: Intrinsics) -> tuple[np.ndarray, np.nda
     image = read_image(path, what)
     _check_size(path, image, k)
     if image.dtype != np.uint8:
-        raise CaptureError(f"{what} '{path}': {image.dtype}, expected 8 bits per channel")
+        raise CaptureError(
+            f"{what} '{path}': {image.dtype}, expected 8 bits per channel; convert it to them"
+        )
     rgb = np.repeat(image[..., :1], 3, axis=2) if image.shape[2] < 3 else image[..., :3]
-    alpha = np.ascontiguousarray(image[..., 3]) if image.shape[2] == 4 else None
-    return np.ascontiguousarray(rgb), alpha
+    alpha = np.ascontiguousarray(image[..., -1]) if image.shape[2] in (2, 4) else None
+    return np.ascontiguousarray(rgb), None if alpha is None or alpha.min() == 255 else alpha
 
 
 def load_mask(path: Path, k: Intrinsics) -> tuple[np.ndarray, str | None]:

@@ -72,6 +72,8 @@ def of_capture(folder: Path) -> Facts:
         facts["camera path"] = extent_words(
             np.stack([f.camera.center_world for f in capture.frames]), capture.metric_scale.unit
         )
+    if capture.about.world_offset is not None:
+        facts["offset of the world"] = " ".join(f"{x:g} m" for x in capture.about.world_offset)
     if (points := capture.load_points()) is not None:
         facts["sparse points"] = f"{len(points):,}"
     return (

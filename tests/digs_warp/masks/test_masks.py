@@ -136,6 +136,18 @@ def test_masks_of_a_folder_come_in_many_forms(
         np.testing.assert_array_equal(found, SOFT)
 
 
+def test_masks_of_a_folder_may_be_numbers_with_other_names(
+    frames: list[Frame], tmp_path: Path
+) -> None:
+    numbers = (3 * (SOFT > 127)).astype(np.uint8)
+    config = in_folder(frames, tmp_path / "theirs", np.dstack([numbers] * 3))
+    for frame in frames:
+        path = tmp_path / f"theirs/{frame.name}.png"
+        path.rename(path.with_name(f"{frame.name}.jpg.PNG"))
+    for found in masks_of(segment(frames, config, tmp_path / "ours")):
+        np.testing.assert_array_equal(found, 255 * (SOFT > 127))
+
+
 def test_a_mask_of_another_size_is_refused(frames: list[Frame], tmp_path: Path) -> None:
     config = in_folder(frames, tmp_path / "theirs", SOFT[:, :40])
     with pytest.raises(

@@ -12,10 +12,12 @@ from typing import Any
 
 import numpy as np
 import pytest
+from PIL import Image
 
 from digs_warp.checks import CaptureError
 from digs_warp.data.capture import Capture, read_capture
 from digs_warp.data.images import depth_in_metres, encode_jpeg, mask_of, read_image, write_image
+from digs_warp.data.layers import Layer
 from digs_warp.formats.captures.colmap_files import ModelCamera
 from digs_warp.formats.captures.colmap_import import PARAMETERS, pinhole_and_lens
 from digs_warp.formats.captures.formats import export_capture, read_recording
@@ -41,11 +43,8 @@ def save(folder: Path, index: dict[str, Any], name: str = "transforms.json") -> 
     (folder / name).write_text(json.dumps(index))
 
 
-@pytest.mark.parametrize("last", [" 1 0000.png", " 1 12 34"])
 @pytest.mark.parametrize("blank", ["", "\n", "\n\n"])
-def test_colmap_text_needs_no_second_line(
-    capture: Capture, tmp_path: Path, blank: str, last: str
-) -> None:
+def test_colmap_text_needs_no_second_line(capture: Capture, tmp_path: Path, blank: str) -> None:
     folder = tmp_path / "colmap"
     export_capture(capture, "colmap-text", folder)
     path = folder / "sparse/0/images.txt"
@@ -545,3 +544,40 @@ def test_what_is_not_read_is_said(
     converted("tum", folder, tmp_path / "c")
     said = "not read: accelerations ('accelerometer.txt'), 'flow/*.flo', 3 files, 'rgb/*.png'\n"
     assert said in caplog.text
+
+
+def test_an_opaque_image_has_no_mask(capture: Capture, tmp_path: Path) -> None:
+    folder = tmp_path / "ns"
+    index = nerfstudio(capture, folder)
+    for entry, frame in zip(index["frames"], capture.frames, strict=True):
+        del entry["mask_path"]
+        image = frame.load_image()
+        write_image(
+            folder / entry["file_path"], np.dstack([image, np.full_like(image[..., 0], 255)])
+        )
+    shutil.rmtree(folder / "masks")
+    save(folder, index)
+    assert not any(
+        f.has(Layer.MASK) for f in converted("nerfstudio", folder, tmp_path / "c").frames
+    )
+
+
+@pytest.mark.parametrize("suffix", [".npy", ".exr", ".tiff"])
+def test_folders_in_another_case_and_depth_in_other_files_are_read(
+    capture: Capture, tmp_path: Path, suffix: str
+) -> None:
+    folder = tmp_path / "redwood"
+    export_capture(capture, "redwood", folder)
+    for number, frame in enumerate(capture.frames):
+        path, depth = folder / f"depth/{number:05d}{suffix}", frame.load_depth()
+        if suffix == ".npy":
+            np.save(path, np.nan_to_num(1000 * depth).round().astype(np.int32))
+        elif suffix == ".exr":  # beside a picture of it
+            write_image(path, depth)
+            write_image(path.with_suffix(".png"), PICTURES["8 bits"])
+            continue
+        else:
+            Image.fromarray(np.nan_to_num(1000 * depth).round().astype(np.int32)).save(path)
+        path.with_suffix(".png").unlink()
+    (folder / "color").rename(folder / "Color")
+    check_same(converted("redwood", folder, tmp_path / "c"), capture, 4e-3)
