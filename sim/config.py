@@ -143,7 +143,13 @@ class SimulateConfig(Settings):
                 "--ground none"
             )
         filters_named(self.filters)
-        labels_named(self.labels)
+        if self.walk.path == "turntable" and (
+            self.scene or {"flow", "instances"} & set(labels_named(self.labels))
+        ):
+            raise DigsError(
+                "--camera-path turntable: one object turns, and neither flow nor places of objects are "
+                "written; leave out --scene, and of --labels flow and instances"
+            )
         for flag, value, idle in (
             ("--effects", self.effects, "auto"),
             ("--filters", self.filters, "none"),

@@ -35,7 +35,7 @@ FLOORS = {
 # The most lines of a room. A change that needs more says in its message what the weight buys.
 LINE_BUDGETS = {
     "api": 250,
-    "check": 1_940,
+    "check": 2_080,
     "commands": 3_100,
     "data": 3_260,
     "device": 900,
@@ -46,8 +46,8 @@ LINE_BUDGETS = {
     "init": 4_415,
     "losses": 950,
     "masks": 1_300,
-    "measure": 1_600,
-    "pipeline": 2_200,
+    "measure": 1_610,
+    "pipeline": 2_460,
     "poses": 5_050,
     "record": 2_150,
     "show": 3_980,
@@ -65,7 +65,7 @@ LINE_BUDGETS = {
     "train": 4_160,
     "usd": 4_150,
 }
-MOST_LINES, MOST_FILES = 79_400, 527  # of the product; 65,000 in 500 files are the goal
+MOST_LINES, MOST_FILES = 79_800, 527  # of the product; 65,000 in 500 files are the goal
 # A shorter file with a single client in its folder belongs into that client.
 CRUMB = 60
 

@@ -7,7 +7,7 @@ from typing import Any
 from digs_warp.check import recording
 from digs_warp.check.evidence import Agreement, Evidence
 from digs_warp.check.findings import ASKERS, CHECKS, ERRORS, Asker, Check, Finding
-from digs_warp.data.capture import Capture
+from digs_warp.data.capture import Capture, object_alone
 from digs_warp.data.layers import Layer
 
 
@@ -62,6 +62,8 @@ def check_capture(
         DigsError: a file that cannot be read.
     """
     evidence = Evidence(capture, poses, masks)
+    if recording.follows_object(evidence):
+        evidence = Evidence(object_alone(capture), poses, masks)
     findings: list[Finding] = []
     for check in CHECKS:
         asked = ASKERS.index(check.asked_by) <= ASKERS.index(asker)
@@ -75,7 +77,7 @@ def check_capture(
         evidence.agreement,
         evidence.once(recording.median_sharpness),
         evidence.once(recording.median_exposure_change),
-        _not_checked(capture),
+        _not_checked(evidence),
     )
 
 
@@ -86,7 +88,8 @@ def _is_spoiled(check: Check, findings: Sequence[Finding]) -> bool:
     )
 
 
-def _not_checked(capture: Capture) -> tuple[str, ...]:
+def _not_checked(evidence: Evidence) -> tuple[str, ...]:
+    capture = evidence.capture
     has_depth, has_masks = (
         any(frame.has(layer) for frame in capture.frames) for layer in (Layer.DEPTH, Layer.MASK)
     )
@@ -95,6 +98,12 @@ def _not_checked(capture: Capture) -> tuple[str, ...]:
         missing.append("units, focal length, pose convention, exposure, moving things: need depth")
     elif not capture.knows_poses:
         missing.append("focal length, pose convention, exposure, moving things: need poses")
+    elif evidence.agreement is None or not evidence.agreement.is_known:
+        missing.append(
+            "units, focal length, pose convention: the images show too little, or too little of it twice"
+        )
+    if evidence.once(recording.median_sharpness) is None:
+        missing.append("sharpness: the photographs show too little")
     if not has_masks:
         missing.append("masks, and gaps in the way around the object: need masks")
     return tuple(missing)

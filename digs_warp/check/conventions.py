@@ -111,11 +111,11 @@ def other_moments(evidence: Evidence, factor: Threshold) -> dict[str, Any] | Non
 
 
 def no_agreement(evidence: Evidence, hopeless: Threshold) -> dict[str, Any] | None:
-    """Find frames that look at much in common but agree less than the limit."""
+    """Find frames that agree less than the limit in what they have in common."""
     recorded = evidence.agreement
-    if recorded is None or recorded.overlap < limits.LEAST_OVERLAP or recorded.score >= hopeless:
+    if recorded is None or not recorded.is_known or recorded.score >= hopeless:
         return None
-    return {"recorded": recorded.score}
+    return {"recorded": recorded.score, "overlap": recorded.overlap}
 
 
 def depth_range(evidence: Evidence, _: Threshold) -> dict[str, Any] | None:
@@ -233,7 +233,7 @@ def trials(evidence: Evidence) -> list[Trial]:
     return [
         Trial(
             agreement(
-                {n: each.corrected(frame) for n, frame in evidence.frames.items()}, evidence.pairs
+                {n: each.corrected(frame) for n, frame in evidence.compared.items()}, evidence.pairs
             ),
             each,
         )

@@ -4,7 +4,7 @@ Two frames agree where the depth of one is what the camera of the other measured
 """
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any, NamedTuple, TypeVar
 
@@ -56,6 +56,11 @@ class Agreement:
     brightness: float
 
     @property
+    def is_known(self) -> bool:
+        """Whether the frames show enough, and have enough in common, to tell."""
+        return self.overlap > 0
+
+    @property
     def score(self) -> float:
         """Depth and brightness together, 0 to 1."""
         return self.depth * max(self.brightness, 0.0)
@@ -92,8 +97,16 @@ class Evidence:
         """Thumbnails of the frames of some pairs by their number; none where no depth is known."""
         pairs = neighbors(self.capture.frames)
         numbers = sorted({number for pair in pairs for number in pair}) or [0]
-        frames = small_frames(self.capture.frames, numbers)
+        whole = [replace(frame, alone=False) for frame in self.capture.frames]
+        frames = small_frames(whole, numbers)
         return frames if any(np.isfinite(f.depth).any() for f in frames.values()) else {}
+
+    @cached_property
+    def compared(self) -> dict[int, SmallFrame]:
+        """The same; of an object alone, with no other depth."""
+        if not self.capture.frames[0].alone:
+            return self.frames
+        return {number: frame.alone for number, frame in self.frames.items()}
 
     @cached_property
     def pairs(self) -> list[tuple[int, int]]:
@@ -104,7 +117,7 @@ class Evidence:
     @cached_property
     def agreement(self) -> Agreement | None:
         """How well the pairs agree; None without poses or depth."""
-        return agreement(self.frames, self.pairs) if self.pairs else None
+        return agreement(self.compared, self.pairs) if self.pairs else None
 
 
 def neighbors(frames: Sequence[Frame]) -> list[tuple[int, int]]:

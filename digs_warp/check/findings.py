@@ -97,6 +97,17 @@ EXPLANATIONS = {
 }
 
 CHECKS = (
+    Check(
+        kind="still camera",
+        measure=recording.still_camera,
+        limit=limits.STILL_SHARE,
+        message="The camera stands still while something turns or moves before it: {still:.0%} of the "
+        "surroundings look the same in all frames.",
+        remedy="Of an object on a turntable, give masks (of the recording, or --masks): --poses auto then "
+        "finds the poses from what lies inside them. Or put a printed board under it: --poses board:FILE. "
+        "Without either, move the camera around the object instead.",
+        is_error=True,
+    ),
     *(
         Check(
             kind=kind,
@@ -124,10 +135,22 @@ CHECKS = (
         limit=Threshold(
             0.1, set_on="simulated sensors with errors of twice their strength reach 0.13"
         ),
-        message="Neighboring frames agree to {recorded:.0%}, and no wrong unit, focal length or convention "
-        "explains it: images, depth and poses do not belong together.",
+        message="Neighboring frames agree to {recorded:.0%} in the {overlap:.0%} of their points that both "
+        "look at, and no wrong unit, focal length or convention explains it: images, depth and poses do not "
+        "belong together.",
         remedy="Check the order of the frames and their timestamps.",
         is_error=True,
+        unless=(ERRORS,),
+    ),
+    Check(
+        kind="agreement",
+        measure=conventions.no_agreement,
+        limit=Threshold(0.5),
+        message="Neighboring frames agree to {recorded:.0%} only, expected {limit:.0%} or more: their "
+        "depth is coarse or full of holes, or poses or focal length are a little wrong.",
+        remedy="Compare with --poses auto. If it is the depth: come nearer, or use a camera with a "
+        "projector.",
+        asked_by="check",
         unless=(ERRORS,),
     ),
     Check(

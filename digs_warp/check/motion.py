@@ -32,7 +32,7 @@ FRAMES, ANGLE = 16, 60.0
 
 def moving_things(evidence: Evidence, most: Threshold) -> dict[str, Any] | None:
     """Find pairs of frames in one of which more than this share of the points of the other are gone."""
-    share = moved_share(evidence.frames, evidence.pairs)
+    share = moved_share(evidence.compared, evidence.pairs)
     return {"share": share} if share > most else None
 
 

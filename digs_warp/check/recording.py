@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -10,11 +11,13 @@ from digs_warp.check import thresholds as limits
 from digs_warp.check.evidence import Evidence, exposure_change
 from digs_warp.check.thresholds import Threshold
 from digs_warp.checks import DigsError
+from digs_warp.data.frame import Frame
 from digs_warp.data.layers import Layer
-from digs_warp.data.viewpoints import looked_at, upward
+from digs_warp.data.viewpoints import evenly, looked_at, upward
 from digs_warp.device.parallel import default_threads
 from digs_warp.geometry.camera import Camera
-from digs_warp.measure.thumbnails import green_means, small_frames, thumbnails
+from digs_warp.geometry.rigid import turn_degrees
+from digs_warp.measure.thumbnails import green_means, small_frames, thumbnail_step, thumbnails
 from digs_warp.words import counted
 
 # Photographs that are looked at, evenly spread; the exposure is compared with that of the next frame.
@@ -29,6 +32,90 @@ COARSER = 4
 
 # Steps between frames that are looked at for repeats, evenly spread, and columns of their thumbnails.
 MOST_STEPS, WIDTH = 300, 40
+
+# Photographs by which it is told whether the camera moved, and the side of their parts that are compared
+# [thumbnail px]. Of what stands still, this share of the photographs shows the same.
+STILLS, PART, MOSTLY = 8, 8, 0.75
+
+
+@dataclass(frozen=True)
+class Stillness:
+    """What photographs far apart have in common, place by place.
+
+    Attributes:
+        parts: of the image that show something: outside of the masks, where there are masks.
+        still: share of these that show the same in nearly all photographs, 0 to 1.
+        changing: how many parts, in masks or not, do not.
+    """
+
+    parts: int
+    still: float
+    changing: int
+
+    @property
+    def is_still(self) -> bool:
+        """Whether the camera stood still while something turned or moved before it."""
+        seen = min(self.parts, self.changing) >= limits.FEWEST_PARTS
+        return seen and self.still > limits.STILL_SHARE
+
+    @property
+    def is_bare(self) -> bool:
+        """Whether nothing is seen around the object."""
+        return self.parts < limits.FEWEST_PARTS
+
+
+def stillness(frames: Sequence[Frame]) -> Stillness | None:
+    """Return what photographs have in common; None if they are few, or of several sizes."""
+    chosen = evenly(frames, STILLS)
+    sizes = {(f.camera.intrinsics.width, f.camera.intrinsics.height) for f in chosen}
+    if len(chosen) < 3 or len(sizes) > 1:
+        return None
+    step = thumbnail_step(*reversed(sizes.pop()))
+    parts = np.stack(thumbnails(chosen, lambda image: _parts(green_means(image, step))))
+    contrast = parts.std(axis=2)
+    shapes = (parts - parts.mean(axis=2, keepdims=True)) / np.maximum(contrast, 1e-6)[..., None]
+    alike = np.einsum("ijk,jk->ij", shapes[1:], shapes[0]) / parts.shape[2]
+    same = np.quantile(alike, 1 - MOSTLY, axis=0) > limits.SAME_PART
+    shows = contrast.max(axis=0) > limits.PLAIN_PART
+    around = shows
+    if all(frame.has(Layer.MASK) for frame in chosen):
+        masks = [np.repeat(frame.load_mask()[..., None], 3, axis=2) for frame in chosen]
+        around = shows & (np.max([_parts(green_means(m, step)) for m in masks], axis=(0, 2)) == 0)
+    count = int(np.count_nonzero(around))
+    still = np.count_nonzero(around & same) / max(count, 1)
+    return Stillness(count, float(still), int(np.count_nonzero(shows & ~same)))
+
+
+def _parts(image: np.ndarray) -> np.ndarray:
+    """Return the pixels of each part of a thumbnail, (parts, PART * PART); an odd rim is left out."""
+    rows, columns = (side // PART for side in image.shape)
+    cut = image[: rows * PART, : columns * PART].reshape(rows, PART, columns, PART)
+    return cut.swapaxes(1, 2).reshape(rows * columns, PART * PART)
+
+
+def moved(frames: Sequence[Frame]) -> bool:
+    """Whether the poses say that the camera turned."""
+    poses = np.stack([frame.camera.world_from_cam for frame in frames])
+    return bool(np.max(turn_degrees(poses[:, :3, :3], poses[0, :3, :3])) > limits.LEAST_TURN)
+
+
+def follows_object(evidence: Evidence) -> bool:
+    """Whether the poses are those before a turning object: the camera stands still, but they turn."""
+    frames = evidence.capture.frames
+    has_masks = evidence.uses_masks and all(frame.has(Layer.MASK) for frame in frames)
+    turns = has_masks and evidence.knows_poses and moved(frames)
+    found = evidence.once(_stillness) if turns else None
+    return found is not None and found.is_still
+
+
+def _stillness(evidence: Evidence) -> Stillness | None:
+    return stillness(evidence.capture.frames)
+
+
+def still_camera(evidence: Evidence, share: Threshold) -> dict[str, Any] | None:
+    """Find recordings in which more than this share of the surroundings stands still."""
+    found = None if evidence.capture.frames[0].alone else evidence.once(_stillness)
+    return {"still": found.still} if found and found.is_still and found.still > share else None
 
 
 def few_views(evidence: Evidence, least: Threshold) -> dict[str, Any] | None:

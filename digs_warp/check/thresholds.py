@@ -105,5 +105,13 @@ USUAL_MATCH_SHARE = Threshold(0.6, set_on="an arc of 12 frames, a real room", ma
 # Repeated frames: thumbnails that differ by less show the same.
 SAME_THUMBNAIL = Threshold(1.0, "of 255")
 
+# A camera that stands still: parts of thumbnails with less contrast show nothing; those that correlate more
+# show the same; fewer parts, or a smaller share, say nothing; and poses that turn by less do not move.
+PLAIN_PART = Threshold(3.0, "of 255")
+SAME_PART = Threshold(0.9, set_on="a simulated turntable")
+FEWEST_PARTS = Threshold(3, "parts")
+STILL_SHARE = Threshold(0.3, set_on="simulated turntables 0.9, moving cameras 0.02", margin="3")
+LEAST_TURN = Threshold(5.0, "degrees")
+
 # Blur: images with steps below this at the coarser size show nothing that could be sharp.
 PLAIN_STEPS = Threshold(8.0, "of 255")

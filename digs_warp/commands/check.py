@@ -55,9 +55,10 @@ class Check(Command):
 
 def _lines(found: "CheckResult") -> list[str]:
     """Return findings, measured values, and what could not be looked at."""
+    part = " in what could be checked" if found.not_checked else ""
     findings = [line for each in found.findings for line in _of_finding(each)]
     return [
-        *(findings or ["nothing wrong was found"]),
+        *(findings or [f"nothing wrong was found{part}"]),
         *(f"measured: {each}" for each in _measured(found)),
         *(f"not checked: {each}" for each in found.not_checked),
     ]

@@ -107,7 +107,7 @@ class Reconstruct(ReconstructionOptions, _Output):
             result = self._reconstruct(capture, source)
         seconds = time.perf_counter() - start
         words = reconstruction_words(result, len(capture))
-        return f"{self.output.out / layout.GAUSSIANS}: {words}, {seconds:.1f} s"
+        return f"{self.output.out / layout.GAUSSIANS}: {words}, {seconds:.1f} s\n{result.verdict.words}"
 
     def _reconstruct(self, capture: "Capture", source: Path) -> "Reconstruction":
         with loading():

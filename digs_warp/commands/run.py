@@ -80,11 +80,13 @@ class Run(ReconstructionOptions, _Recording):
         log = RunLog("run", {"recording": self.recording, "reconstruction": config})
         inputs = self.recording.input_files
         with self.output.opened(inputs, run_files()) as folder:
-            what = self._run_stages(folder, config, log)
-        return _summary(self.output.out, log, what)
+            what, verdict = self._run_stages(folder, config, log)
+        return _summary(self.output.out, log, what, verdict)
 
-    def _run_stages(self, folder: Path, config: "ReconstructConfig", log: RunLog) -> str:
-        """Write everything into ``folder``; return the result in a phrase."""
+    def _run_stages(
+        self, folder: Path, config: "ReconstructConfig", log: RunLog
+    ) -> tuple[str, str]:
+        """Write everything into ``folder``; return the result in a phrase, and the verdict."""
         from digs_warp.data.read_ahead import reading_ahead
         from digs_warp.pipeline.reconstruct import reconstruct
         from digs_warp.pipeline.scene_files import write_scene_file
@@ -112,6 +114,7 @@ class Run(ReconstructionOptions, _Recording):
             "gaussians": len(result.gaussians),
             "held_out": result.scores.mean.to_json(),
             "other_sizes": other_sizes and to_json(other_sizes),
+            "verdict": to_json(result.verdict),
         }
         with log.saved(record), log.stage("export"):
             scene = folder / layout.SCENE
@@ -119,10 +122,10 @@ class Run(ReconstructionOptions, _Recording):
             write_scene_file(folder / layout.SPLATS, result, reconstruction)
         with log.saved(record), log.stage("report"):
             write_report(capture, result, folder / layout.REPORT)
-        return reconstruction_words(result, len(capture))
+        return reconstruction_words(result, len(capture)), result.verdict.words
 
 
-def _summary(folder: Path, log: RunLog, what: str) -> str:
+def _summary(folder: Path, log: RunLog, what: str, verdict: str) -> str:
     from digs_warp.show.report.capture_facts import recorded_object
 
     places = {
@@ -136,4 +139,5 @@ def _summary(folder: Path, log: RunLog, what: str) -> str:
     facts["object"] = recorded_object(folder / layout.CAPTURE) or "unknown"
     facts["seconds"] = ", ".join(f"{name} {value:.1f}" for name, value in log.seconds.items())
     facts["done"] = f"{what}, {sum(log.seconds.values()):.0f} s"
+    facts["verdict"] = verdict
     return format_facts(facts)

@@ -159,6 +159,11 @@ class Capture:
         return groups[False], groups[True]
 
 
+def object_alone(capture: Capture) -> Capture:
+    """Return the recording with the image and depth of what the masks show, and of nothing else."""
+    return replace(capture, frames=tuple(replace(frame, alone=True) for frame in capture.frames))
+
+
 def read_capture(folder: Path) -> Capture:
     """Open a capture folder; pixels stay on disk until a frame loads them.
 

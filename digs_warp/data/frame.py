@@ -16,6 +16,9 @@ from digs_warp.data.objects import ObjectView, mask_of_text
 from digs_warp.data.rig import UNKNOWN_EXPOSURE, Exposure
 from digs_warp.geometry.camera import Camera
 
+# What stands where a frame of the object alone shows something else [of 255].
+BLANK = 128
+
 _FLOW = "flow to the right, flow down, change of disparity"
 
 # Where a layer's pixels are: in a file, or in an array with the values that the file would have.
@@ -33,7 +36,8 @@ class Frame:
     how each object of `About.objects` appears; empty if the recorder does not tell. ``instance``: number of
     the one object that the mask shows; None: the mask shows everything that is wanted. ``exposure``: how long
     the shutter was open, and how the camera moved meanwhile. ``has_plain_masks``: the mask holds 0 to 255; in
-    indices of other programs it may also be in alpha, or numbers of objects.
+    indices of other programs it may also be in alpha, or numbers of objects. ``alone``: image
+    and depth are those of what the mask shows; elsewhere one is gray, and the other unknown.
 
     Images have shape (height, width). docs/formats.md defines the labels, which simulated recordings have on
     request; what is said of left and right holds for the infrared pair where the frame has one.
@@ -48,10 +52,11 @@ class Frame:
     instance: int | None = None
     exposure: Exposure = UNKNOWN_EXPOSURE
     has_plain_masks: bool = True
+    alone: bool = False
 
     def load_image(self) -> np.ndarray:
         """Return the left image, sRGB, shape (height, width, 3), uint8."""
-        return self._load_rgb(Layer.IMAGE)
+        return self._of_object(self._load_rgb(Layer.IMAGE), BLANK)
 
     def load_right_image(self) -> np.ndarray:
         """Return the right image, sRGB, shape (height, width, 3), uint8.
@@ -66,7 +71,7 @@ class Frame:
 
     def load_depth(self) -> np.ndarray:
         """Return the sensed planar depth [m], shape (height, width), float32, NaN where unknown."""
-        return self._load_depth(Layer.DEPTH)
+        return self._of_object(self._load_depth(Layer.DEPTH), np.nan)
 
     def load_depth_true(self) -> np.ndarray:
         """Return the true planar depth [m], shape (height, width), float32, NaN where unknown."""
@@ -193,6 +198,11 @@ class Frame:
     def without_layer(self, layer: Layer) -> "Frame":
         """Return the frame without a layer."""
         return replace(self, layers={k: v for k, v in self.layers.items() if k != layer})
+
+    def _of_object(self, pixels: np.ndarray, elsewhere: float) -> np.ndarray:
+        if self.alone:
+            pixels[self.load_mask() <= 127] = elsewhere
+        return pixels
 
     def _load_rgb(self, layer: Layer) -> np.ndarray:
         pixels = self._load(layer)

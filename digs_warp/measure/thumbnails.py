@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TypeVar
 
 import numpy as np
@@ -72,6 +72,16 @@ class SmallFrame(SmallDepth):
 
     green: np.ndarray
 
+    @property
+    def shown(self) -> np.ndarray:
+        """Where the mask shows the object, or everywhere, (height, width), bool."""
+        return np.ones(self.depth.shape, bool) if self.mask is None else self.mask
+
+    @property
+    def alone(self) -> "SmallFrame":
+        """The frame with no other depth than the object's."""
+        return replace(self, depth=np.where(self.shown, self.depth, np.float32(np.nan)))
+
 
 def pixels_showing(camera: Camera, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return which pixel of a camera shows each world point, and its depth [m], both (n,).
@@ -86,7 +96,7 @@ def pixels_showing(camera: Camera, points: np.ndarray) -> tuple[np.ndarray, np.n
 def small_depth(frame: Frame, number: int) -> SmallDepth:
     """Return the thumbnail of a frame that has depth; its image is not read."""
     depth = frame.load_depth()
-    step = _step(*depth.shape)
+    step = thumbnail_step(*depth.shape)
     height, width = depth.shape[0] // step, depth.shape[1] // step
     picked = np.s_[step // 2 : height * step : step, step // 2 : width * step : step]
     k = frame.camera.intrinsics
@@ -104,10 +114,11 @@ def small_depth(frame: Frame, number: int) -> SmallDepth:
 def small_frame(frame: Frame, number: int) -> SmallFrame:
     """Return the thumbnail of a frame that has depth."""
     image, measured = frame.load_image(), small_depth(frame, number)
-    return SmallFrame(**vars(measured), green=green_means(image, _step(*image.shape[:2])))
+    green = green_means(image, thumbnail_step(*image.shape[:2]))
+    return SmallFrame(**vars(measured), green=green)
 
 
-def _step(height: int, width: int) -> int:
+def thumbnail_step(height: int, width: int) -> int:
     """Return how many pixels of a frame are one of its thumbnail, in each direction."""
     return min(int(np.ceil(width / WIDTH)), height, width)
 

@@ -10,8 +10,12 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
+import numpy as np
+
+from digs_warp.check import recording
 from digs_warp.check.check import check_capture
-from digs_warp.data.capture import Capture
+from digs_warp.checks import DigsError
+from digs_warp.data.capture import Capture, object_alone
 from digs_warp.data.layers import Layer
 from digs_warp.data.point_cloud import PointCloud
 from digs_warp.data.posed_frames import CAMERAS, PosedFrames
@@ -20,6 +24,7 @@ from digs_warp.init.recipes import initialize
 from digs_warp.init.recorded_points import recorded_points
 from digs_warp.init.start import Start, Subject
 from digs_warp.masks.agreed import agreed_masks
+from digs_warp.masks.config import SegmentConfig
 from digs_warp.masks.masks import masked
 from digs_warp.pipeline.config import FrontEndConfig, say_subject, subject_of
 from digs_warp.pipeline.poses import (
@@ -42,6 +47,7 @@ from digs_warp.record.manifest import is_kept
 from digs_warp.record.run_log import RunLog, RunRecord
 
 if TYPE_CHECKING:
+    from digs_warp.check.findings import Finding
     from digs_warp.poses.from_images.estimate import SfmResult
 
 logger = logging.getLogger(__name__)
@@ -81,8 +87,9 @@ def front_end(
     """
     if resume and is_kept(folder / INITIAL_POINTS) and is_kept(folder / CAMERAS):
         return load_front_end(capture, folder)
-    recording = capture
+    stored_in = capture.stored_in
     config = replace(config, sfm=config.sfm.for_capture(capture))
+    capture, config = _alone_if_still(capture, config, folder)
     capture, sfm_config, tracking = _with_poses(capture, config, folder, log)
     config = replace(config, sfm=sfm_config)
     subject = subject_of(capture, config.subject, config.segment)
@@ -95,7 +102,7 @@ def front_end(
                 check.result()  # before what takes minutes
         poses, start = _poses_and_start(capture, config, subject, check, folder, log)
     poses = replace(poses, tracking=tracking)
-    log.results = store(recording.stored_in, poses=poses, start=start)
+    log.results = store(stored_in, poses=poses, start=start)
     log.save(folder / RUN_RECORD)
     poses.posed.save(folder)
     start.points.save(folder / INITIAL_POINTS)  # the last: tells a resumed run that all is there
@@ -114,11 +121,48 @@ def load_front_end(capture: Capture, folder: Path) -> FrontEnd:
     return FrontEnd(poses, stored(Start, record, folder, points=points))
 
 
+def _alone_if_still(
+    capture: Capture, config: FrontEndConfig, folder: Path
+) -> tuple[Capture, FrontEndConfig]:
+    """Return the object alone, with its masks, where the surroundings tell nothing of its poses.
+
+    Of a turntable they stand still, as the camera does; before a plain backdrop they show nothing.
+
+    Raises:
+        DigsError: a camera that stands still, and no masks; or poses are not to be found.
+    """
+    given, moves = config.sfm.poses == "capture", recording.moved(capture.frames)
+    if given and moves and capture.about.tier:
+        return capture, config
+    found = recording.stillness(capture.frames)
+    subject = subject_of(capture, config.subject, config.segment)
+    if found is None or not (found.is_still or (found.is_bare and subject == "object")):
+        return capture, config
+    if found.is_still and (subject == "scene" or (given and not moves)):
+        raise DigsError(
+            f"{capture}: the camera stands still and something turns before it, so that poses can only be "
+            "found from what lies inside the masks of the object: give masks (of the recording, or --masks) "
+            "and --poses auto; or put a printed board under it: --poses board:FILE"
+        )
+    if config.segment.source != "capture":
+        split = PosedFrames.split(capture, config.test_every)
+        frames = [frame for frame, _ in masked(split, config.segment, folder / MASKS).by_time]
+        capture = replace(capture, frames=tuple(frames))
+        mended = config.segment.mask_agreement if config.segment.mends_masks else "off"
+        config = replace(config, segment=SegmentConfig(mask_agreement=mended))
+    if not all(frame.has(Layer.MASK) for frame in capture.frames):
+        return capture, config
+    logger.info("%s: poses are found from what lies inside the masks alone", capture)
+    if not moves and np.array_equal(capture.frames[0].camera.world_from_cam, np.eye(4)):
+        capture = replace(capture, about=replace(capture.about, poses_known=False))
+    return object_alone(capture), config
+
+
 def _poses_and_start(
     capture: Capture,
     config: FrontEndConfig,
     subject: Subject,
-    check: "Future[tuple[str, ...]]",
+    check: "Future[tuple[Finding, ...]]",
     folder: Path,
     log: RunLog,
 ) -> FrontEnd:
@@ -147,6 +191,7 @@ def _poses_and_start(
     with log.stage("refine poses"):
         frames, refinement = refined(frames, capture, config.sfm)
         frames = with_held_out(frames, capture, config.test_every)
+    frames = frames.changed(lambda frame: replace(frame, alone=False))
     # A frame in a wrong place would contradict the masks of others, and they its own.
     if subject == "object" and config.segment.mends_masks:
         with log.stage("mask agreement"):
@@ -154,10 +199,7 @@ def _poses_and_start(
         frames = replace(frames, training=tuple(training))
         findings += (finding,) if finding else ()
     with log.stage("check"):
-        findings = (
-            *check.result(),
-            *findings,
-        )  # before the initialization, which counts its CPU time
+        found = check.result()  # before the initialization, which counts its CPU time
     start = _start(capture, frames, subject, model, recorded, config, log)
     logger.info("%s: starting from %s", capture, start.because)
     poses = Poses(
@@ -165,7 +207,8 @@ def _poses_and_start(
         subject=subject,
         metric_scale=metric_scale,
         world_offset=capture.about.world_offset if sparse is None else None,
-        findings=findings,
+        findings=(*map(str, found), *findings),
+        errors=tuple(each.kind for each in found if each.is_error),
         sfm=sparse.quality if sparse else None,
         scale=model.estimate if model else None,
         refinement=refinement,
@@ -246,12 +289,11 @@ def _start(
     return replace(start, because=f"{start.because}, guessed by {network.name}")
 
 
-def _findings(capture: Capture, config: FrontEndConfig) -> tuple[str, ...]:
+def _findings(capture: Capture, config: FrontEndConfig) -> "tuple[Finding, ...]":
     """Take a first look at the parts of the capture that the settings use; warn of what does not fit."""
     uses_poses, uses_masks = config.sfm.poses != "sfm", config.segment.source == "capture"
     asker = "run" if uses_poses and len(capture) <= SHORT else "info"
     checked = check_capture(capture, asker, poses=uses_poses, masks=uses_masks)
-    found = tuple(map(str, checked.findings))
-    for finding in found:
+    for finding in checked.findings:
         logger.warning("%s: %s", capture, finding)
-    return found
+    return checked.findings

@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from digs_warp.check.recording import moved
 from digs_warp.checks import DigsError
 from digs_warp.data.capture import BY_DEPTH, Capture, MetricScale
 from digs_warp.data.layers import Layer
@@ -24,6 +25,7 @@ from digs_warp.data.posed_frames import PosedFrames, with_cameras
 from digs_warp.data.sfm_model import SfmModel
 from digs_warp.data.viewpoints import looked_at
 from digs_warp.device.libraries import MissingLibraryError
+from digs_warp.geometry.camera import Camera
 from digs_warp.init.config import InitConfig
 from digs_warp.init.local_scales import local_scales
 from digs_warp.init.scale import ScaleEstimate, estimate_scale
@@ -128,7 +130,18 @@ def _world(sfm: SfmModel, capture: Capture) -> np.ndarray:
     if not capture.knows_poses:
         return upright_world(sfm.cameras, looked_at(sfm.cameras))
     recorded = {frame.name: frame.camera for frame in capture.frames}
+    if _only_object_turns(capture):
+        return _in_first(sfm.cameras[0], recorded[sfm.names[0]])
     return world_as_recorded(sfm.cameras, [recorded[name] for name in sfm.names])
+
+
+def _only_object_turns(capture: Capture) -> bool:
+    return capture.frames[0].alone and not moved(capture.frames)
+
+
+def _in_first(found: Camera, recorded: Camera) -> np.ndarray:
+    """Return the motion, (4, 4), into the world as it was in the first frame: later the object has turned."""
+    return recorded.world_from_cam @ found.cam_from_world
 
 
 def registered(frames: PosedFrames, model: MetricModel) -> PosedFrames:
@@ -163,15 +176,18 @@ def tracked(capture: Capture, config: SfmConfig) -> tuple[Capture, Tracking]:
 
     found = track(capture.frames, config.readout)
     cameras = [frame.camera for frame in capture.frames]
-    if capture.knows_poses:
-        given = np.stack([camera.world_from_cam for camera in cameras])
-        poses = in_place(found.poses, given, float(np.linalg.norm(found.middle)))
-    else:
+    if not capture.knows_poses:
         placed = [
             replace(camera, world_from_cam=pose)
             for camera, pose in zip(cameras, found.poses, strict=True)
         ]
         poses = upright_world(placed, found.middle) @ found.poses
+    elif _only_object_turns(capture):
+        first = replace(cameras[0], world_from_cam=found.poses[0])
+        poses = _in_first(first, cameras[0]) @ found.poses
+    else:
+        given = np.stack([camera.world_from_cam for camera in cameras])
+        poses = in_place(found.poses, given, float(np.linalg.norm(found.middle)))
     frames = tuple(
         replace(frame, camera=replace(frame.camera, world_from_cam=pose))
         for frame, pose in zip(capture.frames, poses, strict=True)

@@ -23,6 +23,7 @@ from digs_warp.pipeline.front_end import SFM, front_end
 from digs_warp.pipeline.optimize import Optimized, optimize
 from digs_warp.pipeline.reconstruction import Reconstruction
 from digs_warp.pipeline.records import write_render, write_scores
+from digs_warp.pipeline.verdict import verdict
 from digs_warp.record.files import remove
 from digs_warp.record.layout import (
     CHECKPOINT,
@@ -130,6 +131,8 @@ def _reconstruct(
         log.results = result.results
     with log.stage("evaluate"):
         result = replace(result, scores=_evaluate(result, found, config))
+        parts = (result.poses, result.scores, result.gaussians, capture.about, capture.rig)
+        result = replace(result, verdict=verdict(*parts))
     log.results = result.results
     log.save(path)
     return replace(result, run=log.record())

@@ -20,6 +20,7 @@ from digs_warp.measure.scores import Scores
 from digs_warp.pipeline.records import (
     RENDERS,
     Poses,
+    Verdict,
     find_frames,
     read_render,
     read_scores,
@@ -62,6 +63,7 @@ class Reconstruction:
         start: the points that the training started from, and where they come from.
         training: loss and quality along the training, and what it decided.
         scores: how well the held-out views match, and how far the surface is from the true one.
+        verdict: whether it is good, why, and what to do.
         run: settings, versions and machine, and the seconds of each stage.
         folder: where it is stored.
         capture: folder of the recording; None if it is not known, or only in memory.
@@ -72,6 +74,7 @@ class Reconstruction:
     start: Start | None = None
     training: Training = field(default_factory=Training)
     scores: Scores = field(default_factory=Scores)
+    verdict: Verdict = field(default_factory=Verdict)
     run: RunRecord = field(default_factory=lambda: RunRecord("", {}, {}))
     folder: Path | None = None
     capture: Path | None = None
@@ -130,7 +133,8 @@ class Reconstruction:
     def _stages(self) -> dict[str, Any]:
         """Return the records of the stages that are done."""
         stages = {"poses": self.poses, "start": self.start, "training": self.training}
-        stages |= {"scores": self.scores if self.scores.views else None}
+        done = bool(self.scores.views)
+        stages |= {"scores": self.scores, "verdict": self.verdict} if done else {}
         return {name: record for name, record in stages.items() if record is not None}
 
     def render(self, camera: Camera, **settings: Any) -> "RenderOutput":
@@ -267,6 +271,7 @@ class Reconstruction:
             poses=stored(Poses, run, folder, frames=frames),
             start=start,
             training=stored(Training, run, folder, course=course),
+            verdict=stored(Verdict, run, folder),
             scores=replace(scores, surface=measured.surface, other_sizes=measured.other_sizes),
             run=run or RunRecord("", {}, {}),
             folder=folder,

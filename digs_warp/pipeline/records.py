@@ -1,7 +1,7 @@
 """What the folder of a reconstruction holds beside the Gaussians: records of the stages, scores, views.
 
-There is one record for each stage: `Poses`, `Start`, `Training`, `Scores`. Each lies under its name in the
-results of run.json, by one writer and one reader: a field is a result. Its label names it in
+There is one record for each stage: `Poses`, `Start`, `Training`, `Scores`, `Verdict`. Each lies under its
+name in the results of run.json, by one writer and one reader: a field is a result. Its label names it in
 `digs-warp info` and in the report. The file of scores is written last: with it the folder is complete.
 """
 
@@ -49,6 +49,7 @@ class Poses:
         metric_scale: whether lengths are in metres, and how that is known; None where nothing says it.
         world_offset: what was taken off all places of the recording, see `digs_warp.data.about.About`.
         findings: what does not fit together in the recording; see `digs_warp.check`.
+        errors: kinds of those of them that no good result can come of.
         sfm: quality of structure from motion, where images were matched.
         scale: between structure from motion and metres; None for given poses.
         tracking: how well poses found by color and depth fit together, where they were.
@@ -60,6 +61,7 @@ class Poses:
     metric_scale: Annotated[MetricScale | None, Figure("scale")] = None
     world_offset: Annotated[tuple[float, float, float] | None, Figure("offset of the world")] = None
     findings: Annotated[tuple[str, ...], Figure("findings")] = ()
+    errors: tuple[str, ...] = ()
     sfm: Annotated[SfmQuality | None, Figure("structure from motion")] = None
     scale: Annotated[ScaleEstimate | None, Figure("scale of the matched images")] = None
     tracking: Annotated[Tracking | None, Figure("tracking")] = None
@@ -70,6 +72,44 @@ class Poses:
         """The frames, where the recording is known."""
         assert self.frames is not None
         return self.frames
+
+
+@dataclass(frozen=True)
+class OnObject:
+    """What the recording shows of what is reconstructed; None: not known.
+
+    Attributes:
+        depth: share of its pixels that have depth, 0 to 1.
+        span: how wide and high it is in the images [px], the root of its area.
+        apart: median difference of its depth between neighboring views [m].
+        off: median error of its depth where the truth is recorded [m].
+        steps: median change of brightness between its thumbnail pixels [of 255].
+    """
+
+    depth: float | None = None
+    span: float | None = None
+    apart: float | None = None
+    off: float | None = None
+    steps: float | None = None
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """The record of what a result is worth.
+
+    Attributes:
+        good: whether nothing speaks against it.
+        because: what was measured; of a poor result, what is poor.
+        advice: what to do about it, the most useful first; empty if it is good.
+        measured: on the object.
+        words: all of it in a sentence.
+    """
+
+    good: bool = True
+    because: tuple[str, ...] = ()
+    advice: tuple[str, ...] = ()
+    measured: OnObject = OnObject()
+    words: Annotated[str, Figure("verdict")] = ""
 
 
 def store(capture: Path | None, **stages: Any) -> dict[str, Any]:

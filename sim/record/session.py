@@ -176,26 +176,33 @@ class Session:
         self, number: int, shutter: Shutter, drift: Drift = NO_DRIFT
     ) -> tuple[ShutteredEye, ShutteredEye]:
         """Return the left and the right eye, from which depth is measured; see `truth`."""
-        moment, rig, place = self.moment(number), self.rig, -self.rig.color_offset
+        rig, place = self.rig, -self.rig.color_offset
         turn, right_k = drift.believed_from_turned, drift.right_intrinsics(rig.intrinsics)
-        left = self._eye(moment, shutter, rig.intrinsics, place)
-        return left, self._eye(moment, shutter, right_k, place + rig.baseline, turn)
+        left = self._eye(number, shutter, rig.intrinsics, place)
+        return left, self._eye(number, shutter, right_k, place + rig.baseline, turn)
 
     def image_eye(self, number: int, shutter: Shutter) -> ShutteredEye:
         """Return the camera that takes the images: the left eye, or the one beside an infrared pair."""
-        return self._eye(self.moment(number), shutter, self.rig.image_intrinsics, 0.0)
+        return self._eye(number, shutter, self.rig.image_intrinsics, 0.0)
+
+    def renderer_at(self, number: int) -> Renderer:
+        """Return what shows the scene as it is in a frame: on a turntable the objects have turned."""
+        if self.config.walk.path != "turntable":
+            return self.renderer
+        turn = 2 * np.pi * (number % EARLIER) / self.config.frame_count
+        return _make_renderer(self.config, self.scene.turned(turn), self.environment)
 
     def _eye(
         self,
-        moment: float,
+        number: int,
         shutter: Shutter,
         intrinsics: Intrinsics,
         shift: float,
         turn: np.ndarray = UNTURNED,
     ) -> ShutteredEye:
         """Return the eye ``shift`` metres to the right of the camera that takes the images."""
-        pose_at = partial(self._pose, moment, shift, turn)
-        return ShutteredEye(self.renderer, shutter, intrinsics, pose_at)
+        pose_at = partial(self._pose, self.moment(number), shift, turn)
+        return ShutteredEye(self.renderer_at(number), shutter, intrinsics, pose_at)
 
     def _pose(self, moment: float, shift: float, turn: np.ndarray, after: float) -> np.ndarray:
         """Return the pose of an eye ``shift`` metres to the right, ``after`` seconds after a moment.
@@ -231,8 +238,8 @@ def _walk(config: SimulateConfig, inputs: Inputs) -> Walk:
     stands = config.chosen_ground != "none"
     ground = float(scene.object_vertices[:, 2].min()) if stands else None
     subject = Subject(scene.object_radius, rig.image_intrinsics, ground, rig.image_baseline)
-    distance = camera_distance(scene, rig, config.walk)
-    return Walk.around(subject, distance, config.walk.for_frames(config.beats), config.seed)
+    settings = config.walk.for_frames(config.beats)
+    return Walk.around(subject, camera_distance(scene, rig, settings), settings, config.seed)
 
 
 def _make_renderer(config: SimulateConfig, scene: Scene, environment: Environment) -> Renderer:

@@ -216,7 +216,7 @@ def warn_if_soft(environment: Environment, rig: StereoRig, distance: float) -> N
     )
     _log.warning(
         "environment: %d x %d texels, each %.0f pixels wide in the image: the surround looks soft. Take a "
-        "panorama of %d x %d, or fewer pixels (--width)",
+        "panorama of %d x %d",
         *(width, height, magnified, fine, fine // 2),
     )
 

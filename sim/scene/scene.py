@@ -1,10 +1,11 @@
 """The captured scene: one triangle mesh with materials, around the origin, z up, in metres."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
 
+from digs_warp.geometry.rigid import matrix_from_rotation_vector
 from digs_warp.sim.scene.mesh.placement import Placement
 
 # A surface that hides less than this share of the background counts as transparent.
@@ -154,6 +155,16 @@ class Scene:
     def size(self) -> np.ndarray:
         """Sides of the bounding box of the objects along x, y and z [m], shape (3,), float64."""
         return np.ptp(self.object_vertices, axis=0).astype(np.float64)
+
+    def turned(self, angle: float) -> "Scene":
+        """Return the scene with its objects turned about the z axis [rad]; furniture stays."""
+        turning = np.unique(self.faces[self.face_objects != FURNITURE])
+        turn = matrix_from_rotation_vector(np.array([0.0, 0.0, angle])).astype(np.float32)
+        vertices, normals = self.vertices.copy(), self.normals.copy()
+        vertices[turning], normals[turning] = (
+            each[turning] @ turn.T for each in (vertices, normals)
+        )
+        return replace(self, vertices=vertices, normals=normals)
 
     @property
     def has_furniture(self) -> bool:

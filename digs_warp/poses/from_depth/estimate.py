@@ -23,12 +23,14 @@ from digs_warp.poses.agreement import got_worse
 from digs_warp.poses.from_depth.odometry_chain import (
     along,
     bridged,
+    edge_residuals,
     holds,
+    loop_edges,
     measured_again,
     measured_chain,
+    optimized_poses,
 )
 from digs_warp.poses.from_depth.pair_motion import Edge, FrameFeatures, usual_distance
-from digs_warp.poses.from_depth.pose_graph import edge_residuals, loop_edges, optimized_poses
 from digs_warp.poses.outcome import Tracking, check_depth
 from digs_warp.poses.refine.bundle_adjustment import adjusted_where_better
 from digs_warp.poses.refine.photometric_alignment import align

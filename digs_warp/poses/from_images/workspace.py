@@ -3,7 +3,7 @@
     database.db   features and matches, as COLMAP keeps them
     model/        the sparse model, COLMAP's binary files; COLMAP's own viewer opens it
     stages.json   the key of each stage: a hash of everything that decides its result
-    images/       only for a recording in memory: its left images as PNG files
+    images/       only for a recording in memory, or the object alone: its left images as PNG files
 
 A stage whose key is unchanged is not done again; one that was cut off goes on with what is missing.
 """
@@ -50,10 +50,10 @@ class StageKeys:
 
 
 def with_image_files(frames: Sequence[Frame], folder: Path) -> list[Frame]:
-    """Return the frames with a file for each left image; images in memory are written to ``folder``."""
+    """Return the frames with a file for each left image; others are written to ``folder``."""
 
     def on_disk(frame: Frame) -> Frame:
-        if isinstance(frame.layers[Layer.IMAGE], Path):
+        if isinstance(frame.layers[Layer.IMAGE], Path) and not frame.alone:
             return frame
         path = folder / f"{frame.name}.png"
         write_image(path, frame.load_image())

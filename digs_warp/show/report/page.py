@@ -177,6 +177,7 @@ def _header(capture: Capture, result: Reconstruction, records: RunRecords, path:
     about = f"{frames} of {k.width} by {k.height} pixels, {held_out} of them held out."
     return (
         f"<header><h1>{escape(_subject(capture, records))}</h1><p>{escape(about)}</p>"
+        f"<p><strong>{escape(result.verdict.words)}</strong></p>"
         f"<div class=cards>{''.join(cards)}</div>{_distances(result)}{_links(path.parent)}</header>"
     )
 

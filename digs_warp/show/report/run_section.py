@@ -45,6 +45,7 @@ def figures_section(result: Reconstruction) -> str:
         "start": "Points to start from",
         "training": "Training",
         "scores": "Evaluation",
+        "verdict": "Verdict",
     }
     tables = [
         f"<h3>{titles[stage]}</h3>{table(['', ''], rows.items())}"

@@ -175,9 +175,10 @@ def path_named(name: PathName, elevations: np.ndarray) -> Path:
 
     Args:
         name: which one.
-        elevations: its heights above the horizon [rad], one or more; ``hover`` takes the first.
+        elevations: its heights above the horizon [rad], one or more; ``hover`` and ``turntable`` take
+            the first.
     """
-    if name == "hover":
+    if name in ("hover", "turntable"):
         return Path(np.zeros(1), elevations[:1], np.ones(1))
     if name == "approach":
         share = np.linspace(0.0, 1.0, POINTS)

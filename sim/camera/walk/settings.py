@@ -9,7 +9,7 @@ from tyro.conf import arg
 from digs_warp.checks import DigsError
 from digs_warp.settings import FRAME_RATE, NO_FLAG, Range, Settings
 
-PathName = Literal["orbits", "arc", "hover", "approach"]
+PathName = Literal["orbits", "arc", "hover", "approach", "turntable"]
 
 WALKING_SPEED = 0.2  # [m/s] mean speed of the person whose shake was measured
 
@@ -24,6 +24,7 @@ USUAL_ELEVATIONS: dict[PathName, tuple[float, ...]] = {
     "arc": ALL_ROUND,
     "hover": FROM_ABOVE,
     "approach": FROM_ABOVE,
+    "turntable": FROM_ABOVE,
 }
 
 # Time [s] for which a hand hovers where nothing says otherwise.
@@ -34,14 +35,15 @@ HOVERING = 10.0
 class WalkSettings(Settings):
     """Where the camera is carried, how steadily, and when it takes its frames."""
 
-    path: Annotated[PathName, arg(name="camera-path")] = "orbits"
+    path: Annotated[PathName, arg(name="camera-path", aliases=("--path",))] = "orbits"
     """'orbits': once round the objects at each elevation. 'arc': to and fro in front of them, a third of the
     circle at each elevation. 'hover': a hand that holds the camera still, as well as it can. 'approach':
-    toward them, from two and a half times the distance."""
+    toward them, from two and a half times the distance. 'turntable': the camera stands on a tripod, and the
+    object turns once, counterclockwise, with a stop for each frame."""
 
     elevations: Annotated[tuple[float, ...], Range(-80, 80)] = ()
     """Heights of the camera above the horizon, seen from the objects [degree]. Default: 10 35 60; 35 for
-    hover and approach. Hover takes the first."""
+    the others. Hover and turntable take the first."""
 
     distance: Annotated[float | None, Range(0.01, 1000), arg(name="camera-distance")] = None
     """Distance from the middle of the objects [m]; 'approach' ends there. Default: the objects just stay in
@@ -88,10 +90,14 @@ class WalkSettings(Settings):
             )
 
     def for_frames(self, beats: int) -> "WalkSettings":
-        """Return the settings with the duration that a number of frames takes, if --fps is given."""
+        """Return the settings with the duration that a number of frames takes, if --fps is given.
+
+        Of a turntable, the hand is a tripod.
+        """
+        steady = replace(self, unsteadiness=0.0, shake=0.0) if self.path == "turntable" else self
         if self.fps is None or self.duration is not None:
-            return self
-        return replace(self, duration=beats / self.fps)
+            return steady
+        return replace(steady, duration=beats / self.fps)
 
     @property
     def chosen_elevations(self) -> tuple[float, ...]:

@@ -140,7 +140,7 @@ class LabeledFrame:
             images |= {Layer.DEPTH_RIGHT: right.depth, Layer.MASK_RIGHT: truth.right_mask}
         if "disparity" in wanted:
             left = Seen(left_eye.middle_track, truth.depth, truth.material_ids)
-            pair = pair_disparity(session.renderer, left, right)
+            pair = pair_disparity(session.renderer_at(truth.number), left, right)
             images |= {
                 Layer.DISPARITY: pair.left,
                 Layer.DISPARITY_RIGHT: pair.right,
