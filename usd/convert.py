@@ -1,5 +1,6 @@
 """Gaussians <-> the arrays of the USD schema: activation, frames, precision, checks. NumPy only."""
 
+from collections.abc import Callable
 from dataclasses import dataclass, fields, replace
 from functools import lru_cache
 from typing import Literal
@@ -8,9 +9,15 @@ import numpy as np
 
 from digs_warp.checks import UsdError
 from digs_warp.data.gaussians import Gaussians
-from digs_warp.data.images import linear_from_srgb
+from digs_warp.data.images import linear_from_srgb, srgb_from_linear
 from digs_warp.geometry.rigid import quat_multiply, quat_xyzw_from_matrix
-from digs_warp.geometry.sh import coefficient_count, rgb_from_sh, rotate_sh
+from digs_warp.geometry.sh import (
+    coefficient_count,
+    degree_from_count,
+    rgb_from_sh,
+    rotate_sh,
+    sh_basis,
+)
 from digs_warp.usd.frames import ASSET_FROM_WORLD, Similarity, similarity_from_matrix
 
 _ASSET_FROM_WORLD = similarity_from_matrix(ASSET_FROM_WORLD, "asset")
@@ -190,6 +197,25 @@ def _quat_products(rotation: bytes) -> np.ndarray:
     """Return the products of a rotation's quaternion with the four unit quaternions, in columns, (4, 4)."""
     matrix = np.frombuffer(rotation).reshape(3, 3)
     return quat_multiply(quat_xyzw_from_matrix(matrix), np.eye(4)).T.copy()
+
+
+# Directions, evenly spread, at which colors in another space are looked at.
+_DIRECTIONS = 64
+
+
+def srgb_coefficients(sh: np.ndarray, linear_of: Callable[[np.ndarray], np.ndarray]) -> np.ndarray:
+    """Return coefficients, (n, K, 3), float32, in sRGB of colors in another space.
+
+    Exact for colors that are the same from all sides; for others, the nearest over all directions.
+    ``linear_of`` returns linear Rec.709 values of colors, (..., 3).
+    """
+    turn = np.arange(_DIRECTIONS) + 0.5
+    height = 1 - 2 * turn / _DIRECTIONS
+    angle, radius = turn * (np.pi * (3 - np.sqrt(5))), np.sqrt(1 - height**2)
+    directions = np.stack([radius * np.cos(angle), radius * np.sin(angle), height], axis=1)
+    basis = sh_basis(directions, degree_from_count(sh.shape[1]))
+    colors = srgb_from_linear(linear_of(np.maximum(0.5 + basis @ sh.astype(np.float64), 0.0)))
+    return (np.linalg.pinv(basis) @ (colors - 0.5)).astype(np.float32)
 
 
 def check_rows(arrays: SplatArrays, what: str) -> None:

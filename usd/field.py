@@ -21,7 +21,7 @@ from digs_warp.usd.convert import SplatArrays
 from digs_warp.usd.files import HINT
 
 if TYPE_CHECKING:
-    from pxr import Usd
+    from pxr import Gf, Usd
 
 _log = logging.getLogger(__name__)
 
@@ -113,12 +113,58 @@ def find_field(stage: "Usd.Stage", path: Path, prim_path: str | None = None) -> 
         return prim
     if not fields:
         raise UsdError(f"USD scene '{path}': holds no Gaussian splats. {HINT}")
-    if len(fields) > 1:
+    shown = [prim for prim in fields if is_shown(prim)] or fields
+    if len(shown) > 1:
         raise UsdError(
             f"USD scene '{path}': expected one field of Gaussian splats, found {len(fields)}: {found}; "
-            "choose one by its prim path"
+            "choose one with --prim"
         )
-    return fields[0]
+    if len(fields) > 1:
+        _log.warning("USD scene '%s': of %s, only %s is visible", path, found, shown[0].GetPath())
+    return shown[0]
+
+
+def with_ancestors(prim: "Usd.Prim") -> Iterator["Usd.Prim"]:
+    """Yield a prim, its parent, and so on."""
+    while prim:
+        yield prim
+        prim = prim.GetParent()
+
+
+def token_of(prim: "Usd.Prim", name: str) -> str:
+    """Return an attribute that is a name, "" without one; also of types that this USD does not know."""
+    attribute = prim.GetAttribute(name)
+    return str(attribute.Get(time_code(None)) or "") if attribute else ""
+
+
+def is_shown(prim: "Usd.Prim") -> bool:
+    """Whether renderers show a prim: visible, and no stand-in for another."""
+    line = list(with_ancestors(prim))
+    purpose = next((found for each in line if (found := token_of(each, "purpose"))), "")
+    hidden = any(token_of(each, "visibility") == "invisible" for each in line)
+    return not hidden and purpose not in ("proxy", "guide")
+
+
+def color_space(prim: "Usd.Prim") -> tuple[str, "Gf.ColorSpace | None"]:
+    """Return the name of the color space of a field's coefficients ("": none), and the space if known.
+
+    USD's own resolution takes an unknown name for none.
+    """
+    from pxr import Gf, Usd
+
+    line = list(with_ancestors(prim))
+    own = (prim.GetAttribute(names.SH_COEFFICIENTS + half) for half in ("", names.HALF_SUFFIX))
+    authored = [str(each.GetColorSpace()) for each in own if each and each.HasColorSpace()]
+    authored += [name for each in line if (name := token_of(each, "colorSpace:name"))]
+    name = next(iter(authored), "")
+    prefix = "ColorSpaceDefinitionAPI:"
+    for each in line:
+        for schema in each.GetAppliedSchemas():
+            if schema.startswith(prefix):
+                found = Usd.ColorSpaceDefinitionAPI(each, schema.removeprefix(prefix))
+                if found.GetNameAttr().Get() == name:
+                    return name, found.ComputeColorSpaceFromDefinitionAttributes()
+    return name, Gf.ColorSpace(name) if Gf.ColorSpace.IsValid(name) else None
 
 
 def is_field(prim: "Usd.Prim") -> bool:

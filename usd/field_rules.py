@@ -9,10 +9,11 @@ import numpy as np
 
 from digs_warp.checks import UsdError
 from digs_warp.usd import names
-from digs_warp.usd.field import extent_of, find_fields, value_of
+from digs_warp.usd.field import color_space, extent_of, find_fields, value_of
 from digs_warp.usd.findings import Finding
 from digs_warp.usd.frames import similarity_from_matrix
 from digs_warp.usd.splat_rules import FieldValues, check_values
+from digs_warp.words import quoted
 
 if TYPE_CHECKING:
     from pxr import Usd
@@ -129,38 +130,13 @@ def _check_hints(prim: "Usd.Prim") -> Iterator[Finding]:
 
 
 def _check_color_space(prim: "Usd.Prim") -> Iterator[Finding]:
-    """By hand: USD's own resolution takes an unknown name for none."""
-    from pxr import Gf, Usd
-
-    line = list(_with_ancestors(prim))
-    authored = [value for each in line if (value := _value(each.GetAttribute("colorSpace:name")))]
-    if not authored:
+    name, space = color_space(prim)
+    if not name:
         message = "no color space is authored; sRGB and linear colors cannot be told apart"
         yield Finding("color-space", "warning", message)
-        return
-    defined = [
-        Usd.ColorSpaceDefinitionAPI(each, instance).GetNameAttr().Get()
-        for each in line
-        for instance in _definitions(each)
-    ]
-    if authored[0] not in defined and not Gf.ColorSpace.IsValid(authored[0]):
-        message = f"color space '{authored[0]}' is neither OpenUSD's nor defined in the scene"
+    elif space is None:
+        message = f"color space {quoted(name)} is neither OpenUSD's nor defined in the scene"
         yield Finding("color-space", "error", message)
-
-
-def _value(attribute: "Usd.Attribute") -> str:
-    return str(attribute.Get() or "") if attribute else ""
-
-
-def _with_ancestors(prim: "Usd.Prim") -> Iterator["Usd.Prim"]:
-    while prim:
-        yield prim
-        prim = prim.GetParent()
-
-
-def _definitions(prim: "Usd.Prim") -> list[str]:
-    prefix = "ColorSpaceDefinitionAPI:"
-    return [s.removeprefix(prefix) for s in prim.GetAppliedSchemas() if s.startswith(prefix)]
 
 
 def _check_transform(prim: "Usd.Prim") -> Iterator[Finding]:

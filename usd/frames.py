@@ -4,6 +4,7 @@ Matrices are (4, 4) and act on column vectors, ``points_b = b_from_a @ points_a`
 on row vectors and are transposed here.
 """
 
+import logging
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -14,6 +15,8 @@ from digs_warp.usd import names
 
 if TYPE_CHECKING:
     from pxr import Usd
+
+logger = logging.getLogger(__name__)
 
 # Our scenes are Y-up, the frame most viewers expect: (x, y, z) -> (x, z, -y). A signed permutation, so
 # that baking it into positions is exact.
@@ -70,9 +73,7 @@ def world_from_prim(prim: "Usd.Prim", what: str, time: float | None = None) -> n
     """
     from pxr import Usd, UsdGeom
 
-    metres = UsdGeom.GetStageMetersPerUnit(prim.GetStage())
-    if not (np.isfinite(metres) and metres > 0):
-        raise UsdError(f"{what}: metersPerUnit is {metres}, expected a finite number above 0")
+    metres = metres_per_unit(prim.GetStage(), what)
     up_axis = UsdGeom.GetStageUpAxis(prim.GetStage())
     world_from_stage = np.eye(4) if up_axis == UsdGeom.Tokens.z else ASSET_FROM_WORLD.T.copy()
     world_from_stage[:3] *= metres
@@ -83,10 +84,36 @@ def world_from_prim(prim: "Usd.Prim", what: str, time: float | None = None) -> n
         local = UsdGeom.Xformable(prim).GetLocalTransformation(code)
         stage_from_prim = stage_from_prim @ np.array(local).T
     world_from_prim = world_from_stage @ stage_from_prim
-    data = (prim.GetStage().GetMetadata("customLayerData") or {}).get(names.METADATA_KEY)
-    offset = data.get(names.OFFSET_KEY) if isinstance(data, dict) else None
-    if offset is not None and np.shape(offset) == (
-        3,
-    ):  # ours: float32 would round what it leads to
-        world_from_prim[:3, 3] -= np.array(offset, dtype=np.float64)
+    if offset := stage_offset(prim.GetStage()):  # ours: float32 would round what it leads to
+        world_from_prim[:3, 3] -= offset
     return world_from_prim
+
+
+def metres_per_unit(stage: "Usd.Stage", what: str) -> float:
+    """Return what a unit of a stage is [m]; logs a warning where it does not say so.
+
+    Raises:
+        UsdError: it is not above 0.
+    """
+    from pxr import UsdGeom
+
+    metres = UsdGeom.GetStageMetersPerUnit(stage)
+    if not (np.isfinite(metres) and metres > 0):
+        raise UsdError(f"{what}: metersPerUnit is {metres}, expected a finite number above 0")
+    if not UsdGeom.StageHasAuthoredMetersPerUnit(stage):
+        logger.warning(
+            "%s: has no metersPerUnit, so it is in centimetres, as USD says. If it is in metres, all is a "
+            "hundred times too small: write metersPerUnit = 1 into the file, or export it again with it",
+            what,
+        )
+    return metres
+
+
+def stage_offset(stage: "Usd.Stage") -> tuple[float, float, float] | None:
+    """Return what was taken off the places of a scene of ours [m]; None: nothing."""
+    data = (stage.GetMetadata("customLayerData") or {}).get(names.METADATA_KEY)
+    offset = data.get(names.OFFSET_KEY) if isinstance(data, dict) else None
+    if offset is None or np.shape(offset) != (3,) or not np.isfinite(list(offset)).all():
+        return None
+    x, y, z = map(float, offset)
+    return x, y, z

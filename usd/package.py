@@ -113,7 +113,7 @@ def leaves_package(name: str) -> bool:
     )
 
 
-def read_members(data: mmap.mmap) -> list[Member]:
+def read_members(data: mmap.mmap | bytes) -> list[Member]:
     """Return the members of a ZIP file, in the order of its directory.
 
     Raises:
@@ -142,7 +142,7 @@ def read_members(data: mmap.mmap) -> list[Member]:
     return members
 
 
-def _read_entry(data: mmap.mmap, at: int, end: int) -> tuple[Member, int]:
+def _read_entry(data: mmap.mmap | bytes, at: int, end: int) -> tuple[Member, int]:
     if at + ENTRY.size > end:
         raise ValueError("the directory is cut off")
     fields = ENTRY.unpack_from(data, at)

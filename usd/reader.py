@@ -1,6 +1,7 @@
 """Reads Gaussians, or facts about them, from a USD scene, ours or another program's, into our world."""
 
-from collections.abc import Mapping
+import logging
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -10,7 +11,7 @@ import numpy as np
 from digs_warp.checks import UsdError
 from digs_warp.data.gaussians import Gaussians
 from digs_warp.device.threads import over_rows
-from digs_warp.geometry.rigid import matrix_from_quat_xyzw, quat_xyzw_from_matrix
+from digs_warp.geometry.rigid import far_offset, matrix_from_quat_xyzw, quat_xyzw_from_matrix
 from digs_warp.geometry.sh import rotate_sh
 from digs_warp.usd import names
 from digs_warp.usd.convert import (
@@ -19,9 +20,11 @@ from digs_warp.usd.convert import (
     check_activated,
     check_rows,
     gaussians_from_arrays,
+    srgb_coefficients,
     transformed,
 )
 from digs_warp.usd.field import (
+    color_space,
     extent_of,
     find_field,
     find_fields,
@@ -32,12 +35,22 @@ from digs_warp.usd.field import (
     variant_sets,
 )
 from digs_warp.usd.files import HINT, opened_stage
-from digs_warp.usd.frames import similarity_from_matrix, world_from_prim
+from digs_warp.usd.frames import (
+    metres_per_unit,
+    similarity_from_matrix,
+    stage_offset,
+    world_from_prim,
+)
 from digs_warp.usd.metadata import filter_of, json_from_usd
+from digs_warp.words import quoted
 
 if TYPE_CHECKING:
     from pxr import Usd
 
+_log = logging.getLogger(__name__)
+
+# sRGB as the scene or as the display: one curve.
+_SRGB = "srgb_rec709"
 
 # Splats per chunk, because of the (n, 3, 3) arrays.
 CHUNK = 65536
@@ -188,7 +201,16 @@ def _read(stage: "Usd.Stage", prim: "Usd.Prim", path: Path, options: ReadOptions
 
 def _read_gaussians(prim: "Usd.Prim", what: str, options: ReadOptions) -> Gaussians:
     arrays = read_arrays(prim, what, options.time)
+    linear_of = _linear_colors(prim, what)
     world_from_local = world_from_prim(prim, what, options.time)
+    offset = stage_offset(prim.GetStage())
+    some = arrays.positions[:: 1 + len(arrays) // CHUNK].astype(np.float64)
+    some = some @ world_from_local[:3, :3].T + world_from_local[:3, 3]
+    some = some[np.isfinite(some).all(axis=1)]
+    if offset is None and len(some) and (far := far_offset(some)) is not None:
+        world_from_local[:3, 3] -= far
+        x, y, z = offset = tuple(far.tolist())
+        _log.warning("%s: (%g, %g, %g) m are taken off, and kept as world_offset", what, x, y, z)
     similarity = None if options.approximate else similarity_from_matrix(world_from_local, what)
     count = len(arrays)
     read = Gaussians(
@@ -197,11 +219,14 @@ def _read_gaussians(prim: "Usd.Prim", what: str, options: ReadOptions) -> Gaussi
         quats=np.empty((count, 4), np.float32),
         opacity_logits=np.empty(count, np.float32),
         sh=np.empty(arrays.sh.shape, np.float32),
+        world_offset=offset,
     )
 
     def work(rows: slice) -> None:
         part = arrays.floats(rows)
         _check(part, what)
+        if linear_of is not None:
+            part = replace(part, sh=srgb_coefficients(part.sh, linear_of))
         # The coefficients are most of the data: they are written straight to their place.
         if similarity is None:
             part = deformed(part, world_from_local, what, read.sh[rows])
@@ -219,6 +244,35 @@ def _read_gaussians(prim: "Usd.Prim", what: str, options: ReadOptions) -> Gaussi
     return read
 
 
+def _linear_colors(prim: "Usd.Prim", what: str) -> Callable[[np.ndarray], np.ndarray] | None:
+    """Return what makes linear Rec.709 of a field's colors; None: they are sRGB, or no space is known."""
+    from pxr import Gf
+
+    name, space = color_space(prim)
+    if name.startswith(_SRGB) or (space is not None and space.IsData()) or not name:
+        return None
+    if space is None:
+        usual = f"{name.removesuffix('_display')}_scene"  # of glTF, and older names of USD
+        if not Gf.ColorSpace.IsValid(usual):
+            _log.warning("%s: color space %s is not known, taken for sRGB", what, quoted(name))
+            return None
+        space = Gf.ColorSpace(usual)
+    _log.warning(
+        "%s: its colors are in '%s'; converted to sRGB. Where splats overlap, they blend otherwise",
+        *(what, name),
+    )
+    rgb_from_xyz = np.linalg.inv(np.array(Gf.ColorSpace(f"{_SRGB}_scene").GetRGBToXYZ()))
+    matrix = rgb_from_xyz @ np.array(space.GetRGBToXYZ())
+    gamma, bias = space.GetGamma(), space.GetLinearBias()
+    knee, slope = space.GetTransferFunctionParams()
+
+    def linear(colors: np.ndarray) -> np.ndarray:
+        curve = ((colors + bias) / (1 + bias)) ** gamma
+        return np.where(colors < knee, colors / slope, curve) @ matrix.T
+
+    return linear
+
+
 def _check(arrays: SplatArrays, what: str) -> None:
     check_rows(arrays, what)
     check_activated(arrays, what)
@@ -228,9 +282,9 @@ def describe(path: Path, prim_path: str | None = None) -> dict[str, Any]:
     """Return facts about a scene: JSON-like, quick also for large files.
 
     Keys: ``splats``, ``sh_degree``, ``precision`` ("float", "mixed" or "half"), ``extent`` (corners in the
-    prim's own frame and units, None when there is none), ``up_axis``, ``meters_per_unit``, ``bytes``,
-    ``prim_path``, ``variants`` (names by set), ``cameras`` (prim paths), ``views`` (time codes of the
-    timeline, 0 without one), ``metadata``.
+    prim's own frame and units, None when there is none), ``up_axis``, ``meters_per_unit``,
+    ``color_space`` ("": none), ``bytes``, ``prim_path``, ``variants`` (names by set), ``cameras`` (prim
+    paths), ``views`` (time codes of the timeline, 0 without one), ``metadata``.
 
     Raises:
         UsdError: the file cannot be opened, holds no splats, or several fields and no ``prim_path``.
@@ -252,7 +306,8 @@ def _facts(stage: "Usd.Stage", path: Path, prim_path: str | None) -> dict[str, A
         "precision": _precision(prim),
         "extent": extent.tolist() if extent is not None and count else None,
         "up_axis": str(UsdGeom.GetStageUpAxis(stage)),
-        "meters_per_unit": UsdGeom.GetStageMetersPerUnit(stage),
+        "meters_per_unit": metres_per_unit(stage, f"USD scene '{path}'"),
+        "color_space": color_space(prim)[0],
         "bytes": path.stat().st_size,
         "prim_path": str(prim.GetPath()),
         "variants": {name: variants for (_, name), variants in variant_sets(stage).items()},

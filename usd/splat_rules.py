@@ -9,7 +9,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from digs_warp.geometry.sh import C0, MAX_DEGREE
+from digs_warp.data.gaussians import doubts_of
+from digs_warp.geometry.sh import MAX_DEGREE
 from digs_warp.usd import names
 from digs_warp.usd.author import three_sigma_extent
 from digs_warp.usd.convert import SplatArrays, is_finite
@@ -20,8 +21,6 @@ QUAT_TOLERANCE = 1e-3
 MAX_SLACK = 0.5
 # Rounding of a box computed elsewhere in float32, as a share of the diagonal.
 EXTENT_TOLERANCE = 1e-5
-# Half of the splats brighter than white, or darker than black, by more than this are no sRGB colors.
-COLOR_MARGIN = 1.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,6 +71,8 @@ def check_values(values: FieldValues) -> Iterator[Finding]:
     if not finite:
         return  # comparisons with NaN would only add noise
     yield from _check_ranges(values)
+    if _is_complete(values, count):
+        yield from _check_plausible(values)
     if values.extent is None:
         yield Finding("extent", "error", "'extent' is not authored; viewers cannot frame the scene")
     elif _is_complete(values, count):
@@ -139,19 +140,22 @@ def _check_ranges(values: FieldValues) -> Iterator[Finding]:
             bad = np.count_nonzero(error > QUAT_TOLERANCE)
             message = f"{bad} quaternions are not of length 1 (off by up to {error.max():.3g})"
             yield Finding("quaternion-length", "error", message)
-    yield from _check_colors(values)
 
 
-def _check_colors(values: FieldValues) -> Iterator[Finding]:
-    """Colors that are no sRGB values: 0 to 255, colors without the offset, another order of channels."""
-    if values.sh is None or not values.element_size or values.element_size < 1:
-        return
-    base = values.sh[:: values.element_size]
-    if len(base):
-        median = float(np.median(0.5 + C0 * base.astype(np.float32).mean(axis=1)))
-        if not -COLOR_MARGIN <= median <= 1 + COLOR_MARGIN:
-            message = f"the median splat has a brightness of {median:.3g}, expected 0 to 1"
-            yield Finding("color-range", "warning", message)
+def _check_plausible(values: FieldValues) -> Iterator[Finding]:
+    """Yield what looks like the mistake of a program; needs as many values as splats."""
+    assert values.positions is not None and values.scales is not None
+    count = len(values.positions)
+    opacities, base = np.ones(count, np.float32), np.zeros((count, 3), np.float32)
+    if values.opacities is not None and len(values.opacities) == count:
+        opacities = values.opacities
+    if (
+        values.sh is not None
+        and len(found := values.sh[:: max(values.element_size or 1, 1)]) == count
+    ):
+        base = found
+    for rule, message in doubts_of(values.positions, values.scales, opacities, base):
+        yield Finding(rule, "warning", message)
 
 
 def _is_complete(values: FieldValues, count: int) -> bool:
@@ -179,10 +183,3 @@ def _check_extent(values: FieldValues, extent: np.ndarray) -> Iterator[Finding]:
         )
     if float(np.linalg.norm(extent[1] - extent[0])) > (1 + MAX_SLACK) * diagonal:
         yield Finding("extent", "warning", "'extent' is much larger than the splats")
-    typical = float(np.median(values.scales.max(axis=1)))
-    centers = float(np.linalg.norm(np.ptp(values.positions, axis=0)))
-    if len(values.positions) > 1 and typical > centers:
-        message = (
-            f"half of the splats are wider ({typical:.3g}) than the whole field ({centers:.3g})"
-        )
-        yield Finding("scale-range", "warning", message)

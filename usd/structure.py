@@ -6,7 +6,7 @@ directory of its members. Both are a few hundred bytes, however large the file i
 
 import mmap
 import os
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -23,6 +23,7 @@ from digs_warp.usd.crate import (
 )
 from digs_warp.usd.nesting import NestingError, check_crate_nesting, check_text, check_tree_depth
 from digs_warp.usd.package import LAYER_SUFFIXES, Member, leaves_package, mapped, read_members
+from digs_warp.words import quoted
 
 if TYPE_CHECKING:
     from pxr import Sdf
@@ -30,6 +31,8 @@ if TYPE_CHECKING:
 # Integers are stored as differences of 0, 1, 2 or 4 bytes; 0 bytes mean the most common difference.
 _WIDTHS = np.array([0, 1, 2, 4])
 _MAX_INDEX = 2**31
+# Packages in each other; one in another is usual.
+_MOST_PACKAGES = 4
 
 
 def check_structure(path: Path) -> None:
@@ -40,8 +43,7 @@ def check_structure(path: Path) -> None:
     try:
         with mapped(path) as data:
             if path.suffix.lower() == ".usdz":
-                for member in read_members(data):
-                    _check_member(data, member)
+                _check_package(data)
             else:
                 _check_layer(data, path.name, "the file", 0, len(data))
     except NestingError as error:
@@ -69,8 +71,7 @@ def open_layers(path: Path) -> "list[Sdf.Layer]":
     waiting = [name]
     if path.suffix.lower() == ".usdz":
         with mapped(path) as data:
-            members = [member.name for member in read_members(data)]
-        waiting += [f"{name}[{each}]" for each in members if each.lower().endswith(LAYER_SUFFIXES)]
+            waiting += [f"{name}[{each}]" for each in _layers_of(data)]
     layers: dict[str, Sdf.Layer | None] = {}
     checked = {name}
     while waiting:
@@ -127,17 +128,38 @@ def _is_whole(layer: "Sdf.Layer", place: "Sdf.Path") -> bool:
     )
 
 
-def _check_member(data: mmap.mmap, member: Member) -> None:
+def _layers_of(data: mmap.mmap | bytes) -> Iterator[str]:
+    """Yield the names of the layers of a package, and as "b.usdz[a.usdc]" of those of packages in it."""
+    for member in read_members(data):
+        if member.name.lower().endswith(".usdz"):
+            yield from (f"{member.name}[{each}]" for each in _layers_of(_bytes_of(data, member)))
+        elif member.name.lower().endswith(LAYER_SUFFIXES):
+            yield member.name
+
+
+def _bytes_of(data: mmap.mmap | bytes, member: Member) -> bytes:
+    return data[member.start : member.start + member.size]
+
+
+def _check_package(data: mmap.mmap | bytes, level: int = 1) -> None:
+    for member in read_members(data):
+        _check_member(data, member, level)
+
+
+def _check_member(data: mmap.mmap | bytes, member: Member, level: int) -> None:
     if leaves_package(member.name):
         raise ValueError(f"member '{member.name}' leads out of the package")
     if member.encrypted or member.compressed:
         raise ValueError(f"member '{member.name}' is compressed or encrypted")
-    if member.name.lower().endswith(".usdz"):
-        raise ValueError(f"member '{member.name}' is a package in a package")
-    _check_layer(data, member.name, member.name, member.start, member.size)
+    if not member.name.lower().endswith(".usdz"):
+        _check_layer(data, member.name, member.name, member.start, member.size)
+    elif level == _MOST_PACKAGES:
+        raise ValueError(f"member {quoted(member.name)} is a package in {level} packages")
+    else:
+        _check_package(_bytes_of(data, member), level + 1)
 
 
-def _check_layer(data: mmap.mmap, name: str, what: str, start: int, size: int) -> None:
+def _check_layer(data: mmap.mmap | bytes, name: str, what: str, start: int, size: int) -> None:
     """Check the layer ``name`` in ``data[start : start + size]``; nothing for textures and the like."""
     is_crate = data[start : start + 8] == CRATE_MAGIC
     if is_crate or name.lower().endswith(".usdc"):

@@ -212,7 +212,10 @@ def write_gaussians(
     path = Path(path)
     check_suffix(path)
     options = options or WriteOptions()
-    stage = begin_asset(with_filter(metadata or {}, gaussians.screen_filter, f"'{path}'"))
+    metadata = with_filter(metadata or {}, gaussians.screen_filter, f"'{path}'")
+    if gaussians.world_offset is not None:
+        metadata = metadata | {names.OFFSET_KEY: list(gaussians.world_offset)}
+    stage = begin_asset(metadata)
     field = stage.DefinePrim(names.GAUSSIANS_PATH, names.FIELD_TYPE)
     suffix = path.suffix.lower()
     with finished_file(path) as unfinished:

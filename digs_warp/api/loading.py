@@ -10,12 +10,13 @@ from digs_warp.pipeline.reconstruction import Reconstruction
 from digs_warp.pipeline.scene_files import read_scene
 
 
-def load(path: Path | str) -> Capture | Reconstruction | Gaussians:
+def load(path: Path | str, prim: str | None = None) -> Capture | Reconstruction | Gaussians:
     """Return what a file or folder holds.
 
     Args:
         path: a capture folder -> `Capture`; a folder of ``digs-warp reconstruct`` or ``run`` ->
             `Reconstruction`; a file of Gaussians (.npz, .ply, .spz, .splat) or a USD scene -> `Gaussians`.
+        prim: path of the splats in a USD scene that shows several fields of them.
 
     Raises:
         DigsError: there is nothing, it is something else, or it is broken.
@@ -24,5 +25,5 @@ def load(path: Path | str) -> Capture | Reconstruction | Gaussians:
     if not path.exists():
         raise DigsError(f"'{path}': no such file or folder. Check the path.")
     if not path.is_dir():
-        return read_scene(path).gaussians
+        return read_scene(path, prim=prim).gaussians
     return read_capture(path) if (path / INDEX_NAME).is_file() else Reconstruction.load(path)

@@ -53,11 +53,14 @@ class SplatOptions:
     drop_broken: tyro.conf.FlagCreatePairsOff[bool] = False
     """Leave out Gaussians with NaN or infinite values instead of refusing a PLY, SPZ or .splat file."""
 
+    prim: str | None = None
+    """Path of the splats in a USD scene that shows several fields of them, such as /Asset/Gaussians."""
+
     def read(self, source: Path, capture: "Capture | None" = None) -> "Reconstruction":
         """Read the Gaussians of a file or folder; see `digs_warp.pipeline.scene_files.read_scene`."""
         from digs_warp.pipeline.scene_files import read_scene
 
-        return read_scene(source, self.up, self.drop_broken, capture)
+        return read_scene(source, self.up, self.drop_broken, capture, self.prim)
 
 
 @dataclass(frozen=True)

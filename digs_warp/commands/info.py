@@ -17,8 +17,12 @@ class Info(Command):
     path: Annotated[Path, tyro.conf.Positional]
     """A folder that a command wrote, Gaussians (.npz, .ply, .spz, .splat), a USD file, or a mesh."""
 
+    prim: str | None = None
+    """Path of the splats in a USD scene that shows several fields of them, such as /Asset/Gaussians."""
+
     def execute(self) -> str:
         """Look and return the facts, one per line."""
-        from digs_warp.show.report.facts import describe
+        from digs_warp.show.report.facts import describe, of_usd
 
-        return format_facts(describe(self.path))
+        facts = describe(self.path) if self.prim is None else of_usd(self.path, self.prim)
+        return format_facts(facts)

@@ -44,9 +44,7 @@ class View(Command):
         from digs_warp.show.view.contents import read_contents
         from digs_warp.show.view.server import started
 
-        contents = [
-            read_contents(path, self.scene.up, self.scene.drop_broken) for path in self.paths
-        ]
+        contents = [read_contents(path, self.scene.read) for path in self.paths]
         try:
             with started(contents, self.host, self.port) as (_, address):
                 sys.stdout.write(f"{address}  (Ctrl-C ends it)\n")

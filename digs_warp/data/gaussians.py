@@ -1,6 +1,6 @@
 """The Gaussians of a scene: raw parameters for the optimizer, activated values for a renderer."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from importlib import import_module
 from pathlib import Path
@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from digs_warp.checks import DigsError, check_shape
-from digs_warp.geometry.sh import degree_from_count
+from digs_warp.geometry.sh import C0, degree_from_count
 from digs_warp.record.arrays import open_arrays, write_arrays
 
 FIELDS = ("means", "log_scales", "quats", "opacity_logits", "sh")
@@ -16,7 +16,19 @@ FIELDS = ("means", "log_scales", "quats", "opacity_logits", "sh")
 # The widest dilation that a file may ask for [px^2]: a standard deviation of ten pixels.
 MOST_DILATION = 100.0
 
-_NOTE = "screen_filter"
+_NOTE, _OFFSET = "screen_filter", "world_offset"
+
+# So many at one point, or so few in all, are no accident and no scene.
+FEWEST_TO_DOUBT = 10
+# Of the distance between neighbors on a surface; splats are about as wide as that.
+MOST_OVERLAP = 3.0
+# All scales of a scene are never between 1 and this, in no unit.
+NARROW = 2.0
+# Of opacities that were taken for logits: the largest, and the least spread, for new splats have one.
+TOP_OF_ONE, LEAST_SPREAD = 0.7311, 0.01
+# Half of the splats brighter than white, or darker than black, by more than this are no sRGB colors.
+COLOR_MARGIN = 1.0
+_HASH = np.array([0x9E3779B97F4A7C15, 0xC2B2AE3D27D4EB4F, 0x165667B19E3779F9], np.uint64)
 
 # Other formats are floors above, and are loaded by name when they are asked for.
 OTHER_FORMATS = "digs_warp.pipeline.scene_files"
@@ -63,6 +75,8 @@ class Gaussians:
         opacity_logits: logit of the opacity, (n,).
         sh: spherical-harmonics coefficients of the color in sRGB, (n, K, 3), see `digs_warp.geometry.sh`.
         screen_filter: what they are drawn with.
+        world_offset: what was taken off the centers of a scene far from the origin, which float32 cannot
+            hold [m]; None: nothing.
     """
 
     means: np.ndarray
@@ -71,6 +85,7 @@ class Gaussians:
     opacity_logits: np.ndarray
     sh: np.ndarray
     screen_filter: ScreenFilter = field(default=NO_FILTER, kw_only=True)
+    world_offset: tuple[float, float, float] | None = field(default=None, kw_only=True)
 
     def __post_init__(self) -> None:
         for name in FIELDS:
@@ -104,6 +119,13 @@ class Gaussians:
 
         return expit(self.opacity_logits.astype(np.float64)).astype(np.float32)
 
+    @property
+    def doubts(self) -> list[str]:
+        """Sentences about values that are probably not what was meant; see `doubts_of`."""
+        with np.errstate(over="ignore"):
+            values = (self.means, self.scales, self.opacities, self.sh[:, 0])
+        return [sentence for _, sentence in doubts_of(*values)]
+
     def select(self, keep: np.ndarray | slice) -> "Gaussians":
         """Return the Gaussians at ``keep``: a bool mask, (n,), indices, or a slice (a view)."""
         return replace(self, **{name: getattr(self, name)[keep] for name in FIELDS})
@@ -122,7 +144,8 @@ class Gaussians:
             return
         arrays = {name: getattr(self, name) for name in FIELDS}
         note = np.array([self.screen_filter.dilation, self.screen_filter.antialias])
-        write_arrays(path, arrays | {_NOTE: note})
+        offset = {} if self.world_offset is None else {_OFFSET: np.array(self.world_offset)}
+        write_arrays(path, arrays | {_NOTE: note} | offset)
 
     @staticmethod
     def load(path: Path) -> "Gaussians":
@@ -139,7 +162,69 @@ class Gaussians:
             if _NOTE in arrays:
                 dilation, antialias = check_shape(_NOTE, arrays[_NOTE], (2,)).tolist()
                 found = ScreenFilter(dilation, bool(antialias))
-            return Gaussians(**{name: arrays[name] for name in FIELDS}, screen_filter=found)
+            offset = None
+            if _OFFSET in arrays:
+                offset = tuple(check_shape(_OFFSET, arrays[_OFFSET], (3,)).tolist())
+            values = {name: arrays[name] for name in FIELDS}
+            return Gaussians(**values, screen_filter=found, world_offset=offset)
+
+
+def doubts_of(
+    means: np.ndarray, scales: np.ndarray, opacities: np.ndarray, base: np.ndarray
+) -> Iterator[tuple[str, str]]:
+    """Yield (rule, sentence) for what finite, activated values look like when a program has erred.
+
+    Args:
+        means: centers, shape (n, 3).
+        scales: standard deviations, shape (n, 3).
+        opacities: shape (n,).
+        base: coefficients of the color of degree 0, shape (n, 3).
+    """
+    count = len(means)
+    if count < FEWEST_TO_DOUBT:
+        return
+    _, inverse, members = np.unique(
+        np.ascontiguousarray(means, np.float32).view(np.uint32).astype(np.uint64) @ _HASH,
+        return_inverse=True,
+        return_counts=True,
+    )
+    first = int(np.argmax(members[inverse]))
+    if (most := int(members.max())) >= FEWEST_TO_DOUBT:
+        x, y, z = means[first].tolist()
+        yield (
+            "repeated",
+            f"{most} of {count} lie at one point ({x:g}, {y:g}, {z:g}): rows of zeros?",
+        )
+    rest = members[inverse] < FEWEST_TO_DOUBT
+    if not rest.any():
+        return
+    typical = float(np.median(scales[rest].max(axis=1)))
+    whole = float(np.linalg.norm(np.ptp(means[rest], axis=0)))
+    if typical > whole:
+        yield (
+            "scale-range",
+            f"half of the splats are wider ({typical:.3g}) than the whole field ({whole:.3g})",
+        )
+    elif scales[rest].min() >= 1 and (
+        typical < NARROW or typical > MOST_OVERLAP * whole / np.sqrt(rest.sum())
+    ):
+        yield (
+            "scale-range",
+            f"all splats are wider than 1, half of them up to {typical:.3g} in a field of {whole:.3g}: "
+            "scales in metres that were taken for logarithms?",
+        )
+    low, high = float(opacities[rest].min()), float(opacities[rest].max())
+    if low >= 0.5 and LEAST_SPREAD <= high - low and high <= TOP_OF_ONE:
+        yield (
+            "opacity-range",
+            f"all opacities are {low:.3f} to {high:.3f}: values of 0 to 1 that were taken for logits?",
+        )
+    brightness = float(np.median(0.5 + C0 * base[rest].astype(np.float32).mean(axis=1)))
+    if not -COLOR_MARGIN <= brightness <= 1 + COLOR_MARGIN:
+        yield (
+            "color-range",
+            f"the median splat has a brightness of {brightness:.3g}, expected 0 to 1",
+        )
 
 
 def joined(parts: Sequence[Gaussians]) -> Gaussians:

@@ -139,7 +139,7 @@ def write_vertices(path: Path, table: np.ndarray, comments: Sequence[str] = ()) 
 
     Args:
         path: the file.
-        table: fields of little-endian float32 and uint8, without gaps; their names become those of the
+        table: fields of little-endian numbers, without gaps; their names become those of the
             properties.
         comments: for the header, a line each.
     """

@@ -24,7 +24,11 @@ SUFFIXES = (OURS, *SPLAT_SUFFIXES, *USD_SUFFIXES)
 
 
 def read_scene(
-    source: Path, up: UpAxis = "z", drop_broken: bool = False, capture: Capture | None = None
+    source: Path,
+    up: UpAxis = "z",
+    drop_broken: bool = False,
+    capture: Capture | None = None,
+    prim: str | None = None,
 ) -> Reconstruction:
     """Return the Gaussians of a file or folder, with all that is known about their origin.
 
@@ -33,14 +37,19 @@ def read_scene(
         up: the axis that points up in PLY and .splat files, which do not say it.
         drop_broken: drop a splat file's Gaussians with NaN or infinite values instead of rejecting the file.
         capture: the recording; default: the one that a run left in or beside the folder, if any.
+        prim: path of the splats in a USD scene that shows several fields of them.
 
     Raises:
         DigsError: the source is missing, damaged or none of these.
     """
     path = find_gaussians(Path(source))
     if path.name == GAUSSIANS:
-        return Reconstruction.load(path, capture, partial=True)
-    gaussians = _read_gaussians(path, up, drop_broken)
+        result = Reconstruction.load(path, capture, partial=True)
+        placed = replace(result.gaussians, world_offset=result.poses.world_offset)
+        return replace(result, gaussians=placed)
+    gaussians = _read_gaussians(path, up, drop_broken, prim)
+    for sentence in gaussians.doubts:
+        logger.warning("'%s': %s", path, sentence)
     return Reconstruction.of_gaussians(gaussians, path.parent, capture)
 
 
@@ -122,7 +131,7 @@ def write_scene_file(
         write_gaussians(target, result.gaussians, metadata)
 
 
-def _read_gaussians(path: Path, up: UpAxis, drop_broken: bool) -> Gaussians:
+def _read_gaussians(path: Path, up: UpAxis, drop_broken: bool, prim: str | None) -> Gaussians:
     suffix = path.suffix.lower()
     if suffix in SPLAT_SUFFIXES:
         from digs_warp.formats.splats.files import read_splat_file
@@ -131,7 +140,7 @@ def _read_gaussians(path: Path, up: UpAxis, drop_broken: bool) -> Gaussians:
     if suffix in (*USD_SUFFIXES, ".usd"):
         from digs_warp.usd.reader import read_gaussians
 
-        return read_gaussians(path)
+        return read_gaussians(path, prim)
     require_file(path, "Gaussians")
     if suffix != OURS:
         raise DigsError(

@@ -18,6 +18,7 @@ from digs_warp.formats.splats.rows import (
     SMALLEST_SCALE,
     codes_from_logits,
     logits_from_codes,
+    warn_of_offset,
 )
 from digs_warp.geometry.sh import C0, sh_from_rgb
 from digs_warp.record.files import write_atomically
@@ -78,6 +79,9 @@ def write_dot_splat(path: Path, gaussians: Gaussians) -> None:
         logger.warning(
             "%s: the format has no view-dependent color; degrees above 0 are left out", what
         )
+    if gaussians.screen_filter.antialias:
+        logger.warning("%s: the format cannot say that its splats are for antialiasing", what)
+    warn_of_offset(gaussians, what)
     with np.errstate(over="ignore"):
         scales = gaussians.scales
     if not np.isfinite(scales).all():

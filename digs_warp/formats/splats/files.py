@@ -1,5 +1,6 @@
 """Splat files by suffix: one function to read and one to write PLY, SPZ and .splat."""
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Literal
 
@@ -10,6 +11,7 @@ from digs_warp.formats.splats.ply import read_ply, write_ply
 from digs_warp.formats.splats.rows import (
     WORLD_FROM_UP,
     check_writable,
+    near_origin,
     turned,
     without_broken_rows,
 )
@@ -40,6 +42,9 @@ def read_splat_file(path: Path, up: UpAxis = "z", drop_broken: bool = False) -> 
     except OSError as error:
         raise DigsError(f"'{path}': cannot be read ({error.strerror or error})") from error
     gaussians = without_broken_rows(gaussians, f"'{path}'", drop_broken)
+    if suffix != ".ply":
+        means, offset = near_origin(gaussians.means, f"'{path}'")
+        gaussians = replace(gaussians, means=means, world_offset=offset)
     return gaussians if up == "z" or suffix == ".spz" else turned(gaussians, WORLD_FROM_UP[up])
 
 

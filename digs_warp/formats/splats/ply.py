@@ -25,7 +25,7 @@ from digs_warp.data.ply_table import (
     read_table,
     write_vertices,
 )
-from digs_warp.formats.splats.rows import LARGEST_LOGIT, nearest_known
+from digs_warp.formats.splats.rows import LARGEST_LOGIT, near_origin, nearest_known
 from digs_warp.geometry.sh import C0, MAX_DEGREE, coefficient_count
 
 logger = logging.getLogger(__name__)
@@ -80,21 +80,24 @@ def read_ply(path: Path) -> Gaussians:
             f"{what}: no property {', '.join(missing)}, so no Gaussians: a mesh or a point cloud? "
             "Expected the PLY that 3D Gaussian splatting programs write"
         )
+    # In double precision, which files of surveys have and need.
+    means, offset = near_origin(_columns(table, POSITION, what, np.float64), what)
     logits = _columns(table, OPACITY, what)[:, 0]
     infinite = np.isinf(logits)
     logits[infinite] = np.copysign(LARGEST_LOGIT, logits[infinite])
     return Gaussians(
-        means=_columns(table, POSITION, what),
+        means=means,
         log_scales=_columns(table, SCALES, what),
         quats=_columns(table, QUATERNION, what)[:, _XYZW_FROM_WXYZ],
         opacity_logits=logits,
         sh=_read_sh(table, what),
         screen_filter=_noted_filter(header.comments),
+        world_offset=offset,
     )
 
 
 def write_ply(path: Path, gaussians: Gaussians, vertex_colors: bool = False) -> None:
-    """Write Gaussians, binary little-endian: float32 exactly as in memory.
+    """Write Gaussians, binary little-endian: float32 exactly as in memory, far centers as doubles.
 
     Args:
         path: the file.
@@ -104,10 +107,15 @@ def write_ply(path: Path, gaussians: Gaussians, vertex_colors: bool = False) -> 
             properties by name do not care, but a few expect rows of floats only.
     """
     rest = gaussians.sh.shape[1] - 1
-    names = [*POSITION, *NORMAL, *COLOR, *(REST.format(i) for i in range(3 * rest))]
+    names = [*NORMAL, *COLOR, *(REST.format(i) for i in range(3 * rest))]
     names += [*OPACITY, *SCALES, *QUATERNION]
+    means, place = gaussians.means, "f4"
+    if gaussians.world_offset is not None:
+        means = means.astype(np.float64) + gaussians.world_offset
+        if (means != means.astype(np.float32)).any():
+            place = "f8"
+            logger.warning("PLY '%s': x, y and z are doubles, so far from the origin", path)
     columns = [
-        gaussians.means,
         np.zeros_like(gaussians.means),
         gaussians.sh[:, 0],
         gaussians.sh[:, 1:].transpose(0, 2, 1).reshape(len(gaussians), 3 * rest),
@@ -116,8 +124,13 @@ def write_ply(path: Path, gaussians: Gaussians, vertex_colors: bool = False) -> 
         gaussians.quats[:, _WXYZ_FROM_XYZW],
     ]
     colors = VERTEX_COLOR if vertex_colors else ()
-    kinds = [(name, "<f4") for name in names] + [(name, "u1") for name in colors]
-    blocks = np.empty(len(gaussians), [("f4", "<f4", len(names)), ("u1", "u1", len(colors))])
+    kinds = [(name, f"<{place}") for name in POSITION] + [(name, "<f4") for name in names]
+    kinds += [(name, "u1") for name in colors]
+    blocks = np.empty(
+        len(gaussians),
+        [("xyz", f"<{place}", 3), ("f4", "<f4", len(names)), ("u1", "u1", len(colors))],
+    )
+    blocks["xyz"] = means
     blocks["f4"] = np.concatenate(columns, axis=1)
     if vertex_colors:
         blocks["u1"] = to_uint8(0.5 + C0 * gaussians.sh[:, 0])
@@ -147,13 +160,14 @@ def _notes_of(screen_filter: ScreenFilter) -> list[str]:
     return [_OUR_NOTE.format(f"{screen_filter.dilation:g}"), mode]
 
 
-def _columns(table: np.ndarray, names: tuple[str, ...], what: str) -> np.ndarray:
-    """Return the properties ``names`` side by side, shape (n, len(names)), float32."""
-    columns = np.empty((len(table), len(names)), dtype=np.float32)
+def _columns(
+    table: np.ndarray, names: tuple[str, ...], what: str, kind: type[np.floating] = np.float32
+) -> np.ndarray:
+    """Return the properties ``names`` side by side, shape (n, len(names)), as numbers of ``kind``."""
+    columns = np.empty((len(table), len(names)), dtype=kind)
     for number, name in enumerate(names):
-        kind = table.dtype[name]
-        if kind.kind != "f":
-            raise DigsError(f"{what}: the property '{name}' holds {kind.name}, expected float")
+        if (stored := table.dtype[name]).kind != "f":
+            raise DigsError(f"{what}: the property '{name}' holds {stored.name}, expected float")
         with np.errstate(over="ignore"):  # doubles beyond float32 become infinite: a broken row
             columns[:, number] = table[name]
     return columns

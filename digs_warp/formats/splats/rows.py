@@ -7,7 +7,7 @@ import numpy as np
 
 from digs_warp.checks import DigsError
 from digs_warp.data.gaussians import ANTIALIASED, CLASSIC, FIELDS, Gaussians, ScreenFilter
-from digs_warp.geometry.rigid import quat_multiply, quat_xyzw_from_matrix
+from digs_warp.geometry.rigid import far_offset, quat_multiply, quat_xyzw_from_matrix
 from digs_warp.geometry.sh import rotate_sh
 
 logger = logging.getLogger(__name__)
@@ -47,6 +47,46 @@ def turned(gaussians: Gaussians, b_from_a: np.ndarray) -> Gaussians:
             means=gaussians.means @ b_from_a.T.astype(np.float32),
             quats=quat_multiply(quat_xyzw_from_matrix(b_from_a), quats),
             sh=rotate_sh(gaussians.sh, b_from_a),
+            world_offset=_tuple(b_from_a @ gaussians.world_offset)
+            if gaussians.world_offset is not None
+            else None,
+        )
+
+
+def near_origin(
+    means: np.ndarray, what: str
+) -> tuple[np.ndarray, tuple[float, float, float] | None]:
+    """Return centers as float32, and what had to be taken off them for it [m]; None: nothing.
+
+    Args:
+        means: shape (n, 3), as precise as the file has them.
+        what: names the file in the message.
+    """
+    finite = means[np.isfinite(means).all(axis=1)].astype(np.float64)
+    offset = far_offset(finite) if len(finite) else None
+    if offset is None:
+        with np.errstate(over="ignore"):  # doubles beyond float32 become infinite: a broken row
+            return means.astype(np.float32), None
+    logger.warning(
+        "%s: %s m are taken off its centers, which are too far from the origin for float32; kept as "
+        "world_offset",
+        *(what, offset.tolist()),
+    )
+    return (means - offset).astype(np.float32), _tuple(offset)
+
+
+def _tuple(place: np.ndarray) -> tuple[float, float, float]:
+    x, y, z = place.tolist()
+    return x, y, z
+
+
+def warn_of_offset(gaussians: Gaussians, what: str) -> None:
+    """Log that a format has no place for what was taken off the centers."""
+    if gaussians.world_offset is not None:
+        logger.warning(
+            "%s: the format cannot hold places so far from the origin; centers are written less %s m; PLY, "
+            "USD and .npz keep them",
+            *(what, list(gaussians.world_offset)),
         )
 
 

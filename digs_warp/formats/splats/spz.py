@@ -22,6 +22,7 @@ from digs_warp.formats.splats.rows import (
     nearest_known,
     turned,
     warn_of_loss,
+    warn_of_offset,
 )
 from digs_warp.formats.splats.spz_container import (
     PackedSplats,
@@ -228,6 +229,7 @@ def write_spz(path: Path, gaussians: Gaussians, version: int = DEFAULT_VERSION) 
     what = f"SPZ '{path}'"
     GAUSSIANS.check(what, len(gaussians))
     _warn_of_cuts(gaussians, what)
+    warn_of_offset(gaussians, what)
     splats = turned(gaussians, WORLD_FROM_Y_UP.T)
     bits = _fractional_bits(splats.means, what)
     # `turned` returns unit quaternions.

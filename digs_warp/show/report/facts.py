@@ -48,12 +48,16 @@ def _of_gaussians(gaussians: Gaussians, path: Path, unit: str = "m") -> Facts:
     if gaussians.screen_filter != NO_FILTER:
         antialiased = ", antialiased" if gaussians.screen_filter.antialias else ""
         facts["drawn with"] = f"{gaussians.screen_filter.dilation:g} px² on the screen{antialiased}"
+    if gaussians.world_offset is not None:
+        facts["offset"] = " ".join(f"{each:g}" for each in gaussians.world_offset) + f" {unit}"
     if len(gaussians):
         size = float(np.median(np.exp(gaussians.log_scales.mean(axis=1))))
         words = f"{1e3 * size:.2f} mm" if unit == "m" else f"{size:.3g} {unit}"
         facts["extent"] = extent_words(gaussians.means, unit)
         facts["size"] = f"{words} standard deviation (median)"
         facts["opacity"] = f"{np.median(gaussians.opacities):.2f} (median)"
+    if doubts := gaussians.doubts:
+        facts["doubtful"] = "; ".join(doubts)
     return facts
 
 
@@ -104,11 +108,11 @@ def of_many_results(folder: Path) -> Facts:
     } | record_facts(folder)
 
 
-def of_usd(path: Path) -> Facts:
+def of_usd(path: Path, prim: str | None = None) -> Facts:
     """The content of the scene, without loading the Gaussians."""
     from digs_warp.usd.reader import describe
 
-    return facts_of_usd(describe(path))
+    return facts_of_usd(describe(path, prim))
 
 
 def facts_of_usd(scene: dict[str, Any]) -> Facts:
@@ -119,6 +123,7 @@ def facts_of_usd(scene: dict[str, Any]) -> Facts:
         "spherical harmonics": f"degree {scene['sh_degree']}",
         "precision": scene["precision"],
         "axes and unit": f"{scene['up_axis']} up, {_unit_words(scene)}",
+        "color space": scene["color_space"] or "not said, taken for sRGB",
         "file size": f"{scene['bytes'] / 1e6:.1f} MB",
     }
     if scene["extent"]:

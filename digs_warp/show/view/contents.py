@@ -1,7 +1,7 @@
 """What a file or folder holds to be looked at: Gaussians, views, points, meshes."""
 
 import logging
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -18,7 +18,7 @@ from digs_warp.data.triangle_mesh import TriangleMesh
 from digs_warp.data.viewpoints import evenly
 from digs_warp.geometry.camera import pixel_centers
 from digs_warp.pipeline.reconstruction import Reconstruction
-from digs_warp.pipeline.scene_files import UpAxis, read_scene
+from digs_warp.pipeline.scene_files import read_scene
 from digs_warp.record import layout
 from digs_warp.surface.true_surface import read_true_surface
 from digs_warp.words import counted
@@ -113,14 +113,13 @@ class Contents:
         return next(points for points in (*surfaces, centers) if len(points))
 
 
-def read_contents(path: Path, up: UpAxis = "z", drop_broken: bool = False) -> Contents:
+def read_contents(path: Path, read: Callable[[Path], Reconstruction] = read_scene) -> Contents:
     """Read what ``path`` holds.
 
     Args:
         path: a capture, the folder of 'digs-warp reconstruct' or 'run', Gaussians of any supported file, or
             a mesh.
-        up: the axis that points up in PLY and .splat files.
-        drop_broken: leave out a splat file's Gaussians that are not finite.
+        read: reads Gaussians.
 
     Raises:
         DigsError: it is missing, broken, empty or none of these.
@@ -131,7 +130,7 @@ def read_contents(path: Path, up: UpAxis = "z", drop_broken: bool = False) -> Co
         return _of_capture(path)
     if path.suffix.lower() in MESH_SUFFIXES:
         return _of_mesh(path)
-    return _of_reconstruction(path, read_scene(path, up, drop_broken))
+    return _of_reconstruction(path, read(path))
 
 
 def _of_capture(folder: Path) -> Contents:

@@ -1,0 +1,147 @@
+"""Splat files as people hand them in: far from the origin, with activated values, rows of zeros, flags."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from digs_warp.cli import main
+from digs_warp.data.gaussians import ANTIALIASED, Gaussians
+from digs_warp.data.ply_table import read_ply_header, read_table
+from digs_warp.formats.splats.files import write_splat_file
+from digs_warp.pipeline.scene_files import read_scene
+from reference.splat_scenes import random_gaussians
+
+UTM = np.array([431000.0, 4582000.0, 312.0])
+FORMATS = [".ply", ".spz", ".splat", ".npz", ".usda", ".usdz"]
+
+
+def scene(count: int = 300) -> Gaussians:
+    """A field of 4 m of splats of a few centimetres."""
+    rng = np.random.default_rng(count)
+    return replace(
+        random_gaussians(count, 1),
+        means=rng.uniform(-2, 2, (count, 3)),
+        log_scales=np.log(rng.uniform(0.01, 0.05, (count, 3))),
+        opacity_logits=rng.normal(0, 3, count),
+        screen_filter=ANTIALIASED,
+    )
+
+
+def centers(path: Path) -> np.ndarray:
+    """In the frame of the file, float64."""
+    table = read_table(path, read_ply_header(path), "vertex")
+    return np.stack([table[axis].astype(np.float64) for axis in "xyz"], axis=1)
+
+
+@pytest.mark.parametrize("kind", ["f8", "f4"])
+@pytest.mark.parametrize("up", ["z", "y"])
+def test_a_scene_at_survey_coordinates_keeps_its_places(
+    tmp_path: Path, kind: str, up: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    near = scene()
+    path = tmp_path / "utm.ply"
+    write_splat_file(path, near)
+    table = read_table(path, read_ply_header(path), "vertex")
+    places = (near.means.astype(np.float64) + UTM).astype(kind)
+    far = np.empty(len(table), [(n, kind if n in "xyz" else "f4") for n in table.dtype.names or ()])
+    for name in table.dtype.names or ():
+        far[name] = table[name]
+    for axis, name in enumerate("xyz"):
+        far[name] = places[:, axis]
+    names = {"f4": "float", "f8": "double"}
+    lines = [f"property {names[far.dtype[n].str[1:]]} {n}" for n in far.dtype.names or ()]
+    head = ["ply", "format binary_little_endian 1.0", f"element vertex {len(far)}", *lines]
+    path.write_bytes("\n".join([*head, "end_header\n"]).encode() + far.tobytes())
+
+    for suffix in FORMATS:
+        out = tmp_path / f"out{suffix}"
+        assert main(["convert", str(path), "--out", str(out), "--up", up]) == 0
+        kept = suffix not in (".spz", ".splat")
+        assert ("cannot hold places so far" in capsys.readouterr().err) != kept
+        again = tmp_path / f"again{suffix}.ply"
+        assert main(["convert", str(out), "--out", str(again), "--up", up]) == 0
+        found = centers(again)
+        loaded = read_scene(out).gaussians
+        assert np.abs(loaded.means).max() < 4 and (loaded.world_offset is not None) == kept
+        if not kept:
+            found = found + np.round(np.median(places, axis=0))
+        np.testing.assert_allclose(found, places, atol=1e-5, rtol=0)
+
+
+@pytest.mark.parametrize("suffix", FORMATS)
+def test_the_flag_for_antialiasing_is_kept_or_missed(
+    tmp_path: Path, suffix: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    write_splat_file(tmp_path / "a.spz", scene())
+    out = tmp_path / f"b{suffix}"
+    assert main(["convert", str(tmp_path / "a.spz"), "--out", str(out)]) == 0
+    said = capsys.readouterr().err
+    if suffix == ".splat":
+        assert "cannot say that its splats are for antialiasing" in said
+    else:
+        assert read_scene(out).gaussians.screen_filter == ANTIALIASED
+    if not suffix.startswith(".usd"):
+        assert main(["info", str(out)]) == 0
+        assert ("antialiased" in capsys.readouterr().out) == (suffix != ".splat")
+
+
+def spoilt(which: str) -> Gaussians:
+    good = scene()
+    if which == "scales":
+        return replace(good, log_scales=good.scales)
+    if which == "opacities":
+        return replace(good, opacity_logits=good.opacities)
+    if which == "zeros":
+        parts = {n: getattr(good, n).copy() for n in ("means", "log_scales", "quats", "sh")}
+        for values in parts.values():
+            values[:100] = 0
+        return replace(
+            good, **parts, opacity_logits=np.r_[np.zeros(100), good.opacity_logits[100:]]
+        )
+    if which == "colors":
+        return replace(good, sh=np.full_like(good.sh, 128.0))
+    return good
+
+
+@pytest.mark.parametrize(
+    ("which", "said"),
+    [
+        ("good", ""),
+        ("scales", "taken for logarithms"),
+        ("opacities", "taken for logits"),
+        ("zeros", "100 of 300 lie at one point (0, 0, 0)"),
+        ("colors", "brightness of 36.6"),
+    ],
+)
+def test_implausible_values_are_named(
+    tmp_path: Path, which: str, said: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    for suffix in (".ply", ".npz"):
+        path = tmp_path / f"a{suffix}"
+        spoilt(which).save(path)
+        assert main(["info", str(path)]) == 0
+        out = capsys.readouterr().out
+        assert said in out and ("doubtful" in out) == bool(said)
+        usd = tmp_path / f"{path.stem}{suffix}.usda"
+        assert main(["convert", str(path), "--out", str(usd)]) == 0
+        assert said in capsys.readouterr().err
+        assert main(["usd", "validate", str(usd)]) == 0
+        assert said in capsys.readouterr().out
+
+
+def test_a_compressed_ply_of_supersplat_is_named(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "scene.compressed.ply"
+    head = "ply\nformat binary_little_endian 1.0\nelement chunk 1\nproperty float min_x\n"
+    head += (
+        "element vertex 1\nproperty uint packed_position\nproperty uint packed_color\nend_header\n"
+    )
+    path.write_bytes(head.encode() + bytes(12))
+    for command in (["info"], ["convert", "--out", str(tmp_path / "b.spz")]):
+        assert main([command[0], str(path), *command[1:]]) == 1
+        assert (
+            "compressed PLY of SuperSplat; export it again as plain PLY" in capsys.readouterr().err
+        )

@@ -1,0 +1,163 @@
+"""USD scenes as people hand them in: linear colors, packages in packages, hidden fields, no unit."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from pxr import Sdf, Usd, UsdGeom
+
+import digs_warp as dw
+from digs_warp.checks import UsdError
+from digs_warp.cli import main
+from digs_warp.data.gaussians import Gaussians
+from digs_warp.data.images import linear_from_srgb, srgb_from_linear
+from digs_warp.geometry.sh import sh_basis, sh_from_rgb
+from digs_warp.usd import names
+from digs_warp.usd.package import PackageWriter
+from digs_warp.usd.reader import read_gaussians
+from reference.splat_scenes import random_gaussians
+
+RGB = np.random.default_rng(0).uniform(0.05, 0.95, (20, 3))
+
+
+def flat(rgb: np.ndarray) -> Gaussians:
+    splats = random_gaussians(len(rgb), 0)
+    return Gaussians(
+        splats.means,
+        splats.log_scales,
+        splats.quats,
+        splats.opacity_logits,
+        sh_from_rgb(rgb)[:, None],
+    )
+
+
+def tagged(path: Path, gaussians: Gaussians, space: str, on_attribute: bool = False) -> Path:
+    """A scene whose splats have colors in another space."""
+    gaussians.save(path)
+    stage = Usd.Stage.Open(str(path))
+    field = stage.GetPrimAtPath(names.GAUSSIANS_PATH)
+    if on_attribute:
+        field.GetAttribute(names.SH_COEFFICIENTS).SetColorSpace(space)
+    else:
+        field.GetAttribute("colorSpace:name").Set(space)
+    stage.Save()
+    return path
+
+
+@pytest.mark.parametrize("on_attribute", [False, True])
+@pytest.mark.parametrize(
+    ("space", "stored"),
+    [
+        ("lin_rec709_scene", linear_from_srgb(RGB)),
+        ("lin_rec709_display", linear_from_srgb(RGB)),
+        ("g22_rec709_scene", linear_from_srgb(RGB) ** (1 / 2.2)),
+        ("srgb_rec709_scene", RGB),
+        ("srgb_rec709_display", RGB),
+        ("raw", RGB),
+        ("nobody's", RGB),
+    ],
+)
+def test_colors_of_another_space_become_srgb(
+    tmp_path: Path, space: str, stored: np.ndarray, on_attribute: bool
+) -> None:
+    read = read_gaussians(tagged(tmp_path / "a.usda", flat(stored), space, on_attribute))
+    np.testing.assert_allclose(0.5 + read.sh[:, 0] * 0.28209479, RGB, atol=2e-6)
+
+
+def test_wide_colors_become_srgb(tmp_path: Path) -> None:
+    """By OpenUSD's own conversion."""
+    from pxr import Gf
+
+    source, target = Gf.ColorSpace("lin_ap1_scene"), Gf.ColorSpace("srgb_rec709_scene")
+    stored = [[0.3, 0.31, 0.29], [0.5, 0.4, 0.3]]
+    expected = [target.Convert(source, Gf.Vec3f(*rgb)).GetRGB() for rgb in stored]
+    read = read_gaussians(tagged(tmp_path / "a.usda", flat(np.array(stored)), "lin_ap1_scene"))
+    np.testing.assert_allclose(0.5 + read.sh[:, 0] * 0.28209479, expected, atol=1e-5)
+
+
+def test_view_dependent_linear_colors_stay_near_on_all_sides(tmp_path: Path) -> None:
+    splats = flat(RGB * 0.5 + 0.25)
+    sh = np.concatenate([splats.sh, np.random.default_rng(1).normal(0, 0.02, (20, 15, 3))], axis=1)
+    linear = Gaussians(splats.means, splats.log_scales, splats.quats, splats.opacity_logits, sh)
+    read = read_gaussians(tagged(tmp_path / "a.usda", linear, "lin_rec709_scene"))
+    directions = np.random.default_rng(2).normal(size=(200, 3))
+    basis = sh_basis(directions / np.linalg.norm(directions, axis=1, keepdims=True), 3)
+    expected = srgb_from_linear(0.5 + basis @ sh)
+    assert np.abs(0.5 + basis @ read.sh - expected).max() < 0.01
+
+
+def package(path: Path, *members: Path) -> Path:
+    writer = PackageWriter(path, path)
+    for member in members:
+        writer.add(member, member.name)
+    writer.close()
+    return path
+
+
+def test_a_package_in_a_package_is_read(tmp_path: Path) -> None:
+    splats = flat(RGB)
+    splats.save(tmp_path / "inner.usdz")
+    root = tmp_path / "default.usda"
+    stage = Usd.Stage.CreateNew(str(root))
+    UsdGeom.SetStageMetersPerUnit(stage, 1)
+    world = stage.DefinePrim("/World", "Xform")
+    stage.SetDefaultPrim(world)
+    world.GetReferences().AddReference("./inner.usdz")
+    stage.Save()
+    outer = package(tmp_path / "outer.usdz", root, tmp_path / "inner.usdz")
+    np.testing.assert_array_equal(read_gaussians(outer).means, splats.means)
+    # One that is a package alone, a few deep; deeper ones are no scenes.
+    path = tmp_path / "inner.usdz"
+    for level in range(2, 6):
+        path = package(tmp_path / f"level{level}.usdz", path)
+        if level <= 4:
+            assert len(read_gaussians(path)) == 20
+    with pytest.raises(UsdError, match="in 4 packages"):
+        read_gaussians(path)
+
+
+def two_fields(path: Path, hide: str = "") -> Path:
+    flat(RGB).save(path)
+    stage = Usd.Stage.Open(str(path))
+    layer = stage.GetRootLayer()
+    Sdf.CopySpec(layer, names.GAUSSIANS_PATH, layer, "/Asset/Old")
+    old = UsdGeom.Imageable(stage.GetPrimAtPath("/Asset/Old"))
+    if hide == "invisible":
+        old.MakeInvisible()
+    elif hide:
+        old.CreatePurposeAttr(hide)
+    stage.Save()
+    return path
+
+
+@pytest.mark.parametrize("hide", ["invisible", "proxy", "guide"])
+def test_the_visible_one_of_two_fields_is_read(
+    tmp_path: Path, hide: str, caplog: pytest.LogCaptureFixture
+) -> None:
+    assert len(read_gaussians(two_fields(tmp_path / "a.usda", hide))) == 20
+    assert f"only {names.GAUSSIANS_PATH} is visible" in caplog.text
+
+
+def test_one_of_two_fields_is_chosen_with_a_flag(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path, out = two_fields(tmp_path / "a.usda"), tmp_path / "b.ply"
+    for command in (["info", str(path)], ["convert", str(path), "--out", str(out)]):
+        assert main(command) == 1
+        assert "/Asset/Gaussians, /Asset/Old; choose one with --prim" in capsys.readouterr().err
+        assert main([*command, "--prim", "/Asset/Old"]) == 0
+    chosen = dw.load(path, "/Asset/Old")
+    assert isinstance(chosen, Gaussians) and len(chosen) == 20
+
+
+def test_a_scene_without_a_unit_is_in_centimetres_and_that_is_said(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    splats, path = flat(RGB), tmp_path / "a.usda"
+    splats.save(path)
+    path.write_text(path.read_text().replace("metersPerUnit = 1", ""))
+    for command in (["info", str(path)], ["convert", str(path), "--out", str(tmp_path / "b.npz")]):
+        assert main(command) == 0
+        assert "has no metersPerUnit, so it is in centimetres" in capsys.readouterr().err
+    read = Gaussians.load(tmp_path / "b.npz")
+    np.testing.assert_allclose(read.means, 0.01 * splats.means, rtol=1e-6)
