@@ -10,7 +10,7 @@ import numpy as np
 from digs_warp.checks import CaptureError
 from digs_warp.data.decoded import decoded
 from digs_warp.data.images import depth_in_metres, mask_of, read_image
-from digs_warp.data.index_rules import INDEX_NAME
+from digs_warp.data.index_rules import INDEX_NAME, UNDISTORT
 from digs_warp.data.layers import Layer
 from digs_warp.data.objects import ObjectView, mask_of_text
 from digs_warp.data.rig import UNKNOWN_EXPOSURE, Exposure
@@ -249,6 +249,7 @@ class Frame:
             raise CaptureError(
                 f"{self._where(layer)}: {pixels.shape[1]}x{pixels.shape[0]} pixels, expected "
                 f"{k.width}x{k.height} as {INDEX_NAME} says; export the file again or correct w and h"
+                + ("" if self.has_plain_masks else f"; {UNDISTORT} scales the camera")
             )
         return pixels
 

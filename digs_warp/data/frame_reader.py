@@ -85,7 +85,7 @@ def _read_camera(own: Fields, index: dict[str, Any]) -> Camera:
     try:
         return Camera(intrinsics, own.array("transform_matrix", (4, 4)) @ OPENCV_FROM_OPENGL)
     except DigsError as error:
-        raise CaptureError(f"{own.where}: {error}") from error
+        raise CaptureError(f"{own.where}: {error}; {UNDISTORT} leaves lost frames out") from error
 
 
 def _inside(folder: Path, relative: str, where: str) -> Path:

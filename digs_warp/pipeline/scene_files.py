@@ -72,7 +72,8 @@ def posed_capture(folder: Path) -> Capture:
         )
     capture = read_capture(result.capture)
     frames = tuple(frame for frame, _ in result.frames.by_time)
-    about = replace(capture.about, poses_known=None)
+    offset = result.poses.world_offset
+    about = replace(capture.about, poses_known=None, world_offset=offset)
     held_out = frozenset(frame.name for frame in result.frames.held_out)
     return replace(capture, frames=frames, about=about, points=None, held_out=held_out)
 

@@ -84,8 +84,8 @@ EXPORTERS: dict[str, str] = {
     "bop": "bop.write_bop",
     "redwood": "redwood.write_redwood",
     "kitti-stereo": "kitti.write_kitti_stereo",
-    "sceneflow": "sceneflow.write_sceneflow",
-    "middlebury": "middlebury.write_middlebury",
+    "sceneflow": "stereo_sets.write_sceneflow",
+    "middlebury": "stereo_sets.write_middlebury",
 }
 
 
