@@ -48,7 +48,7 @@ LINE_BUDGETS = {
     "masks": 1_300,
     "measure": 1_610,
     "pipeline": 2_460,
-    "poses": 5_050,
+    "poses": 5_180,
     "record": 2_150,
     "show": 3_990,
     "sim.camera": 1_700,

@@ -104,8 +104,8 @@ CHECKS = (
         message="The camera stands still while something turns or moves before it: {still:.0%} of the "
         "surroundings look the same in all frames.",
         remedy="Of an object on a turntable, give masks (of the recording, or --masks): --poses auto then "
-        "finds the poses from what lies inside them. Or put a printed board under it: --poses board:FILE. "
-        "Without either, move the camera around the object instead.",
+        "finds the poses from what lies inside them; so does a printed board that turns with it, --poses "
+        "board:FILE. Without masks, move the camera around the object instead.",
         is_error=True,
     ),
     *(

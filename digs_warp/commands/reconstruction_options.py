@@ -32,10 +32,11 @@ class _SfmOptions(SfmConfig):
     Images are matched only with --poses sfm, or for a strategy that starts from sparse points.
     """
 
-    poses: Literal["sfm", "rgbd", "auto", "capture"] = "capture"
+    poses: str = "capture"
     """Camera poses. capture: those of the recording; sfm: estimated from the images, with the scale from the
     depth maps; rgbd: from color and depth of a film, frame by frame, where there is too little texture for
-    sfm; auto: sfm, but rgbd where that fails or where depth contradicts it."""
+    sfm; auto: sfm, but rgbd where that fails or where depth contradicts it; board:FILE: from a printed board
+    of AprilTags or ChArUco markers that the file describes (docs/poses.md), in metres."""
 
 
 @dataclass(frozen=True, kw_only=True)

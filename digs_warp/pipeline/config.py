@@ -94,7 +94,7 @@ def check_front_end(capture: Capture, config: FrontEndConfig) -> None:
     Raises:
         DigsError: no poses, too few frames, or masks or their source are missing.
     """
-    if not capture.knows_poses and config.sfm.poses not in ("sfm", "rgbd", "auto"):
+    if not capture.knows_poses and config.sfm.poses == "capture":
         other = ", or with --poses rgbd from color and depth" if capture.has_depth else ""
         raise DigsError(
             f"{capture}: the recording has no camera poses; estimate them with --poses sfm{other}"

@@ -40,6 +40,7 @@ from digs_warp.pipeline.poses import (
 )
 from digs_warp.pipeline.records import Poses, store, stored
 from digs_warp.pipeline.refine_poses import only_registered, refined, with_held_out
+from digs_warp.poses.board import posed_by_board
 from digs_warp.poses.from_images.config import SfmConfig
 from digs_warp.poses.outcome import Tracking
 from digs_warp.record.layout import INITIAL_POINTS, MASKS, RUN_RECORD
@@ -142,7 +143,7 @@ def _alone_if_still(
         raise DigsError(
             f"{capture}: the camera stands still and something turns before it, so that poses can only be "
             "found from what lies inside the masks of the object: give masks (of the recording, or --masks) "
-            "and --poses auto; or put a printed board under it: --poses board:FILE"
+            "and --poses auto, or --poses board:FILE if a printed board turns with it"
         )
     if config.segment.source != "capture":
         split = PosedFrames.split(capture, config.test_every)
@@ -220,6 +221,11 @@ def _with_poses(
     capture: Capture, config: FrontEndConfig, folder: Path, log: RunLog
 ) -> tuple[Capture, SfmConfig, Tracking | None]:
     """Return the recording with poses where color and depth find them, and how poses are found."""
+    if config.sfm.board is not None:
+        with log.stage("board"):
+            frames = tuple(posed_by_board(capture.frames, config.sfm.board))
+        about = replace(capture.about, poses_known=True, poses_in_metres=True)
+        return replace(capture, frames=frames, about=about), config.sfm, None
     if config.sfm.poses == "rgbd":
         with log.stage("track"):
             found, tracking = tracked(capture, config.sfm)

@@ -89,7 +89,7 @@ def refined(
     every = [frame for frame, _ in frames.by_time]
     with_depth = any(frame.has(Layer.DEPTH) for frame in every)
     # Without depth the training alone can mend them.
-    estimated = config.poses == "sfm"
+    estimated = config.poses == "sfm" or config.board is not None
     needed = config.refine_poses == "on" and with_depth
     posed, refinement = refine(every, config.readout, needed, estimated)
     left = {frame.name for frame in posed}

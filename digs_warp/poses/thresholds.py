@@ -26,6 +26,9 @@ MIN_PATH_WIDTH = 0.01
 # points per image with given poses, below which poses and images have nothing in common | by hand
 MIN_OBSERVATIONS = 10
 
+# px, median error of a printed board's points, above which it is another board | by hand
+MAX_BOARD_ERROR = 3.0
+
 # --- Matched features (features.py)
 
 # nearest over second nearest descriptor | Lowe, IJCV 2004, has 0.8; white rooms need more matches

@@ -1,22 +1,29 @@
 """Settings of structure from motion, apart from their code: the command line loads only these."""
 
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
+from digs_warp.checks import DigsError
 from digs_warp.settings import NO_FLAG, SEED, Range, Settings
+from digs_warp.words import did_you_mean
 
 if TYPE_CHECKING:
     from digs_warp.data.capture import Capture
+
+
+# Where poses come from, beside a printed board.
+WAYS = ("sfm", "rgbd", "auto", "capture")
 
 
 @dataclass(frozen=True, kw_only=True)
 class SfmConfig(Settings):
     """Where camera poses and sparse points come from."""
 
-    poses: Literal["sfm", "rgbd", "auto", "capture"] = "sfm"
+    poses: str = "sfm"
     """Camera poses. sfm: estimated from the images; rgbd: from color and depth; auto: sfm, but rgbd where
-    that fails or depth contradicts it; capture: those of the
-    recording, points are only triangulated."""
+    that fails or depth contradicts it; board:FILE: from a printed board that the file describes, see
+    `digs_warp.poses.board`; capture: those of the recording, points are only triangulated."""
 
     feature_size: Annotated[int, Range(32, 16_384)] = 1200
     """Longest side [px] of the images used for feature detection; larger images are reduced to it. Smaller
@@ -61,6 +68,19 @@ class SfmConfig(Settings):
 
     sfm_seed: Annotated[int, SEED, NO_FLAG] = 0
     """Seed of everything random: matching and mapping."""
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.poses not in WAYS and self.board is None:
+            raise DigsError(
+                f"--poses {self.poses}{did_you_mean(self.poses, (*WAYS, 'board:FILE'))}"
+            )
+
+    @property
+    def board(self) -> Path | None:
+        """The file of a printed board that gives the poses; None: something else does."""
+        name = self.poses.removeprefix("board:")
+        return Path(name) if name not in ("", self.poses) else None
 
     def for_capture(self, capture: "Capture") -> "SfmConfig":
         """Return the settings with the recording's value where they leave the read-out time open.

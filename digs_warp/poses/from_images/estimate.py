@@ -31,7 +31,7 @@ from digs_warp.poses.from_images.quality import (
     measure_quality,
     no_model_error,
 )
-from digs_warp.poses.from_images.unrolled import correct_rolling_shutter
+from digs_warp.poses.from_images.rolling_shutter import correct_rolling_shutter
 from digs_warp.poses.from_images.workspace import IMAGES, Workspace, stage_keys, with_image_files
 from digs_warp.record.run_log import RunLog
 from digs_warp.words import counted

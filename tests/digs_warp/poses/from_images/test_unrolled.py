@@ -20,8 +20,8 @@ from digs_warp.geometry.rigid import invert_rigid
 from digs_warp.poses.from_images.colmap import ImageSet, quiet_pycolmap
 from digs_warp.poses.from_images.config import SfmConfig
 from digs_warp.poses.from_images.model import sfm_model
+from digs_warp.poses.from_images.rolling_shutter import correct_rolling_shutter
 from digs_warp.poses.from_images.similarity import pose_errors
-from digs_warp.poses.from_images.unrolled import correct_rolling_shutter
 from digs_warp.record.typed import from_json
 from reference.sfm_views import INTRINSICS, arc
 
