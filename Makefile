@@ -22,11 +22,21 @@ WORKERS ?= 2
 help: ## Show this list
 	@grep -E '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## (.*)/  make \1\t\2/' | expand -t 20
 
-setup: $(VENV)/.installed ## Make .venv and install the project into it
+setup: $(VENV)/.tools ## Make .venv and install the project and its tools into it
 
-# Installs again only when the project file or the pins have changed.
+INSTALL = $(BIN)/python -m pip install --disable-pip-version-check --quiet --use-pep517 -c constraints.txt
+
+# What the kernels are compiled with, so that they are while the rest is installed.
+COMPILER := warp-lang tyro tqdm filelock
+
+# Installs again only when the project file or the pins have changed. What fails to compile is compiled later.
 $(VENV)/.installed: pyproject.toml constraints.txt | $(VENV)/bin/python
-	$(BIN)/python -m pip install --disable-pip-version-check --quiet --use-pep517 -c constraints.txt -e '.[dev]'
+	$(INSTALL) $(COMPILER)
+	@$(BIN)/python -m digs_warp precompile >/dev/null 2>&1 & $(INSTALL) -e . && wait
+	@touch $@
+
+$(VENV)/.tools: $(VENV)/.installed
+	$(INSTALL) -e '.[dev]'
 	@touch $@
 
 $(VENV)/bin/python:
@@ -37,11 +47,11 @@ $(VENV)/bin/python:
 	@'$(PYTHON)' -m venv $(VENV) || { rm -rf $(VENV); \
 		echo "make: this Python cannot make environments; on Debian and Ubuntu: apt-get install python3-venv" >&2; exit 1; }
 
-demo: setup ## The main job on the built-in object: capture, reconstruct, out/demo/scene.usdz
+demo: $(VENV)/.installed ## The main job on the built-in object: capture, reconstruct, out/demo/scene.usdz
 	$(BIN)/digs-warp run --out out/demo --overwrite
 
 docs: setup ## The documentation as a site in build/site; fails when a link leads nowhere
-	$(BIN)/python -m pip install --disable-pip-version-check --quiet --use-pep517 -c constraints.txt -e '.[docs]'
+	$(INSTALL) -e '.[docs]'
 	$(BIN)/zensical build --strict
 
 studies: setup ## Run the studies within their budgets and write docs/study; two hours on a quiet machine
@@ -52,7 +62,7 @@ studies: setup ## Run the studies within their budgets and write docs/study; two
 	$(BIN)/python -m studies run few-views --time-budget 20min
 	$(BIN)/python -m studies page studies
 
-pages: demo ## Run all benchmarks and draw all pictures for the documentation; an hour on a quiet machine
+pages: setup demo ## Run all benchmarks and draw all pictures for the documentation; an hour on a quiet machine
 	$(BIN)/python -m studies page raster training surface trained init-noise poses masks usd sim realism sensor-fit \
 		demo starts sensor scenes randomization gallery real-recordings
 

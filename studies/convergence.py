@@ -15,7 +15,7 @@ import numpy as np
 
 from digs_warp.data.frame import Frame
 from digs_warp.data.point_cloud import PointCloud
-from digs_warp.device.parallel import default_threads
+from digs_warp.device.threads import default_threads
 from digs_warp.init.config import InitConfig
 from digs_warp.init.recipes import initial_points
 from digs_warp.init.seeds import seed_gaussians

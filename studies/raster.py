@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from digs_warp.data.gaussians import Gaussians
-from digs_warp.device.parallel import default_threads
+from digs_warp.device.threads import default_threads
 from digs_warp.geometry.camera import Camera, Intrinsics
 from digs_warp.geometry.sh import sh_from_rgb
 from digs_warp.record.progress import progress

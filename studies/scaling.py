@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from digs_warp.device.parallel import default_threads
+from digs_warp.device.threads import default_threads
 from digs_warp.record.progress import progress
 from digs_warp.splat.device import DeviceGaussians
 from digs_warp.study.charts import Chart, Curve

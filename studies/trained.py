@@ -13,7 +13,7 @@ import numpy as np
 
 from digs_warp.data.gaussians import ANTIALIASED, CLASSIC, Gaussians
 from digs_warp.data.triangle_mesh import TriangleMesh
-from digs_warp.device.parallel import default_threads
+from digs_warp.device.threads import default_threads
 from digs_warp.geometry.camera import Camera, Intrinsics
 from digs_warp.init.config import InitConfig
 from digs_warp.init.recipes import initial_points

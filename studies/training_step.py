@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from digs_warp.data.capture import Capture
-from digs_warp.device.parallel import default_threads
+from digs_warp.device.threads import default_threads
 from digs_warp.init.config import InitConfig
 from digs_warp.init.recipes import initial_points
 from digs_warp.init.seeds import seed_gaussians

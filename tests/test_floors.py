@@ -36,9 +36,9 @@ FLOORS = {
 LINE_BUDGETS = {
     "api": 250,
     "check": 2_080,
-    "commands": 3_110,
+    "commands": 3_300,
     "data": 3_330,
-    "device": 900,
+    "device": 910,
     "engines": 1_050,
     "files at the top": 800,
     "formats": 5_400,
@@ -65,7 +65,7 @@ LINE_BUDGETS = {
     "train": 4_160,
     "usd": 4_300,
 }
-MOST_LINES, MOST_FILES = 80_200, 527  # of the product; 65,000 in 500 files are the goal
+MOST_LINES, MOST_FILES = 80_400, 527  # of the product; 65,000 in 500 files are the goal
 # A shorter file with a single client in its folder belongs into that client.
 CRUMB = 60
 

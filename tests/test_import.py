@@ -68,6 +68,17 @@ def test_help_loads_nothing_heavy(command: str) -> None:
     assert f"usage: {' '.join(['digs-warp', *arguments[:-1]])} [-h]" in run_python(code)
 
 
+def test_the_list_of_commands_loads_none_of_them() -> None:
+    code = "import sys\nfrom digs_warp.cli import main\nmain(['--help'])\nprint(len(sys.modules))"
+    assert int(run_python(code).splitlines()[-1]) < 400
+    assert loaded_after(code, ("digs_warp.commands.run",)) == set()
+
+
+def test_info_on_a_capture_loads_no_kernels() -> None:
+    code = "import digs_warp.check.check, digs_warp.show.report.facts"
+    assert loaded_after(code, (*HEAVY, "warp")) == set()
+
+
 def test_a_command_starts_without_the_others() -> None:
     code = "from digs_warp.cli import parse\nparse(['reconstruct', 'capture', '--out', 'result'])"
     others = ("simulate", "study", "plan", "mesh", "render", "sensor")

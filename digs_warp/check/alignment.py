@@ -14,7 +14,6 @@ from digs_warp.check import thresholds as limits
 from digs_warp.check.evidence import Evidence
 from digs_warp.check.thresholds import Threshold
 from digs_warp.data.layers import Layer
-from digs_warp.masks.votes import contradicted, mask_votes
 from digs_warp.measure.thumbnails import SmallFrame, small_depths
 from digs_warp.words import counted
 
@@ -132,6 +131,8 @@ def masks_contradicted(evidence: Evidence, _: Threshold) -> dict[str, Any] | Non
     numbers = [n for n, frame in enumerate(capture.frames) if all(map(frame.has, needed))]
     if not (evidence.knows_poses and numbers):
         return None
+    from digs_warp.masks.votes import contradicted, mask_votes  # loads Warp
+
     votes = mask_votes([*small_depths(capture.frames, numbers).values()])
     names = [capture.frames[numbers[outlier]].name for outlier in contradicted(votes)]
     if not names:

@@ -11,7 +11,7 @@ from digs_warp.check import alignment, conventions, motion, outliers, recording
 from digs_warp.check import thresholds as limits
 from digs_warp.check.evidence import Evidence
 from digs_warp.check.thresholds import Threshold
-from digs_warp.masks.votes import AGREES
+from digs_warp.masks.config import AGREES
 
 # Who looks: `info` at a few pairs, `run` also at all frames of short recordings, `check` at everything.
 Asker = Literal["info", "run", "check"]

@@ -19,7 +19,7 @@ from digs_warp.check import thresholds as limits
 from digs_warp.check.evidence import Evidence, Pairs, brightness_ratio
 from digs_warp.check.thresholds import Threshold
 from digs_warp.data.viewpoints import evenly
-from digs_warp.device.parallel import default_threads
+from digs_warp.device.threads import default_threads
 from digs_warp.measure.thumbnails import SmallFrame, pixels_showing, small_frames
 
 # What a frame shows around a pixel: within this many thumbnail pixels, for poses and edges of depth are not

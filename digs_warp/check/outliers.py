@@ -24,7 +24,7 @@ from digs_warp.check.evidence import Evidence, same_depth_share, shared_points
 from digs_warp.check.thresholds import Threshold
 from digs_warp.data.frame import Frame
 from digs_warp.data.layers import Layer
-from digs_warp.device.parallel import default_threads
+from digs_warp.device.threads import default_threads
 from digs_warp.geometry.camera import Camera
 from digs_warp.geometry.rigid import invert_rigid
 from digs_warp.measure.sift import match_descriptors, sift

@@ -14,7 +14,7 @@ from digs_warp.checks import DigsError
 from digs_warp.data.frame import Frame
 from digs_warp.data.layers import Layer
 from digs_warp.data.viewpoints import evenly, looked_at, upward
-from digs_warp.device.parallel import default_threads
+from digs_warp.device.threads import default_threads
 from digs_warp.geometry.camera import Camera
 from digs_warp.geometry.rigid import turn_degrees
 from digs_warp.measure.thumbnails import green_means, small_frames, thumbnail_step, thumbnails

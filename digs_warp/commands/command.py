@@ -1,5 +1,6 @@
 """What a command is, how commands are grouped, and which there are."""
 
+import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from importlib import import_module
@@ -92,7 +93,7 @@ class Group:
 Node: TypeAlias = type[Command] | Preset | Group
 
 
-class _Places(Mapping[str, Node]):
+class Places(Mapping[str, Node]):
     """Commands by name, each imported when it is asked for: one command starts without the others.
 
     Args:
@@ -109,6 +110,14 @@ class _Places(Mapping[str, Node]):
     def __iter__(self) -> Iterator[str]:
         return iter(self._places)
 
+    def about(self, name: str) -> str:
+        """Return the first paragraph on a command, read from its file: importing all takes a second."""
+        module, _, kind = self._places[name].partition(".")
+        text = Path(__file__).with_name(f"{module}.py").read_text(encoding="utf-8")
+        begin = rf'^(?:class {kind}\b[^"]*""|{kind} = Group\(\s*)"'
+        found = re.search(rf'{begin}(.*?)(?:"|\n\n)', text, re.DOTALL | re.MULTILINE)
+        return " ".join(found[1].split()) if found else ""
+
     def __len__(self) -> int:
         return len(self._places)
 
@@ -122,7 +131,7 @@ and ends by saying where the results are.
 
 Every command explains its flags with --help. --quiet shows no progress, --verbose logs
 details, --version prints the version.""",
-    _Places(
+    Places(
         {
             "run": "run.Run",
             "plan": "plan.Plan",
@@ -140,6 +149,7 @@ details, --version prints the version.""",
             "masks": "masks.Masks",
             "sensor": "sensor.SENSOR",
             "study": "study.STUDY",
+            "precompile": "precompile.Precompile",
         }
     ),
 )

@@ -10,7 +10,15 @@ from typing import Annotated, Any, NoReturn, Union
 import tyro
 
 from digs_warp.checks import DigsError
-from digs_warp.commands.command import COMMANDS, Command, Group, Node, Preset, SettingsCommand
+from digs_warp.commands.command import (
+    COMMANDS,
+    Command,
+    Group,
+    Node,
+    Places,
+    Preset,
+    SettingsCommand,
+)
 from digs_warp.commands.flag_rules import FlagRules, RefusedSettings, paragraphs
 from digs_warp.commands.settings_file import file_settings, read_defaults, setting_names
 from digs_warp.words import counted, did_you_mean
@@ -150,8 +158,9 @@ def _show_group(group: Group, program: str, rest: Sequence[str]) -> NoReturn:
         flags = [f"--{name.replace('_', '-')}" for name in COMMON_FLAGS]
         hint = did_you_mean(rest[0], flags)
         raise DigsError(f"no flag '{rest[0]}' before the name of a command{hint}")
-    union, text = _union(group), about(group)
-    tyro.cli(union, prog=program, description=text, args=["--help"], config=CONFIG)
+    members = group.members
+    names = _listed(members) if isinstance(members, Places) else _union(group)
+    tyro.cli(names, prog=program, description=about(group), args=["--help"], config=CONFIG)
     raise SystemExit(0)
 
 
@@ -217,6 +226,21 @@ def _line(kind: type[Command]) -> Any:
 def _union(group: Group) -> Any:
     """Return the type that tyro reads as a choice of subcommands."""
     return Union[tuple(_subcommand(name, node) for name, node in group.members.items())]  # noqa: UP007
+
+
+@dataclass
+class _Unread:
+    """A command of which a list shows only the name."""
+
+
+def _listed(places: Places) -> Any:
+    """Return a choice of subcommands that are not imported, of which only the help can be shown."""
+    return Union[  # noqa: UP007
+        tuple(
+            Annotated[_Unread, tyro.conf.subcommand(name, description=places.about(name))]
+            for name in places
+        )
+    ]
 
 
 def _subcommand(name: str, node: Node) -> Any:

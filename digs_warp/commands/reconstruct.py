@@ -12,6 +12,7 @@ from digs_warp.checks import DigsError
 from digs_warp.commands.command import SettingsCommand
 from digs_warp.commands.many_captures import find_jobs, is_data_set, reconstruct_many
 from digs_warp.commands.output import ANY_FOLDER, OUTPUT_FLAGS, OutputFolder, reconstruction_files
+from digs_warp.commands.precompile import compile_kernels
 from digs_warp.commands.reconstruction_options import (
     ReconstructionOptions,
     reconstruction_words,
@@ -121,6 +122,7 @@ class Reconstruct(ReconstructionOptions, _Output):
             self.output.opened([source], reconstruction_files()) as folder,
             watched_training(self.view) as watch,
         ):
+            compile_kernels()
             return reconstruct(capture, config, folder, self.output.resume, watch)
 
     def _reconstruct_many(self) -> str:
@@ -141,6 +143,8 @@ class Reconstruct(ReconstructionOptions, _Output):
             if self.output.resume:
                 log.continue_from(record)
             log.save(record)
+            if self.on.address is None:
+                compile_kernels()
             with log.stage("reconstruct"):
                 lines = reconstruct_many(jobs, options, self.seed, folder, self.on)
             failed = [line["name"] for line in lines if "error" in line]

@@ -39,7 +39,7 @@ class Report(Command):
         """Read, write, and say where the page is."""
         from digs_warp.data.capture import read_capture
         from digs_warp.pipeline.reconstruction import Reconstruction
-        from digs_warp.show.report import write_report
+        from digs_warp.show.report.page import write_report
 
         folder = self.source if self.source.is_dir() else self.source.parent
         page = self.out or folder / layout.REPORT

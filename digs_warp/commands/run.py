@@ -9,6 +9,7 @@ import tyro
 
 from digs_warp.commands.command import SettingsCommand
 from digs_warp.commands.output import ANY_FOLDER, OUTPUT_FLAGS, OutputFolder, run_files
+from digs_warp.commands.precompile import compile_kernels
 from digs_warp.commands.reconstruction_options import (
     ReconstructionOptions,
     reconstruction_words,
@@ -91,11 +92,12 @@ class Run(ReconstructionOptions, _Recording):
         from digs_warp.pipeline.reconstruct import reconstruct
         from digs_warp.pipeline.scene_files import write_scene_file
         from digs_warp.pipeline.usd_scene import write_capture_package
-        from digs_warp.show.report import write_report
+        from digs_warp.show.report.page import write_report
         from digs_warp.sim.record.record import simulate
 
         record = folder / layout.RUN_RECORD
         reconstruction = folder / layout.RECONSTRUCTION
+        compile_kernels()
         if self.output.resume:
             log.continue_from(record)
         log.save(record)

@@ -12,6 +12,7 @@ import tyro
 from digs_warp.checks import DigsError
 from digs_warp.commands.command import SettingsCommand
 from digs_warp.commands.output import ANY_FOLDER, OUTPUT_FLAGS, OutputFolder, capture_files
+from digs_warp.commands.precompile import compile_kernels
 from digs_warp.engines.config import EngineConfig
 from digs_warp.record.layout import DATA_SET, MANIFEST, RUN_RECORD
 from digs_warp.record.run_log import RunLog
@@ -151,6 +152,7 @@ class Simulate(SettingsCommand):
         start = time.perf_counter()
         inputs = self.recording.input_files
         with self.output.opened(inputs, capture_files()) as folder:
+            compile_kernels()
             capture = simulate(self.recording, folder, resume=self.output.resume)
         k = capture.frames[0].camera.intrinsics
         seconds = time.perf_counter() - start
@@ -177,6 +179,8 @@ class Simulate(SettingsCommand):
             if self.output.resume:
                 log.continue_from(record)
             log.save(record)
+            if self.on.address is None:
+                compile_kernels()
             with log.stage("simulate"):
                 results = simulate_many(jobs, folder, self.on)
             failed = [each.name for each in results if each.error]

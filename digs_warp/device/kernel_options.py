@@ -1,4 +1,8 @@
-"""Compiler options for kernels whose inner loops LLVM must vectorize, and for those that cast rays."""
+"""Compiler options for kernels whose inner loops LLVM must vectorize, and for those that cast rays.
+
+Warp parses its headers anew for each set of flags and optimization level, which takes as long as ten small
+modules: a new set has to be worth it.
+"""
 
 import platform
 from typing import Any
@@ -19,14 +23,17 @@ def exact_vector_module_options() -> dict[str, Any]:
     return _vectorized()
 
 
-def _vectorized(*flags: str) -> dict[str, Any]:
-    wide = ["-mprefer-vector-width=512"] if platform.machine() in ("x86_64", "AMD64") else []
-    return {
-        "enable_backward": False,
-        "max_unroll": 1,
-        "optimization_level": 3,
-        "cpu_compiler_flags": " ".join(["-march=native", *flags, *wide]),
-    }
+def group_module_options(*flags: str) -> dict[str, Any]:
+    """Return Warp module options for a loop over a group of items, with a body that LLVM inlines as a whole.
+
+    A loop with calls is not vectorized, and the body is longer than what LLVM inlines by itself.
+    """
+    return _optimized("-mllvm=-inline-threshold=9000", *flags)
+
+
+def unfused_module_options() -> dict[str, Any]:
+    """Return the same where each product rounds, as in NumPy."""
+    return group_module_options("-ffp-contract=off")
 
 
 def ray_module_options() -> dict[str, Any]:
@@ -43,3 +50,17 @@ def ray_module_options() -> dict[str, Any]:
     flags = [wp.config.cpu_compiler_flags or "-march=native"]
     flags += ["-menable-no-nans", "-Wno-nan-infinity-disabled"]
     return {"enable_backward": False, "max_unroll": 1, "cpu_compiler_flags": " ".join(flags)}
+
+
+def _vectorized(*flags: str) -> dict[str, Any]:
+    wide = ["-mprefer-vector-width=512"] if platform.machine() in ("x86_64", "AMD64") else []
+    return _optimized(*flags, *wide)
+
+
+def _optimized(*flags: str) -> dict[str, Any]:
+    return {
+        "enable_backward": False,
+        "max_unroll": 1,
+        "optimization_level": 3,
+        "cpu_compiler_flags": " ".join(["-march=native", *flags]),
+    }

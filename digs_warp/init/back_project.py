@@ -12,16 +12,14 @@ import numpy as np
 import warp as wp
 
 from digs_warp.checks import DigsError, check_positive
+from digs_warp.device.kernel_options import unfused_module_options
 from digs_warp.device.parallel import launch_here, packed
 from digs_warp.geometry.camera import Camera
 from digs_warp.init.edges import on_device
 from digs_warp.init.voxel import BITS, COLOR, EXTRA, MAX_INDEX, VoxelSums
 
-# Without -march=native, `floor` is a call, not an instruction. Fused multiply-adds would change bits.
-FLAGS = "-march=native -ffp-contract=off"
-wp.set_module_options(
-    {"enable_backward": False, "optimization_level": 3, "cpu_compiler_flags": FLAGS}
-)
+# Fused multiply-adds would change bits.
+wp.set_module_options(unfused_module_options())
 
 # What the kernel reports: done, the table is too small, or a point is too far from the origin.
 DONE, TABLE_FULL, TOO_FAR = 0, 1, 2

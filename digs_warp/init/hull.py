@@ -15,7 +15,7 @@ from digs_warp.checks import DigsError
 from digs_warp.data.frame import Frame
 from digs_warp.data.layers import Layer
 from digs_warp.data.point_cloud import PointCloud
-from digs_warp.device.parallel import default_threads
+from digs_warp.device.threads import default_threads
 from digs_warp.geometry.camera import Camera
 from digs_warp.geometry.rigid import grown
 from digs_warp.init.config import InitConfig

@@ -10,7 +10,7 @@ from digs_warp.checks import DigsError
 from digs_warp.data.frame import Frame
 from digs_warp.data.layers import Layer
 from digs_warp.data.sfm_model import SfmModel
-from digs_warp.device.parallel import default_threads
+from digs_warp.device.threads import default_threads
 from digs_warp.init.config import InitConfig
 from digs_warp.init.edges import smooth_depth
 from digs_warp.record.progress import progress

@@ -19,8 +19,8 @@ from digs_warp.data.frame import Frame
 from digs_warp.data.layers import Layer
 from digs_warp.data.point_cloud import PointCloud
 from digs_warp.data.sfm_model import SfmModel
-from digs_warp.device.onnx_network import open_network
-from digs_warp.device.parallel import default_threads
+from digs_warp.device.libraries import open_network
+from digs_warp.device.threads import default_threads
 from digs_warp.init.config import DepthKind, MonoDepthConfig
 from digs_warp.init.local_scales import depth_at
 from digs_warp.init.scale import estimate_scale

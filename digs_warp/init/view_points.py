@@ -10,7 +10,7 @@ from typing import TypeVar
 import numpy as np
 
 from digs_warp.data.frame import Frame
-from digs_warp.device.parallel import default_threads
+from digs_warp.device.threads import default_threads
 from digs_warp.geometry.camera import Camera
 from digs_warp.geometry.rigid import grown, mask_box
 from digs_warp.init.back_project import back_project

@@ -23,7 +23,7 @@ from digs_warp.device.image_planes import ImagePlanes
 from digs_warp.device.parallel import ParallelLaunch, put
 from digs_warp.geometry.rigid import PixelBox, mask_box
 
-wp.set_module_options({"enable_backward": False, "max_unroll": 1, "optimization_level": 3})
+wp.set_module_options({"enable_backward": False, "max_unroll": 1})
 
 # Relative error above which the logarithm flattens: about that of a stereo camera close to an object.
 ERROR_SHARE = 0.01

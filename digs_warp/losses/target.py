@@ -15,7 +15,7 @@ from digs_warp.device.parallel import ParallelLaunch, put, values_per_thread
 from digs_warp.geometry.rigid import PixelBox
 from digs_warp.measure.color_gain import SATURATED, ColorGain
 
-wp.set_module_options({"enable_backward": False, "max_unroll": 1, "optimization_level": 3})
+wp.set_module_options({"enable_backward": False, "max_unroll": 1})
 
 # Only loops of fixed length are vectorized: a row is processed in pieces of this many pixels, then the rest.
 _PIECE = wp.constant(32)

@@ -17,7 +17,7 @@ from digs_warp.data.frame import Frame, PixelSource
 from digs_warp.data.images import mask_of, read_image, write_image
 from digs_warp.data.layers import Layer
 from digs_warp.data.posed_frames import PosedFrames
-from digs_warp.device.parallel import default_threads
+from digs_warp.device.threads import default_threads
 from digs_warp.masks.config import SegmentConfig
 from digs_warp.masks.from_depth import mask_from_depth
 from digs_warp.masks.network import (

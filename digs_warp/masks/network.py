@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 
 from digs_warp.checks import DigsError, require_file
-from digs_warp.device.onnx_network import open_network
+from digs_warp.device.libraries import open_network
 from digs_warp.masks.from_depth import OBJECT, mask_from_depth
 
 MODEL_FILE = "isnet-general-use.onnx"

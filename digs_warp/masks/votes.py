@@ -21,6 +21,7 @@ from digs_warp.device.parallel import launch_parallel
 from digs_warp.device.threads import default_threads
 from digs_warp.geometry.reproject import unproject_pixels
 from digs_warp.geometry.rigid import transform_points
+from digs_warp.masks.config import AGREES
 from digs_warp.masks.votes_kernel import votes_kernel
 from digs_warp.measure.thumbnails import SmallDepth, pixels_showing
 
@@ -29,10 +30,6 @@ VOTERS = 12
 
 # Fewer votes on a pixel say nothing, nor do votes on less than this share of the image.
 FEWEST_VOTES, LEAST_KNOWN = 3, 0.1
-
-# A mask that overlaps with the votes by less is contradicted. Good masks of nine simulated objects do not
-# fall below it, even where 10 of 24 are empty, cut in half or hold a neighboring object; of those, 9 do.
-AGREES = 0.65
 
 # Frames whose points the second round finds again: 75 MB.
 KEPT = 128

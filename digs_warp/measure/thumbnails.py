@@ -9,7 +9,7 @@ import numpy as np
 
 from digs_warp.data.frame import Frame
 from digs_warp.data.layers import Layer
-from digs_warp.device.parallel import default_threads
+from digs_warp.device.threads import default_threads
 from digs_warp.geometry.camera import Camera, Intrinsics
 from digs_warp.geometry.reproject import reproject, unproject_pixels
 from digs_warp.geometry.rigid import transform_points

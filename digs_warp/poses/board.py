@@ -22,7 +22,7 @@ import numpy as np
 
 from digs_warp.checks import DigsError
 from digs_warp.data.frame import Frame
-from digs_warp.device.parallel import default_threads
+from digs_warp.device.threads import default_threads
 from digs_warp.geometry.rigid import invert_rigid, rigid
 from digs_warp.poses import thresholds
 from digs_warp.record.fields import Fields

@@ -13,7 +13,7 @@ import warp as wp
 
 from digs_warp.data.frame import Frame
 from digs_warp.data.layers import Layer
-from digs_warp.device.parallel import default_threads
+from digs_warp.device.threads import default_threads
 from digs_warp.geometry.camera import Intrinsics
 from digs_warp.geometry.reproject import unproject_pixels
 from digs_warp.poses.lookup import Target

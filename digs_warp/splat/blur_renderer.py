@@ -17,7 +17,7 @@ from digs_warp.splat.config import DEFAULT_OPTIONS, TILE_SIZE, RasterOptions
 from digs_warp.splat.device import DeviceGaussians, SplatStatistics
 from digs_warp.splat.renderer import WHITE, SplatRenderer
 
-wp.set_module_options({"enable_backward": False, "max_unroll": 1, "optimization_level": 3})
+wp.set_module_options({"enable_backward": False, "max_unroll": 1})
 
 # Values of a gradient that one thread adds on a CPU.
 BLOCK = 4096

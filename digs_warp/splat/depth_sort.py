@@ -7,7 +7,7 @@ keep the order of their index.
 
 import warp as wp
 
-wp.set_module_options({"enable_backward": False, "optimization_level": 3})
+wp.set_module_options({"enable_backward": False})
 
 _DIGIT_BITS = wp.constant(12)
 _ROUND_BITS = wp.constant(24)

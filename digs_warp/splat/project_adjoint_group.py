@@ -6,9 +6,9 @@ the color go splat by splat: their loops have other lengths.
 
 import warp as wp
 
+from digs_warp.device.kernel_options import group_module_options
 from digs_warp.splat.footprint import footprint_of
 from digs_warp.splat.records import (
-    GROUP_OPTIONS,
     GROUP_PARAMETERS,
     GROUP_SIZE,
     GaussianArrays,
@@ -31,7 +31,7 @@ from digs_warp.splat.shape_gradient import (
     shape_gradient,
 )
 
-wp.set_module_options(GROUP_OPTIONS)
+wp.set_module_options(group_module_options())
 
 _GROUP = wp.constant(GROUP_SIZE)
 # Where the fields of a group begin in its memory: first the parameters, which make room for their gradients.

@@ -6,11 +6,10 @@ by splat.
 
 import warp as wp
 
+from digs_warp.device.kernel_options import unfused_module_options
 from digs_warp.splat.footprint import facing_normal, footprint_of
 from digs_warp.splat.project import color_is_finite, projection_of, put_color, put_record
 from digs_warp.splat.records import (
-    GROUP_FLAGS,
-    GROUP_OPTIONS,
     GROUP_PARAMETERS,
     GROUP_SIZE,
     SPLAT_FIELDS,
@@ -21,7 +20,7 @@ from digs_warp.splat.records import (
 )
 
 # Neither fused nor reordered: the determinant of a needle is a small difference of large products.
-wp.set_module_options({**GROUP_OPTIONS, "cpu_compiler_flags": f"{GROUP_FLAGS} -ffp-contract=off"})
+wp.set_module_options(unfused_module_options())
 
 _GROUP = wp.constant(GROUP_SIZE)
 _RECORD = wp.constant(SPLAT_FIELDS)

@@ -37,7 +37,7 @@ import warp as wp
 
 from digs_warp.device.contiguous import cache_line_at
 from digs_warp.device.kernel_options import vector_module_options
-from digs_warp.splat.config import RasterOptions
+from digs_warp.splat.config import Outputs, RasterOptions
 from digs_warp.splat.records import (
     SPLAT_CHORD,
     SPLAT_HALF_WIDTH,
@@ -95,6 +95,12 @@ _NORMAL_X = wp.constant(7 * PLANE_FLOATS)
 _NORMAL_Y = wp.constant(8 * PLANE_FLOATS)
 _NORMAL_Z = wp.constant(9 * PLANE_FLOATS)
 _PLANE = wp.constant(PLANE_FLOATS)
+
+
+def usual_kernels() -> list[wp.Kernel]:
+    """Return the kernels of a training with its measuring, for `digs-warp precompile`."""
+    outputs: tuple[Outputs, ...] = ("color", "mean depth", "depth")
+    return [forward_kernel(RasterOptions(outputs=each)) for each in outputs]
 
 
 @cache

@@ -6,7 +6,7 @@ import warp as wp
 
 from digs_warp.device.contiguous import cache_line_at
 from digs_warp.device.kernel_options import vector_module_options
-from digs_warp.splat.config import RasterOptions
+from digs_warp.splat.config import Outputs, RasterOptions
 from digs_warp.splat.records import (
     SPLAT_U,
     GradientLayout,
@@ -65,6 +65,12 @@ _ADJ_DEPTH = wp.constant(5 * PLANE_FLOATS)
 _ADJ_NX = wp.constant(6 * PLANE_FLOATS)
 _ADJ_NY = wp.constant(7 * PLANE_FLOATS)
 _ADJ_NZ = wp.constant(8 * PLANE_FLOATS)
+
+
+def usual_kernels() -> list[wp.Kernel]:
+    """Return the kernels of a training, for `digs-warp precompile`."""
+    outputs: tuple[Outputs, ...] = ("color", "depth")
+    return [backward_kernel(RasterOptions(outputs=each), with_absolute=False) for each in outputs]
 
 
 @cache

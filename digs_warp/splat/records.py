@@ -158,16 +158,6 @@ class ViewPlanes:
         return packed(Planes, **layout, **{name: p.data for name, p in vars(self).items()})
 
 
-GROUP_FLAGS = "-march=native -mllvm=-inline-threshold=9000"
-# Of modules with a loop over a group: one with calls is not vectorized, and its body is longer than what LLVM
-# inlines by itself.
-GROUP_OPTIONS = {
-    "enable_backward": False,
-    "max_unroll": 1,
-    "optimization_level": 3,
-    "cpu_compiler_flags": GROUP_FLAGS,
-}
-
 # Gaussians in a group.
 GROUP_SIZE = 16
 

@@ -17,11 +17,11 @@ gradient of the depth moves the centers, but does not change the scales through 
 import warp as wp
 
 from digs_warp.device.elementary import exp_of, larger
+from digs_warp.device.kernel_options import group_module_options
 from digs_warp.device.parallel import ParallelLaunch
 from digs_warp.splat.device import DeviceGaussians
 from digs_warp.splat.footprint import ViewParams, rotation_of
 from digs_warp.splat.records import (
-    GROUP_OPTIONS,
     GROUP_SIZE,
     GaussianArrays,
     put_vec3,
@@ -30,7 +30,7 @@ from digs_warp.splat.records import (
     vec4_at,
 )
 
-wp.set_module_options(GROUP_OPTIONS)
+wp.set_module_options(group_module_options())
 
 # [standard deviations] With it, the surface without a depth term is least biased: see docs/training.md.
 REACH = 2.0

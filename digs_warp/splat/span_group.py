@@ -2,11 +2,10 @@
 
 import warp as wp
 
+from digs_warp.device.kernel_options import unfused_module_options
 from digs_warp.splat.bin_kernels import columns_in_row, drawn_columns, outline_of
 from digs_warp.splat.footprint import ViewParams
 from digs_warp.splat.records import (
-    GROUP_FLAGS,
-    GROUP_OPTIONS,
     GROUP_SIZE,
     SPLAT_A,
     SPLAT_B,
@@ -23,7 +22,7 @@ from digs_warp.splat.records import (
 from digs_warp.splat.spans import span_of
 
 # Not fused: `span_kernel` has the same bits.
-wp.set_module_options({**GROUP_OPTIONS, "cpu_compiler_flags": f"{GROUP_FLAGS} -ffp-contract=off"})
+wp.set_module_options(unfused_module_options())
 
 _GROUP = wp.constant(GROUP_SIZE)
 # What is copied of a record, and where it lies in the memory of a group.

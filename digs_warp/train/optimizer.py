@@ -12,7 +12,7 @@ from digs_warp.splat.device import DeviceGaussians
 from digs_warp.train.rates import LearningRates, late_decay
 from digs_warp.train.time_plan import Progress
 
-wp.set_module_options({"enable_backward": False, "max_unroll": 1, "optimization_level": 3})
+wp.set_module_options({"enable_backward": False, "max_unroll": 1})
 
 # Only NaN and infinity have all bits of the exponent set.
 _EXPONENT = wp.constant(0x7F800000)

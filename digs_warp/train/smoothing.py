@@ -27,14 +27,14 @@ from digs_warp.checks import DigsError
 from digs_warp.data.gaussians import CLASSIC, NO_FILTER, Gaussians
 from digs_warp.device.contiguous import flat, floats_from
 from digs_warp.device.elementary import exp_of, log_of
+from digs_warp.device.kernel_options import group_module_options
 from digs_warp.device.parallel import ParallelLaunch, launch_parallel
 from digs_warp.geometry.camera import Camera
 from digs_warp.splat.config import DEFAULT_OPTIONS
 from digs_warp.splat.device import DeviceGaussians
 from digs_warp.splat.footprint import ViewParams, near_plane, view_params
-from digs_warp.splat.records import GROUP_OPTIONS
 
-wp.set_module_options(GROUP_OPTIONS)
+wp.set_module_options(group_module_options())
 
 # Variance of the filter, in squares of the sampling distance: that of the dilation of 3DGS at the size of the
 # training images. Figures for others: docs/research/training-tried.md.

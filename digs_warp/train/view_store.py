@@ -13,7 +13,7 @@ import numpy as np
 from digs_warp.checks import DigsError
 from digs_warp.data.frame import Frame
 from digs_warp.data.layers import Layer
-from digs_warp.device.parallel import default_threads
+from digs_warp.device.threads import default_threads
 from digs_warp.geometry.camera import Camera
 from digs_warp.record.progress import progress
 from digs_warp.train.config import VIEW_ORDER, TrainConfig

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 import warp as wp
 
+from digs_warp.device.kernel_options import exact_vector_module_options
 from digs_warp.device.parallel import launch_parallel
 from digs_warp.geometry.camera import Camera
 from digs_warp.sim.render.surface import ANY_SURFACE, OPAQUE, Surface, trace, viewer_side_normal
@@ -18,7 +19,8 @@ from digs_warp.sim.render.upload import DeviceScene
 from digs_warp.sim.render.view import FAR, View, make_view, ray_direction_cam, surround_distance
 from digs_warp.sim.scene.environment import Surround
 
-wp.set_module_options({"enable_backward": False})
+# Without Warp's flags, which would inline the traversal wherever a ray is cast: 3 s to compile.
+wp.set_module_options(exact_vector_module_options())
 
 # Points along a ray that differ by less than this share of their distance are the same point: float32 hits
 # from two eyes differ by a tenth of that.

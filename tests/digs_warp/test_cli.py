@@ -10,6 +10,8 @@ import pytest
 import warp as wp
 
 from digs_warp.cli import EXIT_BAD_INPUT, EXIT_INTERRUPTED, EXIT_OK, EXIT_WRONG_USAGE, main
+from digs_warp.commands.command import COMMANDS, Places
+from digs_warp.commands.parse import about
 from digs_warp.commands.simulate import Simulate
 from digs_warp.record.run_log import RunLog
 from reference.splat_scenes import random_gaussians
@@ -225,3 +227,10 @@ def test_closed_streams_and_a_locale_of_ascii(closing: str, code: int, arguments
     env = os.environ | ascii_only
     done = subprocess.run(command, check=False, shell=True, env=env, stderr=subprocess.PIPE)
     assert (done.returncode, done.stderr) == (code, b"")
+
+
+def test_the_list_of_commands_says_what_they_say() -> None:
+    places = COMMANDS.members
+    assert isinstance(places, Places)
+    listed = {name: places.about(name) for name in places}
+    assert listed == {name: about(places[name]).partition("\n")[0] for name in places}

@@ -17,7 +17,7 @@ from digs_warp.geometry.rigid import look_at
 from digs_warp.pipeline.reconstruction import Reconstruction
 from digs_warp.record.files import to_json
 from digs_warp.record.run_log import RunLog
-from digs_warp.show.report import write_report
+from digs_warp.show.report.page import write_report
 from digs_warp.show.report.pictures import over_white
 
 WIDTH, HEIGHT, FRAMES, TEST_EVERY = 48, 32, 20, 2

@@ -7,7 +7,7 @@ import numpy as np
 import trimesh
 
 from digs_warp.data.triangle_mesh import TriangleMesh
-from digs_warp.device.parallel import default_threads
+from digs_warp.device.threads import default_threads
 from digs_warp.geometry.camera import Intrinsics
 from digs_warp.show.film.camera_path import Subject, orbit
 from digs_warp.splat.skin import REACH

@@ -11,7 +11,7 @@ from digs_warp.checks import DigsError
 from digs_warp.data.frame import Frame
 from digs_warp.data.sfm_model import SfmModel
 from digs_warp.device.libraries import import_pycolmap
-from digs_warp.device.parallel import default_threads
+from digs_warp.device.threads import default_threads
 from digs_warp.poses import thresholds
 from digs_warp.poses.from_images import colmap
 from digs_warp.poses.from_images.colmap import ImageSet

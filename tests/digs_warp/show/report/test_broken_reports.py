@@ -12,7 +12,7 @@ from digs_warp.checks import DigsError
 from digs_warp.data.capture import Capture
 from digs_warp.data.images import write_image
 from digs_warp.pipeline.reconstruction import Reconstruction
-from digs_warp.show.report import write_report
+from digs_warp.show.report.page import write_report
 from reference.report_folder import report_on, write_and_parse
 
 NEEDED = ["evaluation.json", "training.jsonl", "gaussians.npz", "run.json"]
