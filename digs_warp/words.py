@@ -21,7 +21,12 @@ def first_few(names: Sequence[str], most: int = 5) -> str:
 
 def quoted(text: str) -> str:
     """Return a name or a line of a file in quotes, as messages show it: not longer than 80 characters."""
-    return f"'{text if len(text) <= LONGEST_QUOTE else text[: LONGEST_QUOTE - 3] + '...'}'"
+    return f"'{cut(text)}'"
+
+
+def cut(text: str) -> str:
+    """Return a text of at most 80 characters, with dots where it was longer."""
+    return text if len(text) <= LONGEST_QUOTE else text[: LONGEST_QUOTE - 3] + "..."
 
 
 def did_you_mean(word: str, known: Iterable[str]) -> str:

@@ -55,7 +55,7 @@ LINE_BUDGETS = {
     "sim.fit": 2_250,
     "sim.record": 2_600,
     "sim.render": 5_350,
-    "sim.scene": 4_730,
+    "sim.scene": 4_735,
     "sim.sensor": 6_000,
     "sim.testing": 1_000,
     "splat": 5_650,

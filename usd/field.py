@@ -19,6 +19,7 @@ from digs_warp.geometry.sh import MAX_DEGREE, coefficient_count
 from digs_warp.usd import names
 from digs_warp.usd.convert import SplatArrays
 from digs_warp.usd.files import HINT
+from digs_warp.words import cut, first_few
 
 if TYPE_CHECKING:
     from pxr import Gf, Usd
@@ -50,7 +51,8 @@ def select_variants(stage: "Usd.Stage", chosen: Mapping[str, str], path: Path) -
     for name, variant in chosen.items():
         found = {key: each for key, each in variant_sets(stage).items() if key[1] == name}
         if not any(variant in each for each in found.values()):
-            there = "; ".join(f"{s}: {', '.join(v)}" for (_, s), v in variant_sets(stage).items())
+            sets = variant_sets(stage).items()
+            there = "; ".join(f"{cut(s)}: {first_few([*map(cut, v)])}" for (_, s), v in sets)
             raise UsdError(
                 f"USD scene '{path}': no variant '{variant}' of '{name}'; there is {there or 'none'}"
             )
@@ -102,7 +104,7 @@ def find_field(stage: "Usd.Stage", path: Path, prim_path: str | None = None) -> 
     from pxr import Sdf
 
     fields = find_fields(stage)
-    found = ", ".join(str(prim.GetPath()) for prim in fields) or "none"
+    found = first_few([cut(str(prim.GetPath())) for prim in fields]) or "none"
     if prim_path is not None:
         valid = Sdf.Path.IsValidPathString(prim_path) and Sdf.Path(prim_path).IsAbsolutePath()
         prim = stage.GetPrimAtPath(prim_path) if valid else None

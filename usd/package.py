@@ -17,6 +17,7 @@ from pathlib import Path, PurePosixPath, PureWindowsPath
 
 from digs_warp.checks import UsdError
 from digs_warp.usd.findings import Finding
+from digs_warp.words import quoted
 
 ALIGNMENT = 64
 END = struct.Struct("<4s4H2LH")
@@ -138,7 +139,7 @@ def read_members(data: mmap.mmap | bytes) -> list[Member]:
     in_order = sorted(members, key=lambda member: member.start)
     for before, after in pairwise(in_order):
         if before.start + before.size > after.start:
-            raise ValueError(f"members '{before.name}' and '{after.name}' overlap")
+            raise ValueError(f"members {quoted(before.name)} and {quoted(after.name)} overlap")
     return members
 
 
@@ -157,15 +158,15 @@ def _read_entry(data: mmap.mmap | bytes, at: int, end: int) -> tuple[Member, int
         raise ValueError("an entry of the directory is broken")
     name = data[at + ENTRY.size : at + ENTRY.size + name_length].decode("utf-8", "replace")
     if local + LOCAL.size > end:
-        raise ValueError(f"member '{name}' reaches beyond the file")
+        raise ValueError(f"member {quoted(name)} reaches beyond the file")
     header = LOCAL.unpack_from(data, local)
     if header[0] != b"PK\3\4":
-        raise ValueError(f"the header of member '{name}' is broken")
+        raise ValueError(f"the header of member {quoted(name)} is broken")
     if (header[6], header[7], header[8]) != (fields[7], stored, size):
-        raise ValueError(f"member '{name}' has two different sizes or checksums")
+        raise ValueError(f"member {quoted(name)} has two different sizes or checksums")
     start = local + LOCAL.size + header[9] + header[10]
     if start + stored > end:
-        raise ValueError(f"member '{name}' reaches beyond the file")
+        raise ValueError(f"member {quoted(name)} reaches beyond the file")
     member = Member(name, start, size, method != 0 or stored != size, bool(flags & 1))
     return member, at + ENTRY.size + name_length + extra_length + comment_length
 

@@ -109,8 +109,8 @@ def _check_specs(layer: "Sdf.Layer", path: Path) -> None:
         # Targets of relationships are listed, too, but are not objects.
         if not place.IsTargetPath() and not _is_whole(layer, place):
             raise UsdError(
-                f"USD scene '{path}': layer '{layer.GetDisplayName()}' lists '{place}', or a variant in it, "
-                "but does not hold it; the file is broken. Copy or export it again."
+                f"USD scene '{path}': layer '{layer.GetDisplayName()}' lists {quoted(str(place))}, or a "
+                "variant of it, but does not hold it; the file is broken. Copy or export it again."
             )
 
 
@@ -148,9 +148,9 @@ def _check_package(data: mmap.mmap | bytes, level: int = 1) -> None:
 
 def _check_member(data: mmap.mmap | bytes, member: Member, level: int) -> None:
     if leaves_package(member.name):
-        raise ValueError(f"member '{member.name}' leads out of the package")
+        raise ValueError(f"member {quoted(member.name)} leads out of the package")
     if member.encrypted or member.compressed:
-        raise ValueError(f"member '{member.name}' is compressed or encrypted")
+        raise ValueError(f"member {quoted(member.name)} is compressed or encrypted")
     if not member.name.lower().endswith(".usdz"):
         _check_layer(data, member.name, member.name, member.start, member.size)
     elif level == _MOST_PACKAGES:

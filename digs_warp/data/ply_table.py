@@ -10,6 +10,7 @@ import numpy as np
 
 from digs_warp.checks import DigsError, require_file
 from digs_warp.record.files import write_atomically
+from digs_warp.words import cut, first_few, quoted
 
 # A Gaussian has about 62 properties of 30 characters; mesh headers with comments stay far below this.
 MAX_HEADER_BYTES = 1 << 16
@@ -116,7 +117,7 @@ def read_ply_header(path: Path) -> PlyHeader:
             case ["property", kind, name] if elements and kind in kinds:
                 _add_column(elements[-1], _USUAL_NAMES.get(name, name), _TYPES[kind], where)
             case _:
-                raise DigsError(f"{where}: cannot be understood: '{' '.join(words)[:60]}'")
+                raise DigsError(f"{where}: cannot be understood: {quoted(' '.join(words))}")
     if not encoding:
         raise DigsError(f"{what}: the header has no 'format' line; truncated or damaged")
     return PlyHeader(encoding, tuple(elements), data_start, tuple(comments))
@@ -124,13 +125,13 @@ def read_ply_header(path: Path) -> PlyHeader:
 
 def _count(text: str, where: str) -> int:
     if not (text.isascii() and text.isdigit() and len(text) <= LONGEST_COUNT):
-        raise DigsError(f"{where}: '{text[:30]}' rows, expected a whole number")
+        raise DigsError(f"{where}: {quoted(text)} rows, expected a whole number")
     return int(text)
 
 
 def _add_column(element: PlyElement, name: str, kind: str, where: str) -> None:
     if name in element.columns:
-        raise DigsError(f"{where}: the property '{name}' occurs twice")
+        raise DigsError(f"{where}: the property {quoted(name)} occurs twice")
     element.columns[name] = kind
 
 
@@ -161,7 +162,9 @@ def read_table(path: Path, header: PlyHeader, name: str) -> np.ndarray:
     names = [element.name for element in header.elements]
     what = f"PLY '{path}'"
     if name not in names:
-        raise DigsError(f"{what}: no '{name}' element; found {', '.join(names) or 'none'}")
+        raise DigsError(
+            f"{what}: no '{name}' element; found {first_few([*map(cut, names)]) or 'none'}"
+        )
     number = names.index(name)
     before, element = header.elements[:number], header.elements[number]
     for table in (*before, element):

@@ -12,6 +12,7 @@ from digs_warp.checks import DigsError, check_finite, check_shape
 from digs_warp.data.images import to_uint8
 from digs_warp.data.ply_table import read_ply_header, read_table, write_vertices
 from digs_warp.record.arrays import open_arrays, write_arrays
+from digs_warp.words import cut, first_few
 
 logger = logging.getLogger(__name__)
 
@@ -157,7 +158,9 @@ def read_points(path: Path, offset: np.ndarray | float = 0.0, scale: float = 1.0
     table = read_table(path, read_ply_header(path), "vertex")
     names = table.dtype.names or ()
     if not set(POSITION) <= set(names):
-        raise DigsError(f"points '{path}': properties {', '.join(names)}, expected x, y and z")
+        raise DigsError(
+            f"points '{path}': properties {first_few([*map(cut, names)])}, expected x, y and z"
+        )
     positions = np.stack([table[axis] for axis in POSITION], axis=1).astype(np.float64)
     positions = (positions / scale - offset).astype(np.float32)
     colors = np.full(positions.shape, 0.5, np.float32)

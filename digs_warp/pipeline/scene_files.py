@@ -44,9 +44,7 @@ def read_scene(
     """
     path = find_gaussians(Path(source))
     if path.name == GAUSSIANS:
-        result = Reconstruction.load(path, capture, partial=True)
-        placed = replace(result.gaussians, world_offset=result.poses.world_offset)
-        return replace(result, gaussians=placed)
+        return Reconstruction.load(path, capture, partial=True)
     gaussians = _read_gaussians(path, up, drop_broken, prim)
     for sentence in gaussians.doubts:
         logger.warning("'%s': %s", path, sentence)
@@ -116,20 +114,20 @@ def write_scene_file(
     ``vertex_colors`` adds red, green and blue to a PLY, for programs that know only points.
     """
     suffix = target.suffix.lower()
-    offset = result.poses.world_offset
-    if offset is not None and suffix not in USD_SUFFIXES:
-        logger.warning("'%s': places are less by the offset of the recording, %s m", target, offset)
+    gaussians = result.gaussians
+    if gaussians.world_offset is None:
+        gaussians = replace(gaussians, world_offset=result.poses.world_offset)
     if suffix in SPLAT_SUFFIXES:
         from digs_warp.formats.splats.files import write_splat_file
 
-        write_splat_file(target, result.gaussians, up, spz_version, vertex_colors)
+        write_splat_file(target, gaussians, up, spz_version, vertex_colors)
     elif suffix not in USD_SUFFIXES:
-        result.gaussians.save(target)
+        gaussians.save(target)
     else:
         from digs_warp.usd.writer import write_gaussians
 
         metadata = result.scene_metadata if result.folder else {"source": source.name}
-        write_gaussians(target, result.gaussians, metadata)
+        write_gaussians(target, gaussians, metadata)
 
 
 def _read_gaussians(path: Path, up: UpAxis, drop_broken: bool, prim: str | None) -> Gaussians:

@@ -10,6 +10,7 @@ from typing import Any, TypeVar
 import numpy as np
 
 from digs_warp.checks import DigsError
+from digs_warp.words import LONGEST_QUOTE
 
 T = TypeVar("T")
 
@@ -19,7 +20,7 @@ MOST_DIGITS = 30
 ABOVE_ZERO = math.ulp(0.0)  # the smallest number
 
 _SHORT = reprlib.Repr()
-_SHORT.maxstring = _SHORT.maxother = _SHORT.maxlong = 60
+_SHORT.maxstring = _SHORT.maxother = _SHORT.maxlong = LONGEST_QUOTE
 
 
 class _Needed:

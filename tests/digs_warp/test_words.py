@@ -1,10 +1,13 @@
 """Words of messages: counts agree with their nouns, and unknown names bring the nearest known one."""
 
+import json
 import re
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 
+from digs_warp.cli import main
 from digs_warp.measure.scores import Scores, ViewScore
 from digs_warp.words import counted, did_you_mean
 
@@ -36,3 +39,41 @@ def test_a_misspelled_name_brings_the_nearest_one_and_what_there_is() -> None:
     assert did_you_mean("zzz", ["tum", "bop"]) == "; expected one of tum, bop"
     many = ["tum", *(f"form{number}" for number in range(50))]
     assert did_you_mean("tmu", many) == "; did you mean 'tum'?"
+
+
+LONG = "n" * 3000
+
+
+def ply(folder: Path) -> Path:
+    path = folder / "a.ply"
+    path.write_text(f"ply\nformat ascii 1.0\nelement vertex {LONG}\nend_header\n")
+    return path
+
+
+def ply_twice(folder: Path) -> Path:
+    path = folder / "b.ply"
+    line = f"property float {LONG}\n"
+    path.write_text(f"ply\nformat ascii 1.0\nelement vertex 1\n{line}{line}end_header\n1 1\n")
+    return path
+
+
+def gltf(folder: Path) -> Path:
+    header = {"asset": {}, "scenes": [{}], "buffers": [{"uri": LONG[:200], "byteLength": 4}]}
+    (folder / "a.gltf").write_text(json.dumps(header))
+    return folder / "a.gltf"
+
+
+def usd(folder: Path) -> Path:
+    field = "def ParticleField3DGaussianSplat"
+    (folder / "a.usda").write_text(f'#usda 1.0\n{field} "{LONG}" {{}}\n{field} "b{LONG}" {{}}\n')
+    return folder / "a.usda"
+
+
+@pytest.mark.parametrize("make", [ply, ply_twice, gltf, usd])
+def test_names_of_files_are_cut_in_messages(
+    tmp_path: Path, make: Callable[[Path], Path], capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = make(tmp_path)
+    assert main(["info", str(path)]) == 1
+    said = capsys.readouterr().err
+    assert "nnn..." in said and len(said) < 500 + 2 * len(str(path))

@@ -27,6 +27,7 @@ from digs_warp.data.ply_table import (
 )
 from digs_warp.formats.splats.rows import LARGEST_LOGIT, near_origin, nearest_known
 from digs_warp.geometry.sh import C0, MAX_DEGREE, coefficient_count
+from digs_warp.words import quoted
 
 logger = logging.getLogger(__name__)
 
@@ -167,7 +168,9 @@ def _columns(
     columns = np.empty((len(table), len(names)), dtype=kind)
     for number, name in enumerate(names):
         if (stored := table.dtype[name]).kind != "f":
-            raise DigsError(f"{what}: the property '{name}' holds {stored.name}, expected float")
+            raise DigsError(
+                f"{what}: the property {quoted(name)} holds {stored.name}, expected float"
+            )
         with np.errstate(over="ignore"):  # doubles beyond float32 become infinite: a broken row
             columns[:, number] = table[name]
     return columns

@@ -17,6 +17,7 @@ from urllib.parse import unquote
 
 from digs_warp.bounds import TEXTURE
 from digs_warp.checks import DigsError
+from digs_warp.words import quoted
 
 logger = logging.getLogger(__name__)
 
@@ -131,7 +132,7 @@ class _FilesBeside:
 
     def _read(self, name: str) -> bytes:
         is_material = _is_material(name)
-        what = f"{'material file' if is_material else 'texture'} '{name}'"
+        what = f"{'material file' if is_material else 'texture'} {quoted(name)}"
         found = locate(self.path.parent, name)
         if found is None:
             self._say(f"{what} is missing; drawn without it")
@@ -205,16 +206,16 @@ def check_texture(what: str, data: bytes, decode: bool = True) -> None:
     """
     from PIL import Image
 
-    with _decoding(what):
+    with decoding(what):
         image = Image.open(BytesIO(data))
     TEXTURE.check(what, image.width * image.height)
     if decode:
-        with _decoding(what):
+        with decoding(what):
             image.load()
 
 
 @contextmanager
-def _decoding(what: str) -> Iterator[None]:
+def decoding(what: str) -> Iterator[None]:
     """Turn what PIL raises into the errors of `check_texture`; its own bound for pixels is above ours."""
     from PIL import Image, UnidentifiedImageError
 

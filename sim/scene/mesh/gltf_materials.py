@@ -10,6 +10,7 @@ import numpy as np
 
 from digs_warp.sim.scene.mesh.gltf import SPLATS, GltfNumbers, image_bytes
 from digs_warp.sim.scene.scene import DIELECTRIC_IOR, DIELECTRIC_REFLECTANCE
+from digs_warp.words import cut, quoted
 
 # Attenuation colors are not darker: black would absorb without limit.
 DARKEST = 1e-4
@@ -210,10 +211,10 @@ def unmodeled_features(header: dict[str, Any]) -> Iterator[str]:
     """Yield a sentence for all that will look different from what its author intended."""
     for index, material in enumerate(header.get("materials", [])):
         if len(map_places(material)) > 1:
-            label = f"material '{material.get('name', index)}'"
+            label = f"material {quoted(str(material.get('name', index)))}"
             yield f"{label}: its maps lie in different places, drawn where its first one lies"
     for extension in sorted({*header.get("extensionsRequired", [])} - READ_EXTENSIONS):
-        yield f"it requires {extension}, which is not read; it may look different"
+        yield f"it requires {cut(extension)}, which is not read; it may look different"
     primitives = [each for mesh in header.get("meshes", []) for each in mesh["primitives"]]
     if any(SPLATS in each.get("extensions", {}) for each in primitives):
         yield "its Gaussian splats are not read; drawn without them"

@@ -2,15 +2,18 @@
 
 import logging
 from collections.abc import Mapping, Sequence
+from contextlib import AbstractContextManager
 from typing import Any
 
 import numpy as np
 
 from digs_warp.bounds import TEXTURE
 from digs_warp.data.images import linear_from_srgb
+from digs_warp.sim.scene.mesh.files_beside import decoding
 from digs_warp.sim.scene.mesh.gltf_materials import GltfExtras
 from digs_warp.sim.scene.mesh.parts import MeshPart
 from digs_warp.sim.scene.scene import Material
+from digs_warp.words import quoted
 
 logger = logging.getLogger(__name__)
 
@@ -27,29 +30,28 @@ def rgb_pixels(image: Any, name: str) -> np.ndarray:
         name: of the material, for the message.
 
     Raises:
-        DigsError: larger than `digs_warp.bounds.TEXTURE`.
-        ValueError: truncated or in an unknown encoding.
+        DigsError: larger than `digs_warp.bounds.TEXTURE`, truncated or in an unknown encoding.
     """
-    TEXTURE.check(f"texture of material '{name}'", image.width * image.height)
-    try:
+    with _bounded(image, name):
         if image.mode.startswith("I"):  # 16-bit gray: PIL's own conversion clips at 255
             gray = (np.asarray(image).astype(np.float64) / 257.0).clip(0, 255)
             return np.repeat(np.rint(gray).astype(np.uint8)[..., None], 3, axis=2)
         return np.ascontiguousarray(np.asarray(image.convert("RGB"), np.uint8))
-    except (OSError, ValueError, SyntaxError) as error:
-        raise ValueError(f"the texture of material '{name}' cannot be decoded ({error})") from error
 
 
 def alpha_pixels(image: Any, name: str) -> np.ndarray | None:
     """Decode the alpha channel to (height, width), uint8; None where every pixel is opaque."""
-    TEXTURE.check(f"texture of material '{name}'", image.width * image.height)
-    try:
+    with _bounded(image, name):
         if "A" not in image.getbands() and "transparency" not in image.info:
             return None
         alpha = np.ascontiguousarray(np.asarray(image.convert("RGBA"), np.uint8)[..., 3])
-    except (OSError, ValueError, SyntaxError) as error:
-        raise ValueError(f"the texture of material '{name}' cannot be decoded ({error})") from error
     return alpha if alpha.min() < 255 else None
+
+
+def _bounded(image: Any, name: str) -> AbstractContextManager[None]:
+    what = f"the texture of material {quoted(name)}"
+    TEXTURE.check(what, image.width * image.height)
+    return decoding(what)
 
 
 def mean_over_surface(image: np.ndarray, parts: Sequence[MeshPart]) -> np.ndarray:
@@ -78,7 +80,7 @@ def color_texture(image: Any, name: str, parts: Sequence[MeshPart]) -> np.ndarra
     if image is None:
         return None
     if parts[0].uvs is None:
-        logger.warning("material '%s': no texture coordinates, drawn without its texture", name)
+        logger.warning("material %s: no texture coordinates, drawn without it", quoted(name))
         return None
     return rgb_pixels(image, name)
 

@@ -33,6 +33,7 @@ from digs_warp.sim.scene.mesh.normalize import drop_bad_faces
 from digs_warp.sim.scene.mesh.parts import Triangles, join_parts, parts_of_scene
 from digs_warp.sim.scene.mesh.polygons import cut_polygons, ply_triangles, shows_all_of_ply
 from digs_warp.sim.scene.scene import Material
+from digs_warp.words import cut
 
 logger = logging.getLogger(__name__)
 
@@ -52,7 +53,7 @@ def read_triangles(path: Path) -> tuple[Triangles, tuple[Material, ...]]:
     stored = read_gltf_header(path) if suffix in GLTF_SUFFIXES else {}
     if suffix == ".ply" and len(names := ply_textures(path)) > 1:
         logger.warning(
-            "mesh '%s': %d textures, drawn with '%s' alone", path.name, len(names), names[-1]
+            "mesh '%s': %d textures, drawn with '%s' alone", path.name, len(names), cut(names[-1])
         )
     try:
         header = with_fallbacks(path, stored)

@@ -10,7 +10,9 @@ from digs_warp.cli import main
 from digs_warp.data.gaussians import ANTIALIASED, Gaussians
 from digs_warp.data.ply_table import read_ply_header, read_table
 from digs_warp.formats.splats.files import write_splat_file
-from digs_warp.pipeline.scene_files import read_scene
+from digs_warp.pipeline.reconstruction import Reconstruction
+from digs_warp.pipeline.records import Poses
+from digs_warp.pipeline.scene_files import read_scene, write_scene_file
 from reference.splat_scenes import random_gaussians
 
 UTM = np.array([431000.0, 4582000.0, 312.0])
@@ -145,3 +147,9 @@ def test_a_compressed_ply_of_supersplat_is_named(
         assert (
             "compressed PLY of SuperSplat; export it again as plain PLY" in capsys.readouterr().err
         )
+
+
+def test_a_reconstruction_far_away_is_written_where_it_is(tmp_path: Path) -> None:
+    made = Reconstruction(gaussians=scene(), poses=Poses(world_offset=(431000.0, 4582000.0, 312.0)))
+    write_scene_file(tmp_path / "a.ply", made, tmp_path)
+    np.testing.assert_allclose(centers(tmp_path / "a.ply"), scene().means + UTM, atol=1e-6, rtol=0)
