@@ -37,7 +37,7 @@ LINE_BUDGETS = {
     "api": 250,
     "check": 2_080,
     "commands": 3_300,
-    "data": 3_330,
+    "data": 3_345,
     "device": 910,
     "engines": 1_050,
     "files at the top": 800,
@@ -55,7 +55,7 @@ LINE_BUDGETS = {
     "sim.fit": 2_250,
     "sim.record": 2_600,
     "sim.render": 5_350,
-    "sim.scene": 4_735,
+    "sim.scene": 4_760,
     "sim.sensor": 6_000,
     "sim.testing": 1_000,
     "splat": 5_650,
@@ -65,7 +65,7 @@ LINE_BUDGETS = {
     "train": 4_160,
     "usd": 4_300,
 }
-MOST_LINES, MOST_FILES = 80_400, 527  # of the product; 65,000 in 500 files are the goal
+MOST_LINES, MOST_FILES = 80_440, 527  # of the product; 65,000 in 500 files are the goal
 # A shorter file with a single client in its folder belongs into that client.
 CRUMB = 60
 

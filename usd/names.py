@@ -4,7 +4,7 @@ The attributes are those of ``UsdVol.ParticleField3DGaussianSplat`` (OpenUSD 26.
 array has a half-precision twin of the same name plus ``h``.
 """
 
-SUFFIXES = (".usda", ".usdc", ".usdz")
+SUFFIXES = (".usda", ".usdc", ".usdz", ".usd")
 
 # In our metadata: what was taken off the places of a recording far from the origin [m].
 OFFSET_KEY = "world_offset"

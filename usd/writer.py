@@ -222,7 +222,7 @@ def write_gaussians(
         if suffix == ".usda":
             author_field(field, asset_arrays(gaussians, options))
             export_layer(stage.GetRootLayer(), unfinished, path)
-        elif suffix == ".usdc":
+        elif suffix != ".usdz":
             write_splat_crate(field, gaussians, options, unfinished)
         else:
             package = PackageWriter(unfinished, path)

@@ -29,8 +29,12 @@ _TYPES = {
     **{name: kind for kind, name in _NAMES.items()},
     **{np.dtype(kind).name: kind for kind in _NAMES},
 }
-# What scanners of the nineties call the color of a vertex.
-_USUAL_NAMES = {f"diffuse_{color}": color for color in ("red", "green", "blue")}
+# What scanners of the nineties, and a few programs, call colors.
+USUAL_NAMES = {
+    name: color
+    for color in ("red", "green", "blue")
+    for name in (f"diffuse_{color}", color[0], color.capitalize())
+}
 
 # Lines of a text file parsed at a time: the words of 62 columns take some ten megabytes.
 LINES_AT_A_TIME = 4096
@@ -115,7 +119,7 @@ def read_ply_header(path: Path) -> PlyHeader:
             case ["property", "list", length, kind, name] if elements and {length, kind} <= kinds:
                 _add_column(elements[-1], name, f"{_TYPES[length]} {_TYPES[kind]}", where)
             case ["property", kind, name] if elements and kind in kinds:
-                _add_column(elements[-1], _USUAL_NAMES.get(name, name), _TYPES[kind], where)
+                _add_column(elements[-1], USUAL_NAMES.get(name, name), _TYPES[kind], where)
             case _:
                 raise DigsError(f"{where}: cannot be understood: {quoted(' '.join(words))}")
     if not encoding:

@@ -131,6 +131,9 @@ def _joined(name: str, clouds: Sequence[PointCloud], usual: bool | float) -> np.
     )
 
 
+# Floats above this are colors of 0 to 255.
+MOST_FLOAT = 2.0
+
 POSITION, COLOR = ("x", "y", "z"), ("red", "green", "blue")
 
 
@@ -165,12 +168,20 @@ def read_points(path: Path, offset: np.ndarray | float = 0.0, scale: float = 1.0
     positions = (positions / scale - offset).astype(np.float32)
     colors = np.full(positions.shape, 0.5, np.float32)
     if set(COLOR) <= set(names):
-        stored = np.stack([table[name] for name in COLOR], axis=1)
-        top = np.iinfo(stored.dtype).max if stored.dtype.kind in "iu" else 1
-        colors = np.clip(np.nan_to_num(stored / np.float32(top)), 0, 1)
+        colors = unit_colors(np.stack([table[name] for name in COLOR], axis=1))
     sound = np.all(np.isfinite(positions), axis=1, keepdims=False)
     if lost := int(np.count_nonzero(~sound)):
         logger.warning(
             "points '%s': %d of %d are not finite and are left out", *(path, lost, len(positions))
         )
     return PointCloud(positions[sound], colors[sound])
+
+
+def unit_colors(stored: np.ndarray) -> np.ndarray:
+    """Return colors of any type as 0 to 1: shares of the largest whole number, or of 255 beside floats."""
+    if stored.dtype.kind in "iu":
+        top = np.iinfo(stored.dtype).max
+    else:
+        stored = np.nan_to_num(stored)
+        top = 255 if stored.max(initial=0) > MOST_FLOAT else 1
+    return np.clip(stored / np.float32(top), 0, 1).astype(np.float32)

@@ -19,7 +19,7 @@ SpzVersion = Literal[2, 3, 4]
 
 OURS = ".npz"
 SPLAT_SUFFIXES = (".ply", ".spz", ".splat")
-USD_SUFFIXES = (".usdz", ".usdc", ".usda")
+USD_SUFFIXES = (".usdz", ".usdc", ".usda", ".usd")
 SUFFIXES = (OURS, *SPLAT_SUFFIXES, *USD_SUFFIXES)
 
 
@@ -136,7 +136,7 @@ def _read_gaussians(path: Path, up: UpAxis, drop_broken: bool, prim: str | None)
         from digs_warp.formats.splats.files import read_splat_file
 
         return read_splat_file(path, up, drop_broken)
-    if suffix in (*USD_SUFFIXES, ".usd"):
+    if suffix in USD_SUFFIXES:
         from digs_warp.usd.reader import read_gaussians
 
         return read_gaussians(path, prim)
@@ -144,6 +144,6 @@ def _read_gaussians(path: Path, up: UpAxis, drop_broken: bool, prim: str | None)
     if suffix != OURS:
         raise DigsError(
             f"'{path}': suffix '{path.suffix}', expected Gaussians: a folder of 'digs-warp reconstruct', "
-            f"or one of {', '.join(SUFFIXES)}"
+            f"or one of {', '.join(SUFFIXES)}; SuperSplat and splat-transform make PLY of other formats"
         )
     return Gaussians.load(path)

@@ -161,3 +161,17 @@ def test_a_scene_without_a_unit_is_in_centimetres_and_that_is_said(
         assert "has no metersPerUnit, so it is in centimetres" in capsys.readouterr().err
     read = Gaussians.load(tmp_path / "b.npz")
     np.testing.assert_allclose(read.means, 0.01 * splats.means, rtol=1e-6)
+
+
+def test_a_scene_moved_far_away_keeps_its_places(tmp_path: Path) -> None:
+    splats, path = flat(RGB), tmp_path / "a.usda"
+    splats.save(path)
+    stage = Usd.Stage.Open(str(path))
+    stage.SetMetadata("customLayerData", {})
+    asset = UsdGeom.Xformable(stage.GetPrimAtPath(names.ASSET_PATH))
+    asset.AddTranslateOp().Set((431000.25, 312.5, -4582000.125))
+    stage.Save()
+    read = read_gaussians(path)
+    assert read.world_offset is not None and np.abs(read.means).max() < 10
+    places = read.means + np.array(read.world_offset)
+    np.testing.assert_allclose(places, splats.means + (431000.25, 4582000.125, 312.5), atol=1e-6)

@@ -11,7 +11,9 @@ from typing import Any
 
 import numpy as np
 
-from digs_warp.data.ply_table import read_ply_header, read_rows
+from digs_warp.data.images import to_uint8
+from digs_warp.data.ply_table import USUAL_NAMES, read_ply_header, read_rows
+from digs_warp.data.point_cloud import COLOR, MOST_FLOAT, unit_colors
 
 # Faces with five corners or more. Quadrilaterals with a notch are rare, and there may be millions of others.
 _POLYGON = re.compile(rb"^f(?:[ \t]+[^\s\\]+){5,}[ \t]*\r?$", re.MULTILINE)
@@ -101,8 +103,13 @@ _NEW_STRIP = -1
 def shows_all_of_ply(loaded: Any) -> bool:
     """Whether a `trimesh.Scene` is what a PLY file means: no strips, long polygons or old names of colors."""
     raw = next((each.metadata["_ply_raw"] for each in loaded.geometry.values()), {})
-    if "tristrips" in raw or "diffuse_red" in raw.get("vertex", {}).get("properties", {}):
+    if "tristrips" in raw:
         return False
+    for table in filter(None, (raw.get("vertex"), raw.get("face"))):
+        kind = table["properties"].get("red", "u1")
+        is_share = "f" in kind and table["length"] and np.max(table["data"]["red"]) <= MOST_FLOAT
+        if USUAL_NAMES.keys() & table["properties"] or not ("u1" in kind or is_share):
+            return False
     face = raw.get("face", {})
     for name in _CORNERS:
         if name in face.get("properties", {}) and face["length"]:
@@ -135,6 +142,10 @@ def ply_triangles(path: Path) -> dict[str, dict[str, Any]]:
     for name, rows in lists.items():
         picked = [row[list(each)] for row, cut in zip(rows, cuts, strict=True) for each in cut]
         columns[name] = np.stack(picked).reshape(len(owners), -1)
+    for table in (vertices, columns):
+        if set(COLOR) <= table.keys():
+            rgb = to_uint8(unit_colors(np.stack([table[name] for name in COLOR], axis=1)))
+            table |= dict(zip(COLOR, rgb.T, strict=True))
     return {
         name: {"length": len(next(iter(table.values()))), "properties": table, "data": table}
         for name, table in {"vertex": vertices, "face": columns}.items()

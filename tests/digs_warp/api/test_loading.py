@@ -17,7 +17,9 @@ def test_a_capture_folder_is_a_capture(capture_folder: Path) -> None:
     assert isinstance(loaded, dw.Capture) and loaded.stored_in == capture_folder
 
 
-@pytest.mark.parametrize("name", ["a.npz", "a.ply", "a.spz", "a.splat", "a.usda", "a.usdz"])
+@pytest.mark.parametrize(
+    "name", ["a.npz", "a.ply", "a.spz", "a.splat", "a.usda", "a.usdz", "a.usd"]
+)
 def test_files_of_gaussians_are_gaussians(tmp_path: Path, name: str) -> None:
     path = tmp_path / name
     GAUSSIANS.save(path)

@@ -67,7 +67,7 @@ def test_a_polygon_without_area_ends() -> None:
 def ply(folder: Path, order: str, tables: dict[str, tuple[list[str], list[list[Any]]]]) -> Path:
     """Write a PLY file: by element, its properties and its rows; lists begin with their length."""
     forms = {"": "ascii", "<": "binary_little_endian", ">": "binary_big_endian"}
-    kinds = {"float": "f4", "uchar": "u1", "int": "i4"}
+    kinds = {"float": "f4", "uchar": "u1", "ushort": "u2", "int": "i4"}
     header, data = [f"ply\nformat {forms[order]} 1.0"], b""
     for name, (properties, rows) in tables.items():
         header += [f"element {name} {len(rows)}", *(f"property {each}" for each in properties)]
@@ -105,10 +105,23 @@ def test_faces_of_ply_may_have_any_number_of_corners(
 
 
 @pytest.mark.parametrize("order", ["", "<", ">"])
-@pytest.mark.parametrize("names", ["diffuse_", ""])
-def test_strips_and_old_colors_of_ply(tmp_path: Path, order: str, names: str) -> None:
-    colors = [f"uchar {names}{color}" for color in ("red", "green", "blue")]
-    rows = [[*point, 255, 0, 128] for point in POINTS]
+@pytest.mark.parametrize(
+    ("kind", "names", "top"),
+    [
+        ("uchar", "diffuse_red diffuse_green diffuse_blue", 255),
+        ("uchar", "red green blue", 255),
+        ("ushort", "red green blue", 65535),
+        ("float", "r g b", 1.0),
+        ("float", "Red Green Blue", 255.0),
+    ],
+)
+def test_strips_and_old_colors_of_ply(
+    tmp_path: Path, order: str, kind: str, names: str, top: float
+) -> None:
+    colors = [f"{kind} {name}" for name in names.split()]
+    rows = [[*point, top, 0, top * 128 / 255] for point in POINTS]
+    if kind != "float":
+        rows = [[*row[:3], *map(round, row[3:])] for row in rows]
     strips = [[[9, *STRIP, -1, 0, 3, 5, 4]]]
     path = ply(
         tmp_path,
