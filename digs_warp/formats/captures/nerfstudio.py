@@ -187,6 +187,8 @@ def _points(
     """Return what reads the sparse points; an index may name a file that was not copied."""
     name = shared.text(POINTS_KEY, "")
     path = files.find(name) if name else None
+    if name and path is None:
+        files.notes[f"the points '{name}' are not there"] = 1
     return None if path is None else lambda offset: read_points(path, offset, scale)
 
 
