@@ -116,7 +116,7 @@ class _Scene:
     """A recording split into training frames and held-out views, and the points that its depth gives."""
 
     frames: list[Frame]
-    test_views: list[TestView]
+    test_views: Sequence[TestView]
     points: PointCloud
 
     def train(

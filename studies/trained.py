@@ -6,6 +6,7 @@ other programs draw its files.
 """
 
 import tempfile
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -74,7 +75,7 @@ class TrainedObject:
     gaussians: Gaussians
     cameras: list[Camera]
     surface: TriangleMesh
-    truth: dict[str, list[TestView]] = field(default_factory=dict)
+    truth: dict[str, Sequence[TestView]] = field(default_factory=dict)
 
 
 def trained_object() -> TrainedObject:
@@ -103,7 +104,7 @@ def trained_object() -> TrainedObject:
         return TrainedObject(trainer.gaussians.to_numpy(), cameras, surface, truth)
 
 
-def true_views(folder: Path) -> dict[str, list[TestView]]:
+def true_views(folder: Path) -> dict[str, Sequence[TestView]]:
     """Return what a perfect camera sees on another walk, by the width in widths of the training images."""
     from digs_warp.sim.record.record import SimulateConfig, simulate
 

@@ -23,7 +23,7 @@ from digs_warp.record.manifest import is_kept
 from digs_warp.record.run_log import RunLog, RunRecord
 from digs_warp.record.typed import to_json
 from digs_warp.train.config import TrainConfig
-from digs_warp.train.evaluate import TestView, load_test_views
+from digs_warp.train.evaluate import TestViews, load_test_views
 from digs_warp.train.session import (
     Trained,
     TrainingData,
@@ -50,7 +50,7 @@ class Optimized:
 
     poses: Poses
     trained: Trained
-    test_views: list[TestView]
+    test_views: TestViews
 
 
 def optimize(
@@ -108,7 +108,7 @@ def optimize(
     )
     frames, test_views = with_trained_poses(poses.posed, views.held_out, trained.poses, folder)
     trained = replace(trained, record=record)
-    return Optimized(replace(poses, frames=frames), trained, list(test_views))
+    return Optimized(replace(poses, frames=frames), trained, test_views)
 
 
 def _with_shutter(
@@ -152,7 +152,7 @@ class _LoadedViews:
     """
 
     data: TrainingData | None
-    held_out: list[TestView]
+    held_out: TestViews
     color: ViewDependence | None
     points: PointCloud
 

@@ -146,8 +146,11 @@ def _evaluate(result: Reconstruction, found: Optimized, config: ReconstructConfi
         truth = beside.submit(_true_surface, result, config)
         gaussians = DeviceGaussians.from_numpy(trained.gaussians, config.train.device)
         measured = trained.measured or measure_views(gaussians, found.test_views)
-        pairs = zip(found.test_views, measured.renderings, strict=True)
-        writes = [beside.submit(write_render, folder, view.name, one.image) for view, one in pairs]
+        names = [score.name for score in measured.scores]
+        writes = [
+            beside.submit(write_render, folder, *each)
+            for each in zip(names, measured.images, strict=True)
+        ]
         sizes = measure_other_sizes(gaussians, found.test_views, measured.scores)
         surface = _surface_error(result, truth.result(), config)
         for write in writes:

@@ -14,7 +14,7 @@ import numpy as np
 
 from digs_warp.checks import DigsError
 from digs_warp.data.capture import Capture, MetricScale, read_capture
-from digs_warp.data.images import read_image, to_uint8, write_image
+from digs_warp.data.images import read_image, write_image
 from digs_warp.data.index_rules import INDEX_NAME
 from digs_warp.data.posed_frames import CAMERAS, PosedFrames
 from digs_warp.init.scale import ScaleEstimate
@@ -145,8 +145,8 @@ def write_scores(folder: Path, scores: Scores) -> None:
 
 
 def write_render(folder: Path, name: str, image: np.ndarray) -> None:
-    """Write a held-out view, values in 0..1, where `Reconstruction.load_render` finds it."""
-    write_image(folder / RENDERS / f"{name}.png", to_uint8(image))
+    """Write a held-out view, uint8, where `Reconstruction.load_render` finds it."""
+    write_image(folder / RENDERS / f"{name}.png", image)
 
 
 def read_render(folder: Path, name: str, shape: tuple[int, ...]) -> np.ndarray:

@@ -13,7 +13,7 @@ from digs_warp.data.layers import Layer
 from digs_warp.data.posed_frames import PosedFrames
 from digs_warp.poses.from_images.config import SfmConfig
 from digs_warp.poses.outcome import PoseRefinement
-from digs_warp.train.evaluate import TestView
+from digs_warp.train.evaluate import TestViews
 from digs_warp.words import counted, first_few
 
 logger = logging.getLogger(__name__)
@@ -109,8 +109,8 @@ def refined(
 
 
 def with_trained_poses(
-    frames: PosedFrames, views: Sequence[TestView], poses: np.ndarray | None, folder: Path
-) -> tuple[PosedFrames, Sequence[TestView]]:
+    frames: PosedFrames, views: TestViews, poses: np.ndarray | None, folder: Path
+) -> tuple[PosedFrames, TestViews]:
     """Return frames and held-out views with the poses that the training found, and write cameras.json.
 
     Args:
@@ -133,8 +133,5 @@ def with_trained_poses(
         held_out=posed(frames.held_out, poses[count:]),
     )
     new.save(folder)
-    turned = [
-        replace(view, camera=replace(view.camera, world_from_cam=pose))
-        for view, pose in zip(views, poses[count:], strict=True)
-    ]
-    return new, turned
+    pairs = zip(views.cameras, poses[count:], strict=True)
+    return new, views.seen_from([replace(camera, world_from_cam=pose) for camera, pose in pairs])

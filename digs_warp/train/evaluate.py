@@ -4,13 +4,16 @@ Nobody knows the exposure and white balance of a held-out photograph. The raw fi
 colors of the Gaussians as they are; the aligned ones first give these the gain that fits the photograph.
 """
 
+from collections import deque
 from collections.abc import Iterator, Sequence
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass, replace
+from typing import overload
 
 import numpy as np
 
 from digs_warp.data.frame import Frame
+from digs_warp.data.images import to_uint8
 from digs_warp.data.layers import Layer
 from digs_warp.device.threads import default_threads
 from digs_warp.geometry.camera import Camera
@@ -63,27 +66,75 @@ class TestView:
         return None if self.unknown is None else ~self.unknown
 
 
-def load_test_views(frames: Sequence[Frame], shutter: ShutterPlan = NO_SHUTTER) -> list[TestView]:
+# Memory for held-out photographs [bytes]. Beyond it, they are read whenever they are compared.
+MEMORY = 256 * 2**20
+
+
+class TestViews(Sequence[TestView]):
+    """Held-out photographs, read at once as far as `MEMORY` goes: a long recording needs no more of it.
+
+    Args:
+        frames: of the photographs.
+        shutter: how their cameras move.
+        cameras: in other places; None: those of the frames.
+        kept: photographs that were read before, by number.
+    """
+
+    def __init__(
+        self,
+        frames: Sequence[Frame],
+        shutter: ShutterPlan = NO_SHUTTER,
+        cameras: Sequence[Camera] | None = None,
+        kept: dict[int, TestView] | None = None,
+    ) -> None:
+        self._frames, self._shutter, self._kept = frames, shutter, {} if kept is None else kept
+        self.cameras = [frame.camera for frame in frames] if cameras is None else [*cameras]
+        room = MEMORY if kept is None else 0
+        for number, frame in enumerate(frames):
+            if room <= 0:
+                break
+            self._kept[number] = view = _test_view(frame, shutter)
+            room -= view.target.nbytes + view.share.nbytes + view.object_pixels.nbytes
+
+    def __len__(self) -> int:
+        return len(self._frames)
+
+    @overload
+    def __getitem__(self, index: int) -> TestView: ...
+    @overload
+    def __getitem__(self, index: slice) -> Sequence[TestView]: ...
+    def __getitem__(self, index: int | slice) -> TestView | Sequence[TestView]:
+        if isinstance(index, slice):
+            return [self[number] for number in range(len(self))[index]]
+        number = range(len(self))[index]
+        view = self._kept.get(number) or _test_view(self._frames[number], self._shutter)
+        return replace(view, camera=self.cameras[number])
+
+    def seen_from(self, cameras: Sequence[Camera]) -> "TestViews":
+        """Return the same photographs with other cameras."""
+        return TestViews(self._frames, self._shutter, cameras, self._kept)
+
+
+def load_test_views(frames: Sequence[Frame], shutter: ShutterPlan = NO_SHUTTER) -> TestViews:
     """Read the held-out photographs; without a mask, every pixel of a frame belongs to the object.
 
     The white replaces the room at the rim of the object, too, see `digs_warp.train.silhouette`.
     """
-    views = []
-    for frame in frames:
-        photo = frame.load_image()
-        mask = np.full(photo.shape[:2], 255, np.uint8)
-        if frame.has(Layer.MASK):
-            mask = frame.load_mask()
-        image = without_surround(photo, mask).astype(np.float32) / 255.0
-        share = mask[..., None].astype(np.float32) / 255.0
-        target = image * share + (1.0 - share)
-        views.append(
-            TestView(
-                *(frame.name, frame.camera, target, share[..., 0], mask > MASK_THRESHOLD),
-                *(frame.load_unknown(), shutter.rows_of(frame), shutter.blur.of(frame)),
-            )
-        )
-    return views
+    return TestViews(frames, shutter)
+
+
+def _test_view(frame: Frame, shutter: ShutterPlan) -> TestView:
+    photo = frame.load_image()
+    mask = np.full(photo.shape[:2], 255, np.uint8)
+    if frame.has(Layer.MASK):
+        mask = frame.load_mask()
+    image = without_surround(photo, mask).astype(np.float32) / 255.0
+    share = mask[..., None].astype(np.float32) / 255.0
+    target = image * share + (1.0 - share)
+    return TestView(
+        *(frame.name, frame.camera, target, share[..., 0], mask > MASK_THRESHOLD),
+        *(frame.load_unknown(), shutter.rows_of(frame), shutter.blur.of(frame)),
+    )
 
 
 @dataclass(frozen=True, eq=False)
@@ -124,12 +175,13 @@ def drawn_views(
     """Render the views one after the other, so that many large ones need not be kept."""
     options = replace(options, outputs="mean depth" if with_depth else "color")
     center = gaussians.means.numpy().mean(axis=0)
-    moments = max((view.blur.moments for view in views if view.blur), default=1)
-    renderer = None
+    renderer, fits = None, (0, 0, 0)
     for view in views:
         k = view.camera.intrinsics
-        if renderer is None or (renderer.image.width, renderer.image.height) != (k.width, k.height):
-            renderer = BlurRenderer(gaussians, k.width, k.height, options=options, moments=moments)
+        needed = (k.width, k.height, view.blur.moments if view.blur else 1)
+        if renderer is None or needed[:2] != fits[:2] or needed[2] > fits[2]:
+            fits = needed
+            renderer = BlurRenderer(gaussians, *fits[:2], options=options, moments=fits[2])
         near = near_plane(view.camera, center)
         renderer.forward(view.camera, near=near, rows=view.rows, blur=view.blur)
         behind = renderer.transmittance.to_numpy()[..., 0]
@@ -140,16 +192,27 @@ def drawn_views(
 
 @dataclass(frozen=True, eq=False)
 class MeasuredViews:
-    """Held-out views as Gaussians show them, and their scores."""
+    """Held-out views as Gaussians show them, sRGB, (height, width, 3), uint8, and their scores."""
 
-    renderings: Sequence[Rendering]
+    images: Sequence[np.ndarray]
     scores: Sequence[ViewScore]
 
 
 def measure_views(gaussians: DeviceGaussians, views: Sequence[TestView]) -> MeasuredViews:
-    """Render the views and compare them with their photographs."""
-    renderings = render_views(gaussians, views)
-    return MeasuredViews(renderings, score_views(renderings, views))
+    """Render the views, and compare them with their photographs while the next ones are rendered."""
+
+    def measured(rendering: Rendering, view: TestView) -> tuple[np.ndarray, ViewScore]:
+        return to_uint8(rendering.image), _score(rendering, view)
+
+    waiting: deque[Future[tuple[np.ndarray, ViewScore]]] = deque()
+    found = []
+    with ThreadPoolExecutor(default_threads()) as pool:
+        for rendering, view in zip(drawn_views(gaussians, views), views, strict=True):
+            waiting.append(pool.submit(measured, rendering, view))
+            if len(waiting) > 2 * default_threads():  # or all of them would be held
+                found.append(waiting.popleft().result())
+        found += [each.result() for each in waiting]
+    return MeasuredViews([image for image, _ in found], [score for _, score in found])
 
 
 def score_views(renderings: Sequence[Rendering], views: Sequence[TestView]) -> list[ViewScore]:
@@ -254,20 +317,19 @@ def interpolated(times: np.ndarray, gains: Sequence[ColorGain], moment: float) -
 POOLS = (4, 4, 2, 2, 1, 1, 1)
 
 
-def moved_views(
-    gaussians: DeviceGaussians, views: Sequence[TestView], shifts: bool = True
-) -> list[TestView]:
+def moved_views(gaussians: DeviceGaussians, views: TestViews, shifts: bool = True) -> TestViews:
     """Return the views with cameras moved until the finished Gaussians fit, as those of the training did.
 
     Where poses are trained, those of held-out photographs are as far off as the others were: without this,
     their score would measure the poses (BARF, Lin et al., ICCV 2021, section 4.2, does the same). Without
     ``shifts``, cameras only turn.
     """
-    found = list(views)
+    found = views
     middle = np.median(gaussians.means.numpy(), axis=0)
     for pool in POOLS:
-        renderings = render_views(gaussians, found, with_depth=shifts and pool == 1)
-        for number, (rendering, view) in enumerate(zip(renderings, found, strict=True)):
+        renderings = drawn_views(gaussians, found, with_depth=shifts and pool == 1)
+        cameras = []
+        for rendering, view in zip(renderings, found, strict=True):
             image, pose = color_aligned(rendering, view), view.camera.world_from_cam
             box = mask_box(view.share)
             part = (slice(box[1], box[3]), slice(box[0], box[2]))
@@ -277,6 +339,6 @@ def moved_views(
                 depth = filled_depth(rendering.depth[part], photograph.shape[:2], pose, middle)
             k = view.camera.intrinsics
             motion = motion_between(image[part], photograph, k, box, pool, depth)
-            camera = replace(view.camera, world_from_cam=moved(pose, motion))
-            found[number] = replace(view, camera=camera)
+            cameras.append(replace(view.camera, world_from_cam=moved(pose, motion)))
+        found = found.seen_from(cameras)
     return found

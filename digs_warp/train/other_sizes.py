@@ -45,11 +45,11 @@ def measure_other_sizes(
     Returns:
         None without views.
     """
-    chosen = evenly(list(zip(views, scores, strict=True)), MOST_VIEWS)
+    chosen = evenly(range(len(views)), MOST_VIEWS)
     if not chosen:
         return None
-    seen = [view for view, _ in chosen]
-    trained = mean_score([score for _, score in chosen]).psnr_object_aligned
+    seen = [views[number] for number in chosen]
+    trained = mean_score([scores[number] for number in chosen]).psnr_object_aligned
     at = {name: psnr_at_size(gaussians, seen, size) for name, size in SIZES.items()}
     return OtherSizes(views=len(seen), trained=trained, **at)
 

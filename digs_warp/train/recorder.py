@@ -3,12 +3,11 @@
 import math
 import time
 from collections.abc import Sequence
-from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 from digs_warp.measure.scores import mean_score
 from digs_warp.train.adherence import MeasuredView, adherence
-from digs_warp.train.evaluate import MeasuredViews, TestView, render_views, score_views
+from digs_warp.train.evaluate import MeasuredViews, TestView, measure_views
 from digs_warp.train.trainer import Trainer
 from digs_warp.train.training import (
     CourseRow,
@@ -88,14 +87,10 @@ class CourseRecorder:
         return self._in_words(row.loss)
 
     def _measure(self) -> float | None:
-        """Measure the held-out views; return the adherence, for which others are rendered meanwhile."""
+        """Measure the held-out views; return the adherence."""
         gaussians, views = self._trainer.gaussians, self._test_views
-        renderings = render_views(gaussians, views)
-        with ThreadPoolExecutor(1, thread_name_prefix="score") as beside:
-            scoring = beside.submit(score_views, renderings, views)
-            found = adherence(gaussians, self._measured_views)
-        self.measured = MeasuredViews(renderings, scoring.result()) if views else None
-        return found
+        self.measured = measure_views(gaussians, views) if views else None
+        return adherence(gaussians, self._measured_views)
 
     def _in_words(self, loss: float | None) -> str:
         words = [] if loss is None else [f"loss {loss:.4f}"]

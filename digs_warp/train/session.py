@@ -23,7 +23,7 @@ from digs_warp.splat.device import DeviceGaussians
 from digs_warp.train.adherence import MeasuredView, load_measured_views
 from digs_warp.train.checkpoint import checkpoint_step, load_checkpoint, save_checkpoint
 from digs_warp.train.config import TrainConfig
-from digs_warp.train.evaluate import MeasuredViews, TestView, moved_views
+from digs_warp.train.evaluate import MeasuredViews, TestViews, moved_views
 from digs_warp.train.recorder import LOG_EVERY, CourseRecorder
 from digs_warp.train.shutter import NO_SHUTTER, ShutterPlan
 from digs_warp.train.time_plan import MOST_DENSE_STEPS, Clock, TimePlan, plan_time
@@ -111,7 +111,7 @@ def open_data(
 def train_gaussians(
     seeds: Gaussians,
     data: TrainingData,
-    test_views: Sequence[TestView],
+    test_views: TestViews,
     config: TrainConfig,
     folder: Path,
     log: RunLog,
@@ -209,11 +209,11 @@ def load_trained_poses(folder: Path, count: int) -> np.ndarray | None:
 
 
 def _all_poses(
-    trained: TrainedPoses, gaussians: Gaussians, test_views: Sequence[TestView], device: str
+    trained: TrainedPoses, gaussians: Gaussians, test_views: TestViews, device: str
 ) -> np.ndarray:
     """Return the poses of the training frames, then those of the held-out ones."""
     views = moved_views(DeviceGaussians.from_numpy(gaussians, device), test_views, trained.shifts)
-    return np.stack([*trained.poses, *(view.camera.world_from_cam for view in views)])
+    return np.stack([*trained.poses, *(camera.world_from_cam for camera in views.cameras)])
 
 
 def _run_steps(

@@ -3,6 +3,7 @@
 import json
 import re
 import signal
+import tracemalloc
 from pathlib import Path
 
 import numpy as np
@@ -14,8 +15,10 @@ from digs_warp.data.capture import Capture
 from digs_warp.data.gaussians import FIELDS, Gaussians
 from digs_warp.record.layout import CHECKPOINT, GAUSSIANS, TRAINING
 from digs_warp.record.run_log import RunLog
+from digs_warp.splat.device import DeviceGaussians
+from digs_warp.train import evaluate
 from digs_warp.train.config import Stop, TrainConfig
-from digs_warp.train.evaluate import load_test_views
+from digs_warp.train.evaluate import load_test_views, measure_views
 from digs_warp.train.session import Trained, open_data, train_gaussians
 from digs_warp.train.trainer import Trainer
 from digs_warp.train.training import load_snapshots, save_snapshot
@@ -139,3 +142,21 @@ def test_a_diverging_run_leaves_its_last_good_state(
         assert int(state["step"]) == 12
         assert np.isfinite(state["value_means"]).all()
     assert not (tmp_path / GAUSSIANS).exists()
+
+
+def test_held_out_views_beyond_the_memory_are_read_when_they_are_asked_for(
+    capture: Capture, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    frames = capture.frames
+    gaussians = DeviceGaussians.from_numpy(ball())
+    kept = load_test_views(frames)
+    monkeypatch.setattr(evaluate, "MEMORY", 1)
+    tracemalloc.start()
+    views = load_test_views(frames)
+    held = tracemalloc.get_traced_memory()[0]
+    tracemalloc.stop()
+    assert held < 2 * kept[0].target.nbytes + 2 * kept[0].share.nbytes
+    moved = views.seen_from([frame.camera for frame in frames[::-1]])
+    assert measure_views(gaussians, views).scores == measure_views(gaussians, kept).scores
+    assert [view.camera for view in moved] == [view.camera for view in kept[::-1]]
+    assert len(moved[1:3]) == 2 and moved[-1].name == frames[-1].name
