@@ -80,6 +80,13 @@ BENCHMARKS = (
         chart_function="scaling.scaling_charts",
         picture="scaling.png",
     ),
+    # Each stage of recordings and reconstructions, by frames and by pixels.
+    Benchmark(
+        "growth",
+        ("growth.bench_growth",),
+        ("research/performance.md",),
+        cases=("frames", "pixels"),
+    ),
     # A training step, stage by stage; quality over time against the settings of 3DGS.
     Benchmark(
         "training",

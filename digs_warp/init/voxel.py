@@ -238,8 +238,11 @@ def _size_for_most(voxels: VoxelSums, size: float) -> float:
 
 
 def _size_for_count(voxels: VoxelSums, size: float, wanted: int) -> float:
+    points = voxels.points_world
+
     def count(edge: float) -> int:
-        return len(voxels.coarser(edge))
+        keys = np.sort(voxel_keys(points, edge))  # `np.unique` hashes, five times as slowly
+        return 1 + int(np.count_nonzero(np.diff(keys)))
 
     if count(size) <= wanted:
         return size

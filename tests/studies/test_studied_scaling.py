@@ -7,6 +7,7 @@ import pytest
 
 from digs_warp.splat.device import DeviceGaussians
 from digs_warp.splat.render import SplatRenderer
+from studies.growth import MEMORY, results
 from studies.raster import NEAR, count_work
 from studies.results import Result
 from studies.scaling import BASE, Case, fit_laws, measure, scaling_charts
@@ -59,3 +60,11 @@ def test_a_case_is_measured_and_drawn() -> None:
     assert all(p.values["raster [ms]"] > 0 and p.values["per splat [ms]"] > 0 for p in points)
     assert all(p.labels["evaluated"] > p.labels["pairs"] for p in points)
     assert len(scaling_charts([*points, *fit_laws(points)])) == 1
+
+
+def test_growth_is_the_exponent_between_the_two_largest_sizes() -> None:
+    costs = [{"fit": 9.0}, {"fit": 0.5, "rest": 0.0}, {"fit": 8.0, "rest": 0.0, MEMORY: 700.0}]
+    fit, rest, memory = results("t", ["1", "10", "40"], [1, 10, 40], costs)
+    assert fit.labels == {"stage": "fit [CPU s]"} and memory.labels == {"stage": MEMORY}
+    assert fit.values == {"1": 9.0, "10": 0.5, "40": 8.0, "exponent": 2.0}
+    assert rest.values["exponent"] == 0.0
