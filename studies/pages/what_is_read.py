@@ -3,10 +3,77 @@
 from collections.abc import Iterable, Iterator
 
 from digs_warp.formats.table import DEPTH_IMAGES, FILMS, RECORDINGS, REFUSED_IMAGES, Form
+from digs_warp.sim.scene.mesh.gltf import SPLATS as GLTF_SPLATS
+from digs_warp.sim.scene.mesh.gltf import UNREADABLE_EXTENSIONS
 from digs_warp.study.table import Table
 from scripts.page_marks import fill
 
 PAGE = "what-is-read.md"
+
+# By suffix, as the readers have them.
+SPLATS = (
+    Form(
+        ".ply",
+        {
+            "binary of either order, text, floats or doubles": "Gaussians of degree 0 to 3; with degree 4, "
+            "up to 3",
+            "comments": "what the splats are drawn with: ours, SplatRenderMode, antialiased",
+            "centers far from the origin": "in double precision; written again as doubles",
+            "values that look like a mistake": "as they are, and a warning names them",
+        },
+        {},
+        {
+            "a compressed PLY of SuperSplat": "export it again as plain PLY, or as SPZ",
+            "NaN and infinite values": "--drop-broken leaves those Gaussians out",
+        },
+    ),
+    Form(
+        ".spz",
+        {"versions 2, 3 and 4": "Gaussians, and the flag for antialiasing"},
+        {"extension records": "of other programs"},
+    ),
+    Form(".splat", {"rows of 32 bytes": "Gaussians without view-dependent color"}),
+    Form(
+        ".usda, .usdc, .usdz, .usd",
+        {
+            "ParticleField3DGaussianSplat": "float or half, animated, under any similarity",
+            "colors in another space": "converted to sRGB",
+            "several fields": "the only visible one, or that of --prim",
+            "packages in packages": "up to four",
+            "no metersPerUnit": "centimetres, as USD says, with a warning",
+        },
+        {"fields that are invisible, proxies or guides": "which one is read instead"},
+        {"transforms that shear": "bake them first"},
+    ),
+)
+MESHES = (
+    Form(
+        ".glb, .gltf",
+        {
+            "triangles, strips, fans": "with skins, sparse and quantized accessors",
+            "Draco, meshopt, KTX2, AVIF or DDS with plain data beside it": "the plain data",
+        },
+        {
+            GLTF_SPLATS: "splats beside triangles",
+            "morph targets, optional instances": "drawn in the basic shape, and once",
+        },
+        {f"{name} alone": cure for name, cure in UNREADABLE_EXTENSIONS.items()},
+    ),
+    Form(".obj", {"polygons, materials, textures": "in UTF-8 or UTF-16, with any mark"}),
+    Form(
+        ".ply",
+        {
+            "polygons, strips": "as triangles; long ones keep their notches",
+            "colors": "8 or 16 bits or floats, also as diffuse_red, r or Red",
+        },
+        refuses={"points without faces": "turn a point cloud into a mesh first"},
+    ),
+    Form(
+        ".stl",
+        {"text, binary": "also without a count, with 'solid' in the header, or with bytes behind"},
+        refuses={"fewer triangles than promised": "copy or export it again"},
+    ),
+)
 
 
 def main() -> None:
@@ -21,6 +88,8 @@ def texts() -> dict[str, str]:
     return {
         "images": _table([images]),
         "recordings": _table([*RECORDINGS.values(), *FILMS]),
+        "splats": _table(SPLATS),
+        "meshes": _table(MESHES),
     }
 
 

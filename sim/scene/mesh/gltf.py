@@ -112,7 +112,9 @@ def _check_types(path: Path, header: dict[str, Any]) -> None:
         for name, value in place.items():
             if name in TEXTS and not is_text(value):
                 raise _wrong_type(path, name, value, "a text")
-            if (name in OBJECTS or key == "extensions") and not isinstance(value, dict):
+            if (
+                name in OBJECTS or (key == "extensions" and name.startswith(("KHR_", "EXT_")))
+            ) and not isinstance(value, dict):
                 raise _wrong_type(path, name, value, "an object")
             found = value if isinstance(value, list) else [value]
             places += [(name, item) for item in found if isinstance(item, dict)]
