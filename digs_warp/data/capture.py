@@ -188,7 +188,7 @@ def read_capture(folder: Path) -> Capture:
     )
     about = from_json(About, ours, where, error=CaptureError)
     frames = tuple(read_frame(folder, index, entry, i) for i, entry in enumerate(entries))
-    for note, count in unread_files(entries, {layer.value for layer in Layer}).items():
+    for note, count in unread_files([index, *entries], [layer.value for layer in Layer]).items():
         logger.warning(
             "%s: %s (%s); %s may know them",
             *(f"capture '{folder}'", note, counted(count, "frame"), UNDISTORT),

@@ -115,13 +115,13 @@ FILES = (".png", ".jpg", ".jpeg", ".exr", ".npy", ".npz", ".tif", ".tiff", ".txt
 
 
 def unread_files(entries: Sequence[Any], known: Collection[str]) -> Counter[str]:
-    """Return what to say of keys of frames that name files and are not ``known``, and of how many frames."""
+    """Return what to say of keys of an index and its frames that name files and are not ``known``."""
     keys = Counter(
         key
         for entry in entries
         if isinstance(entry, dict)
         for key, value in entry.items()
-        if key not in known
+        if key not in (*known, POINTS_KEY)
         and isinstance(value, str)
         and (key.endswith("_path") or value.lower().endswith(FILES))
     )

@@ -78,7 +78,8 @@ def far_offset(places: np.ndarray) -> np.ndarray | None:
     Survey coordinates such as UTM are millions of metres.
     """
     middle = np.median(places, axis=0)
-    extent = float(np.linalg.norm(np.ptp(places, axis=0)))
+    # Of most: a lost camera may be in the origin.
+    extent = 4 * float(np.median(np.linalg.norm(places - middle, axis=1)))
     return np.round(middle) if np.linalg.norm(middle) > max(FAR, FAR_EXTENTS * extent) else None
 
 

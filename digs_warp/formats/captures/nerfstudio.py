@@ -159,7 +159,7 @@ def read_nerfstudio(folder: Path) -> Recording:
     files = FileNames(folder)
     if name in OTHER_INDICES and names[1:]:
         files.notes[f"only the frames of {name} are read, not those of {', '.join(names[1:])}"] = 1
-    files.notes += unread_files(entries, {*(layer.value for layer in Layer), *ALIASES})
+    files.notes += unread_files([index, *entries], [*(layer.value for layer in Layer), *ALIASES])
     rows = [
         replace(
             Fields.of(entry, f"recording '{folder}', frame {i} of {name}", CaptureError),

@@ -21,7 +21,7 @@ from digs_warp.data.layers import Layer
 from digs_warp.formats.captures.colmap_files import ModelCamera
 from digs_warp.formats.captures.colmap_import import PARAMETERS, pinhole_and_lens
 from digs_warp.formats.captures.formats import export_capture, read_recording
-from digs_warp.geometry.rigid import OPENCV_FROM_OPENGL
+from digs_warp.geometry.rigid import OPENCV_FROM_OPENGL, far_offset
 from digs_warp.record.files import to_json
 from reference.recorded import CAMERA, HEIGHT, WIDTH, check_same, converted
 
@@ -100,6 +100,11 @@ def test_survey_coordinates_are_taken_off_and_kept(
         again = found.load_points()
         assert again is not None and points is not None
         np.testing.assert_allclose(again.points_world, points.points_world - moved, atol=2e-5)
+
+
+def test_a_lost_camera_does_not_keep_a_scene_far_away() -> None:
+    places = np.array([[0, 0, 0], [4e6, 0, 0], [4e6 + 3, 1.0, 0]])
+    assert np.abs(np.array(far_offset(places)) - places[1]).max() < 4
 
 
 def blob(value: int, dtype: type = np.uint8) -> np.ndarray:
@@ -303,8 +308,9 @@ def test_depth_of_nerfcapture_is_read_and_unread_files_are_told(
         del entry["depth_file_path"]
         entry["depth_path"] = f"images/{number}.depth.png"
         entry["normal_file_path"] = entry["semantics"] = f"other/{number}.png"
-    save(folder, index)
+    save(folder, index | {"imu_path": "imu.csv"})
     check_same(converted("nerfstudio", folder, tmp_path / "c"), capture, 4e-3)
+    assert "files under 'imu_path' are not read" in caplog.text
     assert "files under 'normal_file_path' are not read (3 times)" in caplog.text
     assert "files under 'semantics' are not read (3 times)" in caplog.text
     assert "depth_path" not in caplog.text
