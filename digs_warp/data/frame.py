@@ -1,6 +1,6 @@
 """One moment of a recording, which loads its pixels on demand."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -263,3 +263,9 @@ class Frame:
         source = self.layers[layer]
         of_file = f"{layer.label} '{source}'"
         return of_file if isinstance(source, Path) else f"frame '{self.name}', {layer.label}"
+
+
+def posed_at(frames: Sequence[Frame], poses: Sequence[np.ndarray] | np.ndarray) -> list[Frame]:
+    """Return the frames with other poses ``world_from_cam``, (n, 4, 4)."""
+    pairs = zip(frames, poses, strict=True)
+    return [replace(f, camera=replace(f.camera, world_from_cam=pose)) for f, pose in pairs]

@@ -19,6 +19,7 @@ import numpy as np
 from digs_warp.check.recording import moved
 from digs_warp.checks import DigsError
 from digs_warp.data.capture import BY_DEPTH, Capture, MetricScale
+from digs_warp.data.frame import posed_at
 from digs_warp.data.layers import Layer
 from digs_warp.data.point_cloud import PointCloud
 from digs_warp.data.posed_frames import PosedFrames, with_cameras
@@ -171,27 +172,22 @@ def tracked(capture: Capture, config: SfmConfig) -> tuple[Capture, Tracking]:
         DigsError: frames without depth, or neighbors that do not show the same.
     """
     from digs_warp.poses.from_depth.estimate import track
-    from digs_warp.poses.from_images.similarity import upright_world
+    from digs_warp.poses.from_images.similarity import on_one_axis, upright_world
     from digs_warp.poses.refine.photometric_alignment import in_place
 
     found = track(capture.frames, config.readout)
-    cameras = [frame.camera for frame in capture.frames]
+    turns, poses = _only_object_turns(capture), found.poses
+    if turns:
+        poses = on_one_axis(poses)
+    placed = [frame.camera for frame in posed_at(capture.frames, poses)]
+    given = np.stack([frame.camera.world_from_cam for frame in capture.frames])
     if not capture.knows_poses:
-        placed = [
-            replace(camera, world_from_cam=pose)
-            for camera, pose in zip(cameras, found.poses, strict=True)
-        ]
-        poses = upright_world(placed, found.middle) @ found.poses
-    elif _only_object_turns(capture):
-        first = replace(cameras[0], world_from_cam=found.poses[0])
-        poses = _in_first(first, cameras[0]) @ found.poses
+        poses = upright_world(placed, found.middle) @ poses
+    elif turns:
+        poses = _in_first(placed[0], capture.frames[0].camera) @ poses
     else:
-        given = np.stack([camera.world_from_cam for camera in cameras])
-        poses = in_place(found.poses, given, float(np.linalg.norm(found.middle)))
-    frames = tuple(
-        replace(frame, camera=replace(frame.camera, world_from_cam=pose))
-        for frame, pose in zip(capture.frames, poses, strict=True)
-    )
+        poses = in_place(poses, given, float(np.linalg.norm(found.middle)))
+    frames = tuple(posed_at(capture.frames, poses))
     logger.info("poses: %s", found.tracking)
     if not found.tracking.loops:
         logger.warning("%s: %s", capture, found.tracking)

@@ -1,14 +1,14 @@
 """Refines poses where settings and recording call for it, and leaves out frames that have no right pose."""
 
 import logging
-from collections.abc import Collection, Sequence
+from collections.abc import Collection
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
 from digs_warp.data.capture import Capture
-from digs_warp.data.frame import Frame
+from digs_warp.data.frame import Frame, posed_at
 from digs_warp.data.layers import Layer
 from digs_warp.data.posed_frames import PosedFrames
 from digs_warp.poses.from_images.config import SfmConfig
@@ -122,16 +122,11 @@ def with_trained_poses(
     if poses is None:
         return frames, views
     count = len(frames.training)
-
-    def posed(some: Sequence[Frame], found: np.ndarray) -> tuple[Frame, ...]:
-        pairs = zip(some, found, strict=True)
-        return tuple(replace(f, camera=replace(f.camera, world_from_cam=p)) for f, p in pairs)
-
-    new = replace(
-        frames,
-        training=posed(frames.training, poses[:count]),
-        held_out=posed(frames.held_out, poses[count:]),
+    training, held_out = (
+        tuple(posed_at(*each))
+        for each in ((frames.training, poses[:count]), (frames.held_out, poses[count:]))
     )
+    new = replace(frames, training=training, held_out=held_out)
     new.save(folder)
     pairs = zip(views.cameras, poses[count:], strict=True)
     return new, views.seen_from([replace(camera, world_from_cam=pose) for camera, pose in pairs])

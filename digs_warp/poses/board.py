@@ -21,7 +21,7 @@ from typing import Any
 import numpy as np
 
 from digs_warp.checks import DigsError
-from digs_warp.data.frame import Frame
+from digs_warp.data.frame import Frame, posed_at
 from digs_warp.device.threads import default_threads
 from digs_warp.geometry.rigid import invert_rigid, rigid
 from digs_warp.poses import thresholds
@@ -64,12 +64,9 @@ def posed_by_board(frames: Sequence[Frame], path: Path) -> list[Frame]:
         [_pose(f, s, layout) for f, s in zip(frames, seen, strict=True)] for layout in board.layouts
     ]
     found = max(tried, key=lambda poses: sum(pose is not None for pose in poses))
-    posed = [
-        replace(frame, camera=replace(frame.camera, world_from_cam=pose))
-        for frame, pose in zip(frames, found, strict=True)
-        if pose is not None
-    ]
-    lost = [frame.name for frame, pose in zip(frames, found, strict=True) if pose is None]
+    poses = {number: pose for number, pose in enumerate(found) if pose is not None}
+    posed = posed_at([frames[number] for number in poses], [*poses.values()])
+    lost = [frame.name for number, frame in enumerate(frames) if number not in poses]
     if len(posed) < thresholds.MIN_IMAGES:
         most = max(len(numbers) for _, numbers in seen)
         raise DigsError(

@@ -29,6 +29,10 @@ MIN_OBSERVATIONS = 10
 # px, median error of a printed board's points, above which it is another board | by hand
 MAX_BOARD_ERROR = 3.0
 
+# share of the distance, and degree, between poses and the nearest turn about one axis, beyond which an object
+# was not on a turntable | a simulated one: 0.003 and 0.2 | 5
+MAX_OFF_AXIS, MAX_OFF_AXIS_DEG = 0.02, 1.0
+
 # --- Matched features (features.py)
 
 # nearest over second nearest descriptor | Lowe, IJCV 2004, has 0.8; white rooms need more matches

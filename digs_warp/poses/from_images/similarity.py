@@ -11,6 +11,7 @@ from digs_warp.data.sfm_model import SfmModel
 from digs_warp.data.viewpoints import upward
 from digs_warp.geometry.camera import Camera
 from digs_warp.geometry.rigid import rigid, turn_degrees
+from digs_warp.poses import thresholds
 
 
 @dataclass(frozen=True, eq=False)
@@ -107,6 +108,36 @@ def world_as_recorded(cameras: Sequence[Camera], recorded: Sequence[Camera]) -> 
     expected = np.array([camera.center_world for camera in recorded])
     rotation = umeyama(found, expected).rotation
     return rigid(rotation, expected.mean(axis=0) - rotation @ found.mean(axis=0))
+
+
+def on_one_axis(poses: np.ndarray) -> np.ndarray:
+    """Return the poses nearest to a turn about one axis, as of a turntable; those given if they are none.
+
+    Before a still camera an object moves by (R, t) from one frame to another, in the axes of the camera.
+    The axis is along the turns of all pairs; a point c on it stays: (I - R) c = t (least squares).
+
+    Args:
+        poses: ``world_from_cam`` in the world of the object, (n, 4, 4), n >= 3.
+    """
+    from scipy.spatial.transform import Rotation
+
+    cams = np.linalg.inv(poses)
+    motions = (cams[:, None] @ poses[None]).reshape(-1, 4, 4)
+    turns = Rotation.from_matrix(motions[:, :3, :3]).as_rotvec()
+    axis = np.linalg.svd(turns, full_matrices=False)[2][0]
+    still = np.concatenate([*(np.eye(3) - motions[:, :3, :3]), axis[None]])
+    center = np.linalg.lstsq(still, np.append(motions[:, :3, 3], 0.0), rcond=None)[0]
+    angles = Rotation.from_matrix(motions[:: len(cams), :3, :3]).as_rotvec() @ axis
+    turned = np.tile(np.eye(4), (len(cams), 1, 1))
+    turned[:, :3, :3] = Rotation.from_rotvec(angles[:, None] * axis).as_matrix()
+    turned[:, :3, 3] = center - turned[:, :3, :3] @ center
+    firsts = np.linalg.inv(turned) @ cams
+    mean = Rotation.from_matrix(firsts[:, :3, :3]).mean().as_matrix()
+    found = np.linalg.inv(turned @ rigid(mean, firsts[:, :3, 3].mean(axis=0)))
+    far = np.linalg.norm(found[:, :3, 3] - poses[:, :3, 3], axis=1)
+    off = turn_degrees(found[:, :3, :3], poses[:, :3, :3])
+    near = far.max() < thresholds.MAX_OFF_AXIS * np.linalg.norm(center)
+    return found if near and off.max() < thresholds.MAX_OFF_AXIS_DEG else poses
 
 
 def upright_world(cameras: Sequence[Camera], center: np.ndarray) -> np.ndarray:

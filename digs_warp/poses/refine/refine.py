@@ -1,12 +1,11 @@
 """Whether the poses of a recording need to be refined, and the frames with their refined poses."""
 
 from collections.abc import Sequence
-from dataclasses import replace
 
 import numpy as np
 
 from digs_warp.checks import DigsError
-from digs_warp.data.frame import Frame
+from digs_warp.data.frame import Frame, posed_at
 from digs_warp.data.layers import Layer
 from digs_warp.geometry.rigid import turn_degrees
 from digs_warp.poses import thresholds
@@ -49,7 +48,7 @@ def refine(
     frames, pictures = [frames[each] for each in kept], [pictures[each] for each in kept]
     given = relocation.poses[kept]
     if relocation.moved:
-        frames = _with_poses(frames, given)
+        frames = posed_at(frames, given)
     found = align(pictures, given, relocation.start[kept])
     if found is None:
         return _left(frames, f"no two frames with depth show the same surface{told}", needed)
@@ -75,14 +74,7 @@ def refine(
     if worse.any():
         because += f"; {counted(int(worse.sum()), 'frame')} would agree less and kept the pose"
     refinement = PoseRefinement(True, because, *motion, adjusted=moved is not near)
-    return _with_poses(frames, poses), refinement
-
-
-def _with_poses(frames: Sequence[Frame], poses: np.ndarray) -> list[Frame]:
-    return [
-        replace(frame, camera=replace(frame.camera, world_from_cam=pose))
-        for frame, pose in zip(frames, poses, strict=True)
-    ]
+    return posed_at(frames, poses), refinement
 
 
 def _said_of_outliers(frames: Sequence[Frame], relocation: RelocatedFrames) -> str:

@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from digs_warp.data.capture import Capture
-from digs_warp.data.frame import Frame
+from digs_warp.data.frame import Frame, posed_at
 from digs_warp.data.images import write_image
 from digs_warp.geometry.rigid import rigid
 
@@ -119,8 +119,4 @@ def perturbed_capture(
     """Return the recording with `perturbed_poses`."""
     given = [frame.camera.world_from_cam for frame in capture.frames]
     wrong = perturbed_poses(given, rotation_error_deg, translation_error, seed)
-    frames = tuple(
-        replace(frame, camera=replace(frame.camera, world_from_cam=pose))
-        for frame, pose in zip(capture.frames, wrong, strict=True)
-    )
-    return replace(capture, frames=frames)
+    return replace(capture, frames=tuple(posed_at(capture.frames, wrong)))

@@ -9,8 +9,9 @@ from digs_warp.data.frame import Frame
 from digs_warp.data.point_cloud import PointCloud
 from digs_warp.data.sfm_model import Observations, SfmModel
 from digs_warp.geometry.camera import Camera, Intrinsics
-from digs_warp.geometry.rigid import look_at, rigid
-from digs_warp.poses.from_images.similarity import Similarity, pose_errors, umeyama
+from digs_warp.geometry.rigid import look_at, matrix_from_rotation_vector, rigid
+from digs_warp.poses.from_images.similarity import Similarity, on_one_axis, pose_errors, umeyama
+from digs_warp.poses.refine.photometric_alignment import in_place
 
 INTRINSICS = Intrinsics.from_fov(64, 48, 60.0)
 
@@ -117,3 +118,27 @@ def test_frames_are_found_by_their_names() -> None:
     some = [7, 1, 4, 10]
     model = model_of([poses[i] for i in some], [frames[i].name for i in some])
     assert pose_errors(model, frames).centers_m.max() < 1e-12
+
+
+def test_poses_before_a_turntable_are_laid_on_one_axis_and_others_are_left() -> None:
+    rng = np.random.default_rng(0)
+    first = look_at(np.array([0.7, 0.0, 0.5]), np.zeros(3), np.array([0.0, 0.0, 1.0]))
+    turns = [matrix_from_rotation_vector(np.array([0, 0, a])) for a in np.linspace(0, 6, 20)]
+    true = np.stack([rigid(turn, np.zeros(3)) @ first for turn in turns])
+    errors = [
+        rigid(
+            matrix_from_rotation_vector(0.002 * rng.standard_normal(3)),
+            1e-3 * rng.standard_normal(3),
+        )
+        for _ in true
+    ]
+    noisy = true @ np.stack(errors)
+    found = on_one_axis(noisy)
+
+    def far(poses: np.ndarray) -> float:
+        """How far poses are off but for one rigid motion of all [m]."""
+        return float(np.linalg.norm((in_place(poses, true, 0.8) - true)[:, :3, 3], axis=1).mean())
+
+    assert far(found) < 0.8 * far(noisy)
+    noisy[5, 0, 3] += 0.1
+    assert on_one_axis(noisy) is noisy
