@@ -24,7 +24,8 @@ help: ## Show this list
 
 setup: $(VENV)/.tools ## Make .venv and install the project and its tools into it
 
-INSTALL = $(BIN)/python -m pip install --disable-pip-version-check --quiet --use-pep517 -c constraints.txt
+# Python compiles what is imported; all of it would be a fifth of a gigabyte.
+INSTALL = $(BIN)/python -m pip install --disable-pip-version-check --quiet --use-pep517 --no-compile -c constraints.txt
 
 # What the kernels are compiled with, so that they are while the rest is installed.
 COMPILER := warp-lang tyro tqdm filelock

@@ -87,6 +87,8 @@ BENCHMARKS = (
         ("research/performance.md",),
         cases=("frames", "pixels"),
     ),
+    # The demo, stage by stage, beside what it took at the commit of the page.
+    Benchmark("budget", ("budget.bench_budget",), ("research/performance.md",)),
     # A training step, stage by stage; quality over time against the settings of 3DGS.
     Benchmark(
         "training",
