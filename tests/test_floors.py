@@ -37,7 +37,7 @@ LINE_BUDGETS = {
     "api": 250,
     "check": 2_080,
     "commands": 3_300,
-    "data": 3_352,
+    "data": 3_360,
     "device": 910,
     "engines": 1_050,
     "files at the top": 800,
@@ -47,7 +47,7 @@ LINE_BUDGETS = {
     "losses": 950,
     "masks": 1_300,
     "measure": 1_610,
-    "pipeline": 2_460,
+    "pipeline": 2_465,
     "poses": 5_220,
     "record": 2_150,
     "show": 3_990,
@@ -65,7 +65,7 @@ LINE_BUDGETS = {
     "train": 4_175,
     "usd": 4_300,
 }
-MOST_LINES, MOST_FILES = 80_530, 527  # of the product; 65,000 in 500 files are the goal
+MOST_LINES, MOST_FILES = 80_545, 527  # of the product; 65,000 in 500 files are the goal
 # A shorter file with a single client in its folder belongs into that client.
 CRUMB = 60
 

@@ -119,6 +119,13 @@ class Gaussians:
 
         return expit(self.opacity_logits.astype(np.float64)).astype(np.float32)
 
+    def less(self, world_offset: tuple[float, float, float] | None) -> "Gaussians":
+        """Return them with this taken off their centers [m], as it was off the places of a recording."""
+        if world_offset is None or self.world_offset is None:
+            return self
+        means = self.means + np.subtract(self.world_offset, world_offset)
+        return replace(self, means=means, world_offset=world_offset)
+
     @property
     def doubts(self) -> list[str]:
         """Sentences about values that are probably not what was meant; see `doubts_of`."""

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from digs_warp.checks import DigsError
-from digs_warp.data.capture import Capture
+from digs_warp.data.capture import Capture, read_capture
 from digs_warp.data.gaussians import Gaussians
 from digs_warp.data.point_cloud import PointCloud
 from digs_warp.data.posed_frames import PosedFrames
@@ -287,6 +287,9 @@ class Reconstruction:
         Without ``capture``, it is the one that a run left in or beside the folder, if any.
         """
         frames, place = find_frames(folder, capture)
+        if gaussians.world_offset is not None and frames is not None:
+            recorded = capture or read_capture(place or folder)
+            gaussians = gaussians.less(recorded.about.world_offset)
         return Reconstruction(gaussians=gaussians, poses=Poses(frames=frames), capture=place)
 
     def _setting(self, group: str, name: str) -> str | None:

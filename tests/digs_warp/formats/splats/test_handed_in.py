@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from digs_warp.cli import main
+from digs_warp.data.capture import read_capture
 from digs_warp.data.gaussians import ANTIALIASED, Gaussians
 from digs_warp.data.ply_table import read_ply_header, read_table
 from digs_warp.formats.splats.files import write_splat_file
@@ -153,3 +154,17 @@ def test_a_reconstruction_far_away_is_written_where_it_is(tmp_path: Path) -> Non
     made = Reconstruction(gaussians=scene(), poses=Poses(world_offset=(431000.0, 4582000.0, 312.0)))
     write_scene_file(tmp_path / "a.ply", made, tmp_path)
     np.testing.assert_allclose(centers(tmp_path / "a.ply"), scene().means + UTM, atol=1e-6, rtol=0)
+
+
+def test_splats_far_away_are_seen_by_the_cameras_of_their_recording(
+    tmp_path: Path, capture_folder: Path
+) -> None:
+    """The recording has another offset than whole metres near the middle of the splats."""
+    capture = read_capture(capture_folder)
+    offset = (430000.5, 4581000.25, 300.0)
+    capture = replace(capture, about=replace(capture.about, world_offset=offset))
+    near = scene()
+    write_splat_file(tmp_path / "a.ply", replace(near, world_offset=offset))
+    result = read_scene(tmp_path / "a.ply", capture=capture)
+    np.testing.assert_allclose(result.gaussians.means, near.means, atol=1e-6)
+    assert result.gaussians.world_offset == offset
