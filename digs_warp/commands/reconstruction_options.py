@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeVar
 
 import tyro
 
-from digs_warp.init.config import InitConfig, MonoDepthConfig, Shape
-from digs_warp.init.strategies import STRATEGIES, StrategyChoice, StrategyName, chosen_strategy
+from digs_warp.init.config import InitConfig, Shape
+from digs_warp.init.strategies import STRATEGIES, StrategyChoice, chosen_strategy
 from digs_warp.masks.config import SegmentConfig
 from digs_warp.poses.from_images.config import SfmConfig
 from digs_warp.settings import NO_FLAG, TEST_EVERY, Settings
@@ -44,10 +44,11 @@ class _InitOptions(InitConfig):
     """Which points the Gaussians start from."""
 
     strategy: StrategyChoice = "auto"  # pyright: ignore
-    """Where the points come from. auto: highdepth; without depth hull (object) or default (scene). highdepth:
-    depth maps in fine voxels; depth: in coarse voxels; hull: where all masks agree, without depth; default:
-    the paper's name for sparse points, background included, of the recording or matched in its images;
-    fusion: depth and sparse points, for fine texture; random: random points, for comparison."""
+    """Where the points come from. auto: highdepth, without depth mvs. highdepth: depth maps in fine voxels;
+    depth: in coarse voxels; mvs: depth that matching the photographs tells; where that is little, hull for an
+    object, default for a scene; hull: where all masks agree; default: the paper's name for sparse points,
+    background included, of the recording or matched in its images; fusion: depth and sparse points, for fine
+    texture; random: random points, for comparison."""
 
     shape: Annotated[Shape, NO_FLAG] = "round"
 
@@ -90,9 +91,6 @@ class ReconstructionOptions(Settings):
     init: Annotated[
         _InitOptions, tyro.conf.OmitArgPrefixes, tyro.conf.arg(name="initialization")
     ] = field(default_factory=_InitOptions)
-    mono: Annotated[
-        MonoDepthConfig, tyro.conf.OmitArgPrefixes, tyro.conf.arg(name="depth by a network")
-    ] = field(default_factory=MonoDepthConfig)
     train: Annotated[_TrainOptions, tyro.conf.OmitArgPrefixes, tyro.conf.arg(name="training")] = (
         field(default_factory=_TrainOptions)
     )
@@ -126,7 +124,8 @@ class ReconstructionOptions(Settings):
         """
         from digs_warp.pipeline.reconstruct import ReconstructConfig
 
-        start = self._strategy(capture)
+        has_depth = capture is None or capture.has_depth
+        start = chosen_strategy(self.init.strategy, has_depth)
         strategy = self.train.density.strategy
         if strategy == "auto":
             strategy = STRATEGIES[start].density
@@ -136,20 +135,10 @@ class ReconstructionOptions(Settings):
             segment=self.segment,
             init=_plain(self.init, InitConfig, strategy=start),
             train=_plain(self.train, TrainConfig, seed=seed, density=density),
-            mono=self.mono,
             subject=self.subject,
             test_every=self.test_every,
             scale_from=self.scale_from,
         )
-
-    def _strategy(self, capture: "Capture | None") -> StrategyName:
-        if capture is None:
-            return chosen_strategy(self.init.strategy, has_depth=True, has_masks=True)
-        from digs_warp.pipeline.config import subject_of
-
-        subject = subject_of(capture, self.subject, self.segment)
-        has_depth = capture.has_depth or self.mono.mono_depth is not None
-        return chosen_strategy(self.init.strategy, has_depth, subject == "object")
 
 
 def _plain(options: Any, kind: type[T], **changes: Any) -> T:

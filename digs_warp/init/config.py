@@ -1,33 +1,11 @@
 """Settings of the initialization, kept apart from its code so that the command line loads quickly."""
 
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Annotated, Literal
 
 from digs_warp.checks import DigsError
 from digs_warp.init.strategies import STRATEGIES, StrategyName, VoxelUnit
 from digs_warp.settings import MANY, NO_FLAG, SPLATS, VOXEL, Range, Settings
-
-DepthKind = Literal["inverse", "metric"]
-
-
-@dataclass(frozen=True, kw_only=True)
-class MonoDepthConfig:
-    """Depth from a network, for photographs that came without."""
-
-    mono_depth: Path | None = None
-    """For recordings without depth: an ONNX file of a network that guesses depth from one image (MiDaS, Depth
-    Anything, ...). Its depth is scaled to the sparse points of each view, and gives the points to start
-    from."""
-
-    mono_depth_kind: DepthKind | None = None
-    """What that network gives. inverse: 1 / depth, up to a factor and an offset; metric: depth, up to a
-    factor. Default: what the file's metadata say under 'depth'."""
-
-    def __post_init__(self) -> None:
-        if self.mono_depth_kind is not None and self.mono_depth is None:
-            raise DigsError("--mono-depth-kind needs --mono-depth")
-
 
 Shape = Literal["round", "flat"]
 ScaleStatistic = Literal["mode", "mean"]
@@ -40,8 +18,9 @@ class InitConfig(Settings):
     strategy: StrategyName = "highdepth"
     """Where the points come from. highdepth: depth maps in fine voxels; depth: depth maps in coarse voxels;
     default: the paper's name for sparse points, background included (our default is highdepth); fusion: both,
-    for fine texture on complete surfaces; hull: the places that all masks agree on; random: random points,
-    for comparison. Default, fusion and random match the images, unless sparse points came with them."""
+    for fine texture on complete surfaces; mvs: depth that matching the photographs tells (multi-view stereo);
+    hull: the places that all masks agree on; random: random points, for comparison. Default, fusion and
+    random match the images, unless sparse points came with them."""
 
     voxel_size: Annotated[float | None, VOXEL] = None
     """Edge length of the voxel grid: one point per occupied voxel. Smaller voxels give finer detail and
@@ -115,7 +94,7 @@ class InitConfig(Settings):
     @property
     def takes_recorded_points(self) -> bool:
         """Whether sparse points that came with the recording do instead; fusion asks which view saw which."""
-        return self.needs_sfm and self.strategy != "fusion"
+        return self.strategy == "mvs" or (self.needs_sfm and self.strategy != "fusion")
 
     @property
     def seed_opacity(self) -> float:

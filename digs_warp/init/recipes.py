@@ -20,14 +20,18 @@ from digs_warp.init.config import InitConfig as InitConfig
 from digs_warp.init.depth_points import depth_points
 from digs_warp.init.hull import hull_points, random_points_in_hull
 from digs_warp.init.local_scales import pixels_at
+from digs_warp.init.multi_view_stereo import matched_depth
 from digs_warp.init.random_points import random_points, random_points_on_rays
 from digs_warp.init.scene_points import scene_points
 from digs_warp.init.start import Start, Subject
-from digs_warp.init.strategies import start_reason
+from digs_warp.init.strategies import StrategyName, start_reason
 from digs_warp.init.unseen import fills_unseen, shell_points, unseen_points
 from digs_warp.words import counted
 
 logger = logging.getLogger(__name__)
+
+# Photographs whose matching tells the depth of fewer pixels [share] are started from something else.
+LEAST_MATCHED = 0.15
 
 
 def initial_points(frames: Sequence[Frame], config: InitConfig) -> PointCloud:
@@ -56,7 +60,10 @@ def initialize(
     Raises:
         DigsError: something that the strategy needs is missing, or there are no points.
     """
-    if config.strategy in ("default", "random", "hull"):
+    if config.strategy == "mvs":
+        start = _from_photographs(frames, config, sfm, recorded, subject)
+        config = replace(config, strategy=start.strategy or "mvs")
+    elif config.strategy in ("default", "random", "hull"):
         start = _without_depth(frames, config, sfm, recorded, subject)
     else:
         measured = _with_depth(frames)
@@ -68,6 +75,37 @@ def initialize(
     shell = shell_points(start.points, [frame.camera for frame in frames])
     points = PointCloud.joined([start.points, shell])
     return replace(start, points=points, sources={**start.sources, "shell": len(shell)})
+
+
+def _from_photographs(
+    frames: Sequence[Frame],
+    config: InitConfig,
+    sfm: SfmModel | None,
+    recorded: PointCloud | None,
+    subject: Subject,
+) -> Start:
+    """Return points from matched photographs; without texture, those of the hull or the sparse ones."""
+    otherwise: StrategyName = "hull" if subject == "object" else "default"
+    other = replace(config, strategy=otherwise)
+    if recorded is not None or sfm is not None:
+        known = recorded or _needed(sfm, config).points
+    else:
+        known = _without_depth(frames, other, sfm, recorded, subject).points
+    level = config.mask_level if subject == "object" else -1
+    matched = matched_depth(frames, known.points_world, level)
+    share = 100 * matched.share
+    if matched.share >= LEAST_MATCHED:
+        logger.info("matching the photographs tells the depth of %.0f %% of their pixels", share)
+        # Other views have agreed already; and beside gaps, the filter would find edges everywhere.
+        kept = replace(config, edge_filter=False)
+        return _from_depth(matched.frames, kept, sfm, None, subject)
+    logger.warning(
+        "matching the photographs tells the depth of %.0f %% of their pixels, too little to start from: they "
+        "show little texture, or their poses are wrong; starting from %s",
+        *(share, start_reason(otherwise, {}, has_depth=True)),
+    )
+    start = _without_depth(frames, other, sfm, recorded, subject)
+    return replace(start, strategy=otherwise)
 
 
 def _with_depth(frames: Sequence[Frame]) -> Sequence[Frame]:

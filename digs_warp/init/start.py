@@ -4,6 +4,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Annotated, Literal
 
 from digs_warp.data.point_cloud import PointCloud
+from digs_warp.init.strategies import StrategyName
 from digs_warp.record.results import Figure
 from digs_warp.record.typed import NOT_STORED
 
@@ -58,9 +59,11 @@ class Start:
             "hull" (of the masks), "random", "shell", "unseen" (where they close the object).
         depth: how many pixels of the depth maps were used; None if the strategy does not use depth.
         because: what they are and why, in words; empty where it is not known.
+        strategy: how they were made, where that is not what the settings say.
     """
 
     points: Annotated[PointCloud, NOT_STORED]
     sources: Annotated[dict[str, int], Figure("initial points")] = field(default_factory=dict)
     depth: Annotated[DepthReport | None, Figure("used of the depth maps")] = None
     because: Annotated[str, Figure("started from")] = ""
+    strategy: StrategyName | None = None

@@ -1,4 +1,4 @@
-"""The five initializations of the paper (sections 3.3 and 4.1) and one of ours: needs and defaults.
+"""The five initializations of the paper (sections 3.3 and 4.1) and two of ours: needs and defaults.
 
 To add one: give it a name and a row here, and say in `digs_warp.init.recipes.initialize` where its points
 come from. Nothing else knows the strategies by name.
@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Literal
 
-StrategyName = Literal["default", "random", "depth", "highdepth", "fusion", "hull"]
+StrategyName = Literal["default", "random", "depth", "highdepth", "fusion", "hull", "mvs"]
 StrategyChoice = Literal["auto", StrategyName]
 VoxelUnit = Literal["metre", "object", "sfm"]
 
@@ -56,14 +56,16 @@ STRATEGIES: Mapping[StrategyName, Strategy] = {
     "highdepth": Strategy(False, FINE_VOXELS, FINE_PIXELS, DENSE_OPACITY, DENSE_WIDTH, "fixed"),
     "fusion": Strategy(True, FINE_VOXELS, FINE_PIXELS, DENSE_OPACITY, DENSE_WIDTH, "fixed"),
     "hull": Strategy(False, FINE_VOXELS, FINE_PIXELS, DENSE_OPACITY, DENSE_WIDTH, "fixed"),
+    # Where photographs hardly match, the training has to find the places that lack splats.
+    "mvs": Strategy(False, FINE_VOXELS, FINE_PIXELS, DENSE_OPACITY, DENSE_WIDTH, "adaptive"),
 }
 
 
-def chosen_strategy(choice: StrategyChoice, has_depth: bool, has_masks: bool) -> StrategyName:
-    """Return the strategy that a user chose; 'auto' takes depth, else masks, else sparse points."""
+def chosen_strategy(choice: StrategyChoice, has_depth: bool) -> StrategyName:
+    """Return the strategy that a user chose; 'auto' takes depth, else that of matched photographs."""
     if choice != "auto":
         return choice
-    return "highdepth" if has_depth else "hull" if has_masks else "default"
+    return "highdepth" if has_depth else "mvs"
 
 
 _FROM_DEPTH = "points from the depth maps"
@@ -77,6 +79,8 @@ def start_reason(strategy: StrategyName, sources: dict[str, int], has_depth: boo
         sources: number of points by where they came from, as in `Start`.
         has_depth: whether a frame has a depth map.
     """
+    if strategy == "mvs":
+        return "depth that matching the photographs tells"
     if strategy in ("depth", "highdepth", "fusion"):
         sparse = ", and sparse points matched in the images" if strategy == "fusion" else ""
         closed = "; closed where no view saw the object" if "unseen" in sources else ""

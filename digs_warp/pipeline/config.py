@@ -8,8 +8,7 @@ from digs_warp.checks import DigsError
 from digs_warp.data.capture import Capture
 from digs_warp.data.layers import Layer
 from digs_warp.data.posed_frames import PosedFrames
-from digs_warp.init.config import InitConfig, MonoDepthConfig
-from digs_warp.init.mono_depth import check_mono_depth
+from digs_warp.init.config import InitConfig
 from digs_warp.init.start import Subject
 from digs_warp.masks.config import SegmentConfig
 from digs_warp.masks.masks import check_inputs
@@ -61,7 +60,6 @@ class FrontEndConfig:
     subject: SubjectChoice = "auto"
     """What is reconstructed. object: what lies in the masks; scene: everything in view; auto: the object if
     the recording has masks or --masks makes some, else the scene."""
-    mono: MonoDepthConfig = field(default_factory=MonoDepthConfig)
     test_every: int = 8
     """Every n-th view, from the first on, is held out for the evaluation."""
     scale_from: str | None = None
@@ -70,15 +68,16 @@ class FrontEndConfig:
     @property
     def needs_sfm(self) -> bool:
         """Whether images are matched: for the poses, or for sparse points, unless the recording has some."""
-        is_scaled = self.mono.mono_depth is not None
-        return self.sfm.poses in ("sfm", "auto") or self.init.needs_sfm or is_scaled
+        return self.sfm.poses in ("sfm", "auto") or self.init.needs_sfm
+
+    def takes_sparse_points(self, subject: Subject) -> bool:
+        """Whether images are matched, unless sparse points are at hand; an object's hull does, too."""
+        return self.needs_sfm or (self.init.strategy == "mvs" and subject == "scene")
 
     @property
     def takes_recorded_points(self) -> bool:
         """Whether sparse points that came with the recording do instead."""
-        is_scaled = self.mono.mono_depth is not None and not self.init.needs_sfm
-        given = self.sfm.poses == "capture"
-        return given and (self.init.takes_recorded_points or is_scaled)
+        return self.sfm.poses == "capture" and self.init.takes_recorded_points
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -102,7 +101,6 @@ def check_front_end(capture: Capture, config: FrontEndConfig) -> None:
     if config.sfm.poses == "rgbd":
         check_depth(capture.frames)
     check_scale_from(capture, config.scale_from)
-    check_mono_depth(capture, config.mono)
     _check_instance(capture, config.segment.instance)
     training = PosedFrames.split(capture, config.test_every).training
     subject_of(capture, config.subject, config.segment)

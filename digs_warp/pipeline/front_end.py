@@ -19,7 +19,6 @@ from digs_warp.data.capture import Capture, object_alone
 from digs_warp.data.layers import Layer
 from digs_warp.data.point_cloud import PointCloud
 from digs_warp.data.posed_frames import CAMERAS, PosedFrames
-from digs_warp.init.mono_depth import guessed_depth
 from digs_warp.init.recipes import initialize
 from digs_warp.init.recorded_points import recorded_points
 from digs_warp.init.start import Start, Subject
@@ -169,7 +168,7 @@ def _poses_and_start(
 ) -> FrontEnd:
     """Return the frames of a recording whose poses are known, or are estimated from its images."""
     frames = PosedFrames.split(capture, config.test_every)
-    recorded, sparse = _sparse_points(capture, frames, config, folder, log)
+    recorded, sparse = _sparse_points(capture, frames, subject, config, folder, log)
     if sparse is not None:
         frames = only_registered(frames, sparse.model.names, capture, config.test_every)
     if config.segment.source != "capture":
@@ -240,13 +239,18 @@ def _with_poses(
 
 
 def _sparse_points(
-    capture: Capture, frames: PosedFrames, config: FrontEndConfig, folder: Path, log: RunLog
+    capture: Capture,
+    frames: PosedFrames,
+    subject: Subject,
+    config: FrontEndConfig,
+    folder: Path,
+    log: RunLog,
 ) -> "tuple[PointCloud | None, SfmResult | None]":
     """Return the points that came with the recording or, without such, what matching images finds."""
     recorded: PointCloud | None = None
     if config.takes_recorded_points:
         recorded = recorded_points(capture, [frame.camera for frame in frames.training])
-    if not config.needs_sfm or recorded is not None:
+    if not config.takes_sparse_points(subject) or recorded is not None:
         return recorded, None
     with log.stage("structure from motion"):
         return None, match_images(capture, config.sfm, folder / SFM)
@@ -275,24 +279,16 @@ def _start(
     config: FrontEndConfig,
     log: RunLog,
 ) -> Start:
-    """Return the points to start from; a network guesses the depth where the settings name one."""
-    sfm = model.sfm if model else None
-    training, network = frames.training, config.mono.mono_depth
-    if network is not None:
-        with log.stage("depth by a network"):
-            training = guessed_depth(training, config.mono, sfm, recorded)
+    """Return the points to start from."""
     with log.stage("initialize"):
-        start = initialize(
-            training,
+        return initialize(
+            frames.training,
             config.init,
-            sfm=sfm,
+            sfm=model.sfm if model else None,
             sfm_per_metre=model.sfm_per_metre if model else None,
             subject=subject,
             recorded=recorded,
         )
-    if network is None or start.depth is None:
-        return start
-    return replace(start, because=f"{start.because}, guessed by {network.name}")
 
 
 def _findings(capture: Capture, config: FrontEndConfig) -> "tuple[Finding, ...]":

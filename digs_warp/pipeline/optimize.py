@@ -136,7 +136,8 @@ def _finished(folder: Path, before: RunRecord, frames: int) -> Trained | None:
 
 def _seeds(poses: Poses, start: Start, config: ReconstructConfig) -> Gaussians:
     """Return the Gaussians to start from, in the colors of the first points."""
-    looks = seed_start(config.init, poses.subject, config.train.stop.iterations)
+    init = replace(config.init, strategy=start.strategy or config.init.strategy)
+    looks = seed_start(init, poses.subject, config.train.stop.iterations)
     return seed_gaussians(start.points, config.train.usual_sh_degree, *looks)
 
 

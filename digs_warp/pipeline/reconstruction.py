@@ -102,7 +102,8 @@ class Reconstruction:
     @property
     def strategy(self) -> str | None:
         """How the initial points were made, such as "highdepth"; None where it is not known."""
-        return self._setting("init", "strategy")
+        used = self.start.strategy if self.start else None
+        return used or self._setting("init", "strategy")
 
     @property
     def masks(self) -> str | None:

@@ -13,6 +13,7 @@ from digs_warp.data.capture import Capture
 from digs_warp.data.layers import Layer
 from digs_warp.formats.captures.formats import export_capture, read_recording
 from digs_warp.formats.captures.to_capture import write_capture
+from digs_warp.init.strategies import StrategyChoice
 from digs_warp.pipeline.reconstruction import Reconstruction
 from reference.tiny_capture import write_tiny_capture
 
@@ -46,20 +47,32 @@ def from_colmap(with_depth: Capture, tmp_path_factory: pytest.TempPathFactory) -
     return without_masks(write_capture(recording, "colmap", folder / "capture"))
 
 
-def test_an_object_starts_from_the_hull_of_its_masks(
-    with_depth: Capture, photographs: Capture, caplog: pytest.LogCaptureFixture
+@pytest.mark.parametrize(
+    ("strategy", "source", "because"),
+    [
+        (None, "depth", "depth that matching the photographs tells"),
+        ("hull", "hull", "the visual hull of the masks; the recording has no depth"),
+    ],
+)
+def test_an_object_starts_from_its_photographs(
+    strategy: StrategyChoice | None,
+    source: str,
+    because: str,
+    with_depth: Capture,
+    photographs: Capture,
+    caplog: pytest.LogCaptureFixture,
 ) -> None:
     with caplog.at_level(logging.INFO):
-        result = dw.reconstruct(photographs, **QUICK)
-    assert result.strategy == "hull" and result.start is not None
-    assert set(result.start.sources) == {"hull"}
-    assert "the visual hull of the masks; the recording has no depth" in caplog.text
+        result = dw.reconstruct(photographs, strategy=strategy, **QUICK)
+    assert result.strategy == (strategy or "mvs") and result.start is not None
+    assert set(result.start.sources) == {source}
+    assert because in caplog.text
     best = dw.reconstruct(with_depth, **QUICK)
     assert result.scores.mean.psnr_object > best.scores.mean.psnr_object - 4.0
 
 
 def test_a_model_of_colmap_gives_the_points(from_colmap: Capture, tmp_path: Path) -> None:
-    result = dw.reconstruct(from_colmap, tmp_path / "out", **QUICK)
+    result = dw.reconstruct(from_colmap, tmp_path / "out", strategy="default", **QUICK)
     points = from_colmap.load_points()
     assert points is not None and result.start is not None and result.poses.sfm is None
     assert result.strategy == "default"
