@@ -249,11 +249,15 @@ def with_gain(rendering: Rendering, gain: ColorGain) -> np.ndarray:
     A color c becomes s (c + o) - o, see `digs_warp.measure.color_gain`. A pixel with coverage a and the
     sum C of its Gaussians' colors, each times its share, becomes s (C + o a) - o a; the white stays.
     """
-    covered = rendering.coverage[..., None]
+    x0, y0, x1, y1 = mask_box(rendering.coverage > 0.0)  # beside them there is only white
+    part = (slice(y0, y1), slice(x0, x1))
+    image, light = rendering.image, rendering.light[part]
+    covered = rendering.coverage[part][..., None]
     factors = np.exp(gain.log_factors).astype(np.float32)
-    own = rendering.light - (1.0 - covered)
+    own = light - (1.0 - covered)
     changed = (factors - 1.0) * (own + np.float32(OFFSET) * covered)
-    return np.clip(rendering.light + changed, 0.0, 1.0)
+    image[part] = np.clip(light + changed, 0.0, 1.0)
+    return image
 
 
 def _score(rendering: Rendering, view: TestView) -> ViewScore:
