@@ -177,9 +177,14 @@ def _header(capture: Capture, result: Reconstruction, records: RunRecords, path:
     about = f"{frames} of {k.width} by {k.height} pixels, {held_out} of them held out."
     return (
         f"<header><h1>{escape(_subject(capture, records))}</h1><p>{escape(about)}</p>"
-        f"<p><strong>{escape(result.verdict.words)}</strong></p>"
-        f"<div class=cards>{''.join(cards)}</div>{_distances(result)}{_links(path.parent)}</header>"
+        f"{_verdict(result)}<div class=cards>{''.join(cards)}</div>{_distances(result)}"
+        f"{_links(path.parent)}</header>"
     )
+
+
+def _verdict(result: Reconstruction) -> str:
+    words = result.verdict.words
+    return f"<p><strong>{escape(words)}</strong></p>" if words else ""
 
 
 def _distances(result: Reconstruction) -> str:

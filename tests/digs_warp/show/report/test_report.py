@@ -135,8 +135,11 @@ def test_findings_about_the_capture_are_shown(run: tuple[Capture, Path, Path]) -
     assert "Warning:" not in write_and_parse(run).text
     record = json.loads((run[1] / "run.json").read_text())
     record["results"]["poses"] = {"findings": ["The depth is <odd>."]}
+    record["results"]["verdict"] = {"good": False, "words": "poor, because of <holes>"}
     (run[1] / "run.json").write_text(json.dumps(record))
-    assert re.search(r"Warning:\s+The depth is <odd>\.", write_and_parse(run).text)
+    text = write_and_parse(run).text
+    assert re.search(r"Warning:\s+The depth is <odd>\.", text)
+    assert text.index("poor, because of <holes>") < text.index("Warning:")
 
 
 def test_columns_that_the_capture_lacks_are_left_out(tmp_path: Path) -> None:
