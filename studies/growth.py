@@ -9,16 +9,14 @@ import json
 import subprocess
 import sys
 import tempfile
-import time
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import numpy as np
 
 from digs_warp.checks import DigsError
-from digs_warp.record.run_log import RunLog, timed
 from digs_warp.study.timing import Stopwatch
+from studies.budget import stage_times
 from studies.results import Result
 from studies.timing import peak_memory
 
@@ -93,21 +91,13 @@ def recorded(folder: str, frames: int, width: int) -> Cost:
 def reconstructed(folder: str) -> Cost:
     """Reconstruct the recording in a folder."""
     from digs_warp.data.capture import read_capture
-    from digs_warp.pipeline import reconstruct as pipeline
     from digs_warp.pipeline.config import ReconstructConfig
+    from digs_warp.pipeline.reconstruct import reconstruct
     from digs_warp.train.config import Stop, TrainConfig
 
-    cost: Cost = {}
-
-    class CpuLog(RunLog):
-        @contextmanager
-        def stage(self, name: str) -> Iterator[None]:
-            with super().stage(name), timed(cost, name, time.process_time):
-                yield
-
-    pipeline.RunLog = CpuLog
     config = ReconstructConfig(train=TrainConfig(stop=Stop(iterations=ITERATIONS)))
-    with peak_memory() as memory, (watch := Stopwatch()):
+    with stage_times() as (_, stages), peak_memory() as memory, (watch := Stopwatch()):
         capture = read_capture(Path(folder, "capture"))
-        pipeline.reconstruct(capture, config, Path(folder, "result"))
+        reconstruct(capture, config, Path(folder, "result"))
+    cost = {stage.partition(": ")[2]: seconds for stage, seconds in stages.items()}
     return cost | {"reconstruct": watch.cpu_seconds, MEMORY: memory.peak / 1e6}
