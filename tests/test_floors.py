@@ -54,7 +54,7 @@ LINE_BUDGETS = {
     "sim.camera": 1_700,
     "sim.fit": 2_250,
     "sim.record": 2_600,
-    "sim.render": 5_350,
+    "sim.render": 5_460,
     "sim.scene": 4_760,
     "sim.sensor": 6_000,
     "sim.testing": 1_000,
@@ -65,7 +65,7 @@ LINE_BUDGETS = {
     "train": 4_180,
     "usd": 4_300,
 }
-MOST_LINES, MOST_FILES = 80_975, 527  # of the product; 65,000 in 500 files are the goal
+MOST_LINES, MOST_FILES = 81_140, 527  # of the product; 65,000 in 500 files are the goal
 # A shorter file with a single client in its folder belongs into that client.
 CRUMB = 60
 

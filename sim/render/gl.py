@@ -117,15 +117,9 @@ class GlRenderer:
         image = np.clip(black + through * surround + 0.5, 0, 255).astype(np.uint8)
         return image, mask.copy()
 
-    def render_exposure(
-        self, track: CameraTrack, samples: int, seed: int = 0
-    ) -> tuple[np.ndarray, np.ndarray]:
-        """Return image and mask of a moving camera: one drawing for each pose."""
-        return exposure_by_views(self, track, samples, seed)
-
     def photograph(self, track: CameraTrack, samples: int, seed: int = 0) -> Photograph:
         """Return the same; OpenGL draws eight bits, so nothing is known of the light above white."""
-        return Photograph(*self.render_exposure(track, samples, seed), None)
+        return Photograph(*exposure_by_views(self, track, samples, seed), None)
 
     def render_geometry(self, camera: Camera) -> Geometry:
         """Return what is at the pixel centers.

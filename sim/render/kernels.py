@@ -88,10 +88,8 @@ def bend(
     return result
 
 
-# The R2 sequence (Roberts, "The Unreasonable Effectiveness of Quasirandom Sequences", 2018) covers the pixel
-# evenly with any number of samples.
-R2_X = wp.constant(0.7548776662466927)
-R2_Y = wp.constant(0.5698402909980532)
+# The golden ratio spreads the samples of a pixel evenly for any number of them.
+GOLDEN = wp.constant(0.6180339887498949)
 
 # Upper limit of a sample, as a multiple of full white.
 SAMPLE_LIMIT = wp.constant(4.0)
@@ -192,7 +190,7 @@ def layered_sample(
     """Follow a ray through transparent walls, front to back: straight on if thin, bent by bodies.
 
     What glass reflects on its inner side is taken from the surround. A ray that was bent looks up the
-    surround itself; ``surround_level`` as in `color_kernel`.
+    surround itself; ``surround_level`` is that of a `Track`.
     """
     sample = Sample()
     sample.passing = wp.vec3(1.0)
@@ -258,6 +256,152 @@ def layered_sample(
     return sample
 
 
+@wp.struct
+class Pixel:
+    """What is known of a pixel before a ray is cast."""
+
+    number: int
+    band: int  # of the track
+    toward_cam: wp.vec3  # unit direction through its middle, in camera axes
+    toward: wp.vec3  # the same in the middle of the exposure, in the world
+    center: wp.vec3  # of the camera then
+    is_empty: bool  # no ray through it meets the scene
+    is_shaded: bool  # what it shows of the floor may be in a sharp shadow
+    is_short: bool  # over the exposure, what it shows of the surround is linear
+
+
+@wp.func
+def pixel_of(view: View, track: Track, surface: Surface, light: Light, number: int) -> Pixel:
+    """Look at where a pixel lies."""
+    pixel = Pixel()
+    pixel.number = number
+    row = number // view.width
+    band = track.bands[row]
+    pixel.band = band
+    column = float(number % view.width)
+    pixel.toward_cam = ray_direction_cam(view, column + 0.5, float(row) + 0.5)
+    toward = wp.normalize(track.middle_rotations[band] * pixel.toward_cam)
+    center = track.middle_centers[band]
+    pixel.toward = toward
+    pixel.center = center
+    spread = HALF_DIAGONAL * view.pixel_angle + track.swings[band]
+    pixel.is_empty = passes_by(surface.radius + track.shifts[band], center, toward, spread)
+    pixel.is_shaded = is_floor_shaded(view, surface, light, center, toward, spread)
+    room = way_to_surround(view, center, toward)
+    pixel.is_short = 2.0 * (track.swings[band] + track.shifts[band] / room) <= track.step
+    return pixel
+
+
+@wp.func
+def surround_in(
+    view: View, track: Track, surface: Surface, light: Light, pixel: Pixel, passing: wp.vec3
+) -> wp.vec3:
+    """The surround in a pixel, over the exposure; see `seen_surround`."""
+    level = track.level
+    # Over a short path it has its mean value in the middle.
+    if pixel.is_short:
+        return seen_surround(view, surface, light, pixel.center, pixel.toward, level, passing)
+    total = wp.vec3(0.0)
+    for moment in range(track.moments):
+        toward = track.rotations[pixel.band, moment] * pixel.toward_cam
+        start = track.centers[pixel.band, moment]
+        total += seen_surround(view, surface, light, start, toward, level, passing)
+    return total / float(track.moments)
+
+
+# What one ray through a pixel met. Where it is nothing, more rays would see the same.
+NOTHING = wp.constant(wp.uint8(0))
+SHADED = wp.constant(wp.uint8(1))
+FURNITURE = wp.constant(wp.uint8(2))
+OBJECT = wp.constant(wp.uint8(3))
+
+
+@wp.struct
+class Image:
+    """What is rendered."""
+
+    numbers: wp.array[int]  # of the pixels
+    bytes: wp.array2d[wp.uint8]  # [pixels, 3] sRGB
+    light: wp.array2d[float]  # [pixels, 3] the same, linear and not clipped
+    mask: wp.array[wp.uint8]  # [pixels] coverage 0..255
+    rough: wp.array[wp.uint8]  # [numbers] 1: one sample is not enough
+    kinds: wp.array[wp.uint8]  # [pixels] NOTHING to OBJECT; SHADED, too, before a ray is cast
+
+
+@wp.func
+def write(image: Image, encoding: Encoding, pixel: int, light: wp.vec3, covered: float):
+    """Set a pixel."""
+    for channel in range(3):
+        image.bytes[pixel, channel] = srgb_byte(encoding, light[channel])
+        image.light[pixel, channel] = light[channel]
+    image.mask[pixel] = wp.uint8(255.0 * covered + 0.5)
+
+
+@wp.kernel
+def surround_kernel(
+    first: int,
+    view: View,
+    track: Track,
+    surface: Surface,
+    light: Light,
+    encoding: Encoding,
+    # outputs
+    image: Image,
+):
+    """Render the pixels that show only the surround, most of the image; a kernel without rays is fast."""
+    number = first + wp.tid()
+    pixel = pixel_of(view, track, surface, light, number)
+    if not pixel.is_empty or pixel.is_shaded:
+        image.kinds[number] = SHADED
+        return
+    seen = surround_in(view, track, surface, light, pixel, wp.vec3(1.0))
+    write(image, encoding, number, seen, 0.0)
+    image.kinds[number] = NOTHING
+
+
+@wp.func
+def followed(
+    view: View,
+    surface: Surface,
+    light: Light,
+    pixel: Pixel,
+    direction: wp.vec3,
+    surround_level: float,
+    sample_number: int,
+) -> Sample:
+    """Follow a ray from the camera."""
+    sample = Sample()
+    if pixel.is_empty:
+        sample.passing = wp.vec3(1.0)
+    elif surface.see_through == 0:
+        sample = solid_sample(view, surface, light, direction)
+    else:
+        sample = layered_sample(view, surface, light, direction, surround_level)
+    # A single glint of the sun must not dominate its pixel.
+    sample.color = wp.min(sample.color, wp.vec3(SAMPLE_LIMIT))
+    if pixel.is_shaded and wp.max(sample.passing) > 0.0:
+        end = view.center + surround_distance(view, view.center, direction) * direction
+        if is_on_floor(view.boundary, end):
+            arrives = sharp_floor_share(surface, light, end, sample_number)
+            sample.passing = wp.cw_mul(sample.passing, arrives)
+    return sample
+
+
+@wp.func
+def place_in_pixel(number: int, count: int, mirrored: int) -> wp.vec2:
+    """Where a sample of ``count`` lies in its pixel, from 0 to 1: a lattice, symmetric around the middle.
+
+    Where what the pixel shows is linear, the mean of the samples is exact. The lowest bits of ``mirrored``
+    choose one of four such lattices.
+    """
+    x = (float(number) + 0.5) / float(count)
+    y = GOLDEN * (float(number) - 0.5 * float(count - 1)) + 0.5
+    y -= wp.floor(y)
+    if (mirrored & 1) == 1:
+        y = 1.0 - y
+    return wp.where((mirrored & 2) == 2, wp.vec2(y, x), wp.vec2(x, y))
+
+
 @wp.kernel
 def color_kernel(
     first: int,
@@ -266,80 +410,93 @@ def color_kernel(
     surface: Surface,
     light: Light,
     encoding: Encoding,
-    surround_level: float,  # pyramid level of the panorama that fits a pixel
-    surround_step: float,  # [rad] over which what a pixel shows of the surround is linear
-    samples: int,  # per moment
+    samples: int,  # per moment; 0: one, in the middle of pixel and exposure
     seed: int,
     # outputs
-    image: wp.array2d[wp.uint8],  # [pixels, 3] sRGB
-    unclipped: wp.array2d[float],  # [pixels, 3] the same, linear
-    mask: wp.array[wp.uint8],  # [pixels] coverage 0..255
+    image: Image,
 ):
     """Average the samples of a pixel: image (box filter over pixel and exposure) and object coverage.
 
-    The sensor integrates light over the exposure and clips the result; what it clips is in ``unclipped``.
+    The sensor integrates light over the exposure and clips the result; what it clips is in ``image.light``.
     """
-    pixel = first + wp.tid()
-    state = wp.rand_init(seed, pixel)
-    # The same even pattern in every pixel, with a random shift: no moire, little noise.
-    shift_x = wp.randf(state)
-    shift_y = wp.randf(state)
-    column = float(pixel % view.width)
-    row = float(pixel // view.width)
-    total = wp.vec3(0.0)
-    covered = wp.float32(0.0)
-    band = track.bands[pixel // view.width]
-    middle_cam = ray_direction_cam(view, column + 0.5, row + 0.5)
-    middle = wp.normalize(track.middle_rotations[band] * middle_cam)
-    middle_center = track.middle_centers[band]
-    spread = HALF_DIAGONAL * view.pixel_cone * wp.sqrt(float(samples)) + track.swings[band]
-    is_empty = passes_by(surface.radius + track.shifts[band], middle_center, middle, spread)
-    # Over a short path what a pixel shows is linear, with its mean value in the middle.
-    room = way_to_surround(view, middle_center, middle)
-    is_short = 2.0 * (track.swings[band] + track.shifts[band] / room) <= surround_step
-    is_shaded = is_floor_shaded(view, surface, light, middle_center, middle, spread)
-    open_way = wp.vec3(0.0)
-    for moment in range(track.moments):
-        passing = wp.vec3(float(samples))
-        if not is_empty or is_shaded:
-            passing = wp.vec3(0.0)
-            eye = view_at(view, track, pixel // view.width, moment)
+    number = image.numbers[first + wp.tid()]
+    pixel = pixel_of(view, track, surface, light, number)
+    row = number // view.width
+    total = Sample()
+    if samples == 0:
+        eye = view_at(view, track, row, 0)
+        eye.center = pixel.center
+        total = followed(eye, surface, light, pixel, pixel.toward, track.level, 0)
+        kind = wp.where(total.covered > 0.0, OBJECT, FURNITURE)
+        if wp.min(total.passing) >= 1.0 or pixel.is_empty:
+            kind = wp.where(pixel.is_shaded, SHADED, NOTHING)
+        image.kinds[number] = kind
+    else:
+        # The same even pattern in every pixel, mirrored at random: no moire, little noise.
+        mirrored = wp.randi(wp.rand_init(seed, number))
+        for moment in range(track.moments):
+            eye = view_at(view, track, row, moment)
             for s in range(samples):
-                # One sequence over all moments: together they cover the pixel evenly.
-                i = float(moment * samples + s)
-                dx = shift_x + R2_X * i
-                dy = shift_y + R2_Y * i
-                x = column + dx - wp.floor(dx)
-                y = row + dy - wp.floor(dy)
+                # Together they cover the pixel evenly, and each pair of a moment lies around the middle.
+                i = (s // 2) * track.moments + moment
+                i = wp.where(s % 2 == 1, samples * track.moments - 1 - i, i)
+                if samples == 1:  # neighbors in the pixel are apart in time
+                    i = (moment * wp.where(track.moments % 5 == 0, 7, 5)) % track.moments
+                place = place_in_pixel(i, samples * track.moments, mirrored)
+                x = float(number % view.width) + place[0]
+                y = float(row) + place[1]
                 direction = eye.world_from_cam * ray_direction_cam(eye, x, y)
-                sample = Sample()
-                if is_empty:
-                    sample.passing = wp.vec3(1.0)
-                elif surface.see_through == 0:
-                    sample = solid_sample(eye, surface, light, direction)
-                else:
-                    sample = layered_sample(eye, surface, light, direction, surround_level)
-                if is_shaded and wp.max(sample.passing) > 0.0:
-                    end = eye.center + surround_distance(eye, eye.center, direction) * direction
-                    if is_on_floor(view.boundary, end):
-                        arrives = sharp_floor_share(surface, light, end, moment * samples + s)
-                        sample.passing = wp.cw_mul(sample.passing, arrives)
-                # A single glint of the sun must not dominate its pixel.
-                total += wp.min(sample.color, wp.vec3(SAMPLE_LIMIT))
-                passing += sample.passing
-                covered += sample.covered
-        open_way += passing
-        # The panorama is filtered: one look-up serves all samples of a moment.
-        if not is_short and wp.max(passing) > 0.0:
-            toward = track.rotations[band, moment] * middle_cam
-            start = track.centers[band, moment]
-            total += seen_surround(view, surface, light, start, toward, surround_level, passing)
-    if is_short and wp.max(open_way) > 0.0:
-        start = middle_center
-        total += seen_surround(view, surface, light, start, middle, surround_level, open_way)
-    count = float(samples * track.moments)
-    mean = total / count
-    for channel in range(3):
-        image[pixel, channel] = srgb_byte(encoding, mean[channel])
-        unclipped[pixel, channel] = mean[channel]
-    mask[pixel] = wp.uint8((255.0 * covered) / count + 0.5)
+                sample = followed(eye, surface, light, pixel, direction, track.level, i)
+                total.color += sample.color
+                total.passing += sample.passing
+                total.covered += sample.covered
+    share = 1.0 / float(wp.max(samples * track.moments, 1))
+    mean = share * total.color
+    # The panorama is filtered: one look-up serves all samples.
+    if wp.max(total.passing) > 0.0:
+        passing = share * total.passing
+        mean += surround_in(view, track, surface, light, pixel, passing)
+    write(image, encoding, number, mean, share * total.covered)
+
+
+# A pixel is smooth if the mean of two neighbors, on opposite sides, differs from it by less [byte steps].
+# Below that, one sample is as near to the mean over the pixel as four are.
+ROUGH = wp.constant(16)
+
+
+@wp.func
+def is_alike(one: wp.uint8, other: wp.uint8) -> bool:
+    """Whether neighbors show the same sort of thing."""
+    return wp.max(one, SHADED) == wp.max(other, SHADED)
+
+
+@wp.kernel
+def roughness_kernel(
+    first: int,
+    width: int,
+    height: int,
+    reach: int,  # [px] that what a pixel shows moves at most, from the middle of the exposure
+    image: Image,  # of one sample for each pixel
+):
+    """Find the pixels that show edges or fine detail, and those beside an edge."""
+    index = first + wp.tid()
+    number = image.numbers[index]
+    column = number % width
+    row = number // width
+    kind = image.kinds[number]
+    found = wp.bool(False)
+    for k in range(8):
+        # Right, below right, below, below left; and the same farther away.
+        step = wp.where(k < 4, 1, reach)
+        x = wp.where(k % 4 < 2, step, (2 - k % 4) * step)
+        y = wp.min(k % 4, 1) * step
+        ahead = wp.min(row + y, height - 1) * width + wp.clamp(column + x, 0, width - 1)
+        behind = wp.max(row - y, 0) * width + wp.clamp(column - x, 0, width - 1)
+        if not is_alike(image.kinds[ahead], kind) or not is_alike(image.kinds[behind], kind):
+            found = True
+        if k < 4 and kind != NOTHING:
+            for c in range(3):
+                around = int(image.bytes[ahead, c]) + int(image.bytes[behind, c])
+                if wp.abs(around - 2 * int(image.bytes[number, c])) > 2 * ROUGH:
+                    found = True
+    image.rough[index] = wp.uint8(wp.where(found, 1, 0))

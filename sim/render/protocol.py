@@ -143,20 +143,14 @@ class Renderer(Protocol):
         """Return only image and mask."""
         ...
 
-    def render_exposure(
-        self, track: CameraTrack, samples: int, seed: int = 0
-    ) -> tuple[np.ndarray, np.ndarray]:
-        """Return image and mask of a moving camera.
+    def photograph(self, track: CameraTrack, samples: int, seed: int = 0) -> Photograph:
+        """Return what a moving camera takes.
 
         Args:
             track: its pose for each band of rows at each moment of the exposure.
             samples: per pixel and moment, >= 1.
             seed: of the sampling.
         """
-        ...
-
-    def photograph(self, track: CameraTrack, samples: int, seed: int = 0) -> Photograph:
-        """Return the same, with the light above white where the renderer knows it."""
         ...
 
     def render_geometry(self, camera: Camera) -> Geometry:
@@ -188,10 +182,7 @@ class Renderer(Protocol):
 def exposure_by_views(
     renderer: Renderer, track: CameraTrack, samples: int, seed: int
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return image, (height, width, 3), and mask, (height, width), both uint8: the mean of many views.
-
-    Works with any renderer; see `Renderer.render_exposure` for the arguments.
-    """
+    """Return image and mask of `Renderer.photograph` as the mean of many views, for any renderer."""
     seeds = np.random.SeedSequence(seed).generate_state(track.world_from_cam[..., 0, 0].size)
     numbers = iter(seeds.tolist())
     bands = [

@@ -1,6 +1,7 @@
 """The default renderer: rays through a Warp BVH on all cores, and renderers kept for the next recording."""
 
 import hashlib
+import math
 from dataclasses import fields, is_dataclass
 from threading import Lock
 from typing import Any
@@ -14,7 +15,7 @@ from digs_warp.geometry.camera import Camera
 from digs_warp.sim.render.ambient_occlusion import measure_openness
 from digs_warp.sim.render.environment_light import prepare_light
 from digs_warp.sim.render.ground_light import measure_plane, planes_of
-from digs_warp.sim.render.kernels import color_kernel
+from digs_warp.sim.render.kernels import Image, color_kernel, roughness_kernel, surround_kernel
 from digs_warp.sim.render.pixel_centers import geometry_at_pixel_centers
 from digs_warp.sim.render.projector import project_dots
 from digs_warp.sim.render.protocol import (
@@ -38,7 +39,14 @@ from digs_warp.sim.sensor.highlights import Highlights
 # pyright: reportArgumentType=false, reportGeneralTypeIssues=false
 
 
+# A single sample looks up textures as if it were one of two in its pixel: their filter is wider than a pixel.
+SMOOTH = 2.0
+
+# Where the objects move farther to either side during the exposure [px], one sample tells too little.
+LONGEST_WAY = 3.0
+
 # Pixels of an image that one thread renders before others have started: those by which a camera meters light.
+# To look for smooth ones among them takes longer than all their samples.
 TINY = 1024
 
 
@@ -77,41 +85,49 @@ class RaycastRenderer:
         """
         if samples_per_pixel < 1:
             raise DigsError(f"samples_per_pixel: {samples_per_pixel}, expected at least 1")
-        return self.render_exposure(CameraTrack.still(camera), samples_per_pixel, seed)
-
-    def render_exposure(
-        self, track: CameraTrack, samples: int, seed: int = 0
-    ) -> tuple[np.ndarray, np.ndarray]:
-        """Return image and mask of a moving camera; see `photograph`."""
-        taken = self.photograph(track, samples, seed)
-        return taken.image, taken.mask
+        return self.photograph(CameraTrack.still(camera), samples_per_pixel, seed)[:2]
 
     def photograph(self, track: CameraTrack, samples: int, seed: int = 0) -> Photograph:
         """Return what a moving camera takes; every ray starts from the camera's pose at its moment."""
         k = track.intrinsics
         first = Camera(k, track.world_from_cam[0, 0])
-        view = make_view(first, self.surround, samples)
-        way = make_track(track, self.surround)
+        count, threads = k.height * k.width, self._threads(k.height * k.width)
         pixel_angle = 1.0 / min(k.fx, k.fy)
         texel_angle = np.pi / self._panorama_height
-        surround_level = float(np.log2(pixel_angle / texel_angle))
-        surround_step = float(max(pixel_angle, texel_angle))
-        if self.surround.floor is not None:
-            surround_step = pixel_angle  # the floor may be nearer than when its picture was taken
+        way = make_track(track, self.surround)
+        way.level = float(np.log2(pixel_angle / texel_angle))
+        # The floor may be nearer than when its picture was taken.
+        has_floor = self.surround.floor is not None
+        way.step = pixel_angle if has_floor else float(max(pixel_angle, texel_angle))
         with self._measuring:  # recordings of several threads may share a renderer
             if not self._has_openness:
                 self._measure_openness()
-        count = k.height * k.width
-        encoded = wp.empty((count, 3), dtype=wp.uint8, device="cpu")
-        light = wp.empty((count, 3), dtype=float, device="cpu")
-        mask = wp.empty(count, dtype=wp.uint8, device="cpu")
-        scalars = [surround_level, surround_step, samples, _int32(seed)]
-        scene = [self._surface, self._light.struct, srgb_encoding()]
-        inputs = [view, way, *scene, *scalars, encoded, light, mask]
-        launch_parallel(color_kernel, count, inputs, threads=self._threads(count))
-        image = encoded.numpy().reshape(k.height, k.width, 3)
-        highlights = Highlights.of(image, light.numpy())
-        return Photograph(image, mask.numpy().reshape(k.height, k.width), highlights)
+        image = _empty_image(count)
+        scene = [way, self._surface, self._light.struct, srgb_encoding()]
+
+        def render(numbers: np.ndarray, samples: int, sharing: float) -> None:
+            """Render some pixels; each sample stands for its share of a pixel, one of ``sharing``."""
+            image.numbers = wp.array(numbers.astype(np.int32), dtype=int, device="cpu", copy=False)
+            view = make_view(first, self.surround, sharing)
+            inputs = [view, *scene, samples, _int32(seed), image]
+            launch_parallel(color_kernel, len(numbers), inputs, threads=threads)
+
+        alone = [make_view(first, self.surround), *scene, image]
+        launch_parallel(surround_kernel, count, alone, threads=threads)
+        numbers = np.flatnonzero(image.kinds.numpy())
+        together = samples * track.world_from_cam.shape[1]
+        nearness = 1.0 / np.linalg.norm(track.world_from_cam[..., :3, 3], axis=-1).min()
+        moved = (way.swings.numpy() + nearness * way.shifts.numpy()).max() / pixel_angle
+        if together > 1 and count > TINY and moved <= LONGEST_WAY:
+            render(numbers, 0, SMOOTH)
+            image.rough = wp.empty(len(numbers), dtype=wp.uint8, device="cpu")
+            where = [k.width, k.height, max(1, math.ceil(moved)), image]
+            launch_parallel(roughness_kernel, len(numbers), where, threads=threads)
+            numbers = numbers[image.rough.numpy() > 0]
+        render(numbers, samples, together)
+        seen = image.bytes.numpy().reshape(k.height, k.width, 3)
+        highlights = Highlights.of(seen, image.light.numpy())
+        return Photograph(seen, image.mask.numpy().reshape(k.height, k.width), highlights)
 
     def render_geometry(self, camera: Camera) -> Geometry:
         """Return what is at the pixel centers."""
@@ -147,6 +163,16 @@ class RaycastRenderer:
 
     def _threads(self, pixels: int) -> int:
         return 1 if pixels <= TINY else self.threads
+
+
+def _empty_image(count: int) -> Image:
+    """Return memory for an image of so many pixels."""
+    image = Image()
+    image.bytes = wp.empty((count, 3), dtype=wp.uint8, device="cpu")
+    image.light = wp.empty((count, 3), dtype=float, device="cpu")
+    image.mask = wp.empty(count, dtype=wp.uint8, device="cpu")
+    image.kinds = wp.empty(count, dtype=wp.uint8, device="cpu")
+    return image
 
 
 def _int32(seed: int) -> int:

@@ -89,6 +89,8 @@ class Track:
     centers: wp.array2d[wp.vec3]  # [bands, moments]
     bands: wp.array[int]  # [height] band of each row
     moments: int
+    level: float  # pyramid level of the panorama that fits a pixel
+    step: float  # [rad] over which what a pixel shows of the surround is linear
     middle_rotations: wp.array[
         wp.mat33
     ]  # [bands] mean over the moments; no rotation, but nearly one
@@ -176,7 +178,7 @@ def _device_array(values: np.ndarray, dtype: Any) -> wp.array:
     return wp.array(np.array(values, np.float32, order="C"), dtype=dtype, device="cpu", copy=False)
 
 
-def make_view(camera: Camera, surround: Surround, samples_per_pixel: int = 1) -> View:
+def make_view(camera: Camera, surround: Surround, samples_per_pixel: float = 1) -> View:
     """Return the camera for kernels.
 
     Raises:

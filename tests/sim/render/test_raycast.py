@@ -160,6 +160,18 @@ def test_threads_and_earlier_frames_do_not_change_a_bit() -> None:
     assert not np.array_equal(first.image, serial.render(CAMERA, seed=8).image)
 
 
+def test_four_samples_are_near_to_many() -> None:
+    texture = np.random.default_rng(0).integers(60, 200, (64, 64, 3)).astype(np.uint8)
+    leaning = plate((0, 0, 0), (0.05, 0.3, 0.05), (0, -0.1, 0.3), replace(GRAY, texture=texture))
+    renderer = RaycastRenderer(leaning, gray_sky())
+    many, covered = renderer.render_image(CAMERA, samples_per_pixel=400, seed=1)
+    few, mask = renderer.render_image(CAMERA, samples_per_pixel=4)
+    edge = (covered > 0) & (covered < 255)
+    assert edge.sum() > 300
+    assert np.std(mask[edge] / 255.0 - covered[edge] / 255.0) < 0.11  # at random places: .13
+    assert np.std(few[covered == 255].astype(float) - many[covered == 255]) < 1.5
+
+
 @pytest.mark.parametrize(("width", "height", "samples"), [(1, 1, 1), (17, 3, 5), (1, 9, 2)])
 def test_odd_image_sizes_and_sample_counts(width: int, height: int, samples: int) -> None:
     intrinsics = Intrinsics(width, height, 200.0, 200.0, width / 2, height / 2)
