@@ -23,13 +23,13 @@ WALL, CPU, BUSY, BEFORE = "wall [s]", "CPU [s]", "cores busy", "CPU before [s]"
 
 def bench_budget(arguments: str = "") -> list[Result]:
     """Return a row for each stage of `digs-warp run`, with ``arguments``, and for the whole."""
+    commit = (source_commit() or "unknown")[:10]
     compile_kernels()
     before = recorded_cpu((DOCS / PAGE).read_text(encoding="utf-8"))
     with tempfile.TemporaryDirectory() as folder, stage_times() as (wall, cpu):
         command = parse(["run", "--out", str(Path(folder, "demo")), *arguments.split()])
         with timed(wall, "all"), timed(cpu, "all", time.process_time):
             command.execute()
-    commit = (source_commit() or "unknown")[:10]
     rows = []
     for stage in wall:
         values = {WALL: wall[stage], CPU: cpu[stage], BUSY: cpu[stage] / max(wall[stage], 1e-9)}
