@@ -17,13 +17,13 @@ from digs_warp.data.layers import Layer
 from digs_warp.data.point_cloud import PointCloud
 from digs_warp.data.sfm_model import SfmModel
 from digs_warp.init.config import InitConfig as InitConfig
-from digs_warp.init.depth_points import depth_points
+from digs_warp.init.depth_points import NoPointsError, depth_points
 from digs_warp.init.hull import hull_points, random_points_in_hull
 from digs_warp.init.local_scales import pixels_at
 from digs_warp.init.multi_view_stereo import matched_depth
 from digs_warp.init.random_points import random_points, random_points_on_rays
 from digs_warp.init.scene_points import scene_points
-from digs_warp.init.start import Start, Subject
+from digs_warp.init.start import DepthReport, Start, Subject
 from digs_warp.init.strategies import StrategyName, start_reason
 from digs_warp.init.unseen import fills_unseen, shell_points, unseen_points
 from digs_warp.words import counted
@@ -32,6 +32,10 @@ logger = logging.getLogger(__name__)
 
 # Photographs whose matching tells the depth of fewer pixels [share] are started from something else.
 LEAST_MATCHED = 0.15
+# A stage that keeps a smaller share of pixels or voxels is said, for something is wrong there.
+LEAST_KEPT = 0.2
+# The name of what the edge filter keeps in a `DepthReport`.
+EDGES = "away from edges"
 
 
 def initial_points(frames: Sequence[Frame], config: InitConfig) -> PointCloud:
@@ -163,10 +167,7 @@ def _from_depth(
     sfm_per_metre: float | None,
     subject: Subject,
 ) -> Start:
-    if subject == "scene":
-        from_depth, report = scene_points(frames, config)
-    else:
-        from_depth, report = depth_points(frames, config, sfm_per_metre)
+    from_depth, report = _measured_points(frames, config, sfm_per_metre, subject)
     points, sources = from_depth, {"depth": len(from_depth)}
     if config.strategy == "fusion":  # P_fusion = P_BB united with P*
         from_sfm = _unmasked_points_in_box(
@@ -178,6 +179,36 @@ def _from_depth(
         if len(unseen):
             points, sources["unseen"] = _union(points, unseen, report.voxel_size), len(unseen)
     return Start(points, sources, report)
+
+
+def _measured_points(
+    frames: Sequence[Frame], config: InitConfig, sfm_per_metre: float | None, subject: Subject
+) -> tuple[PointCloud, DepthReport]:
+    """Return the points of the depth maps, without the edge filter where that drops nearly all of them."""
+
+    def measured(config: InitConfig) -> tuple[PointCloud, DepthReport]:
+        if subject == "scene":
+            return scene_points(frames, config)
+        return depth_points(frames, config, sfm_per_metre)
+
+    try:
+        points, report = measured(config)
+        is_dotted = config.edge_filter and report.kept.get(EDGES, 1.0) < LEAST_KEPT
+    except NoPointsError:
+        if not config.edge_filter:
+            raise
+        is_dotted = True
+    if is_dotted:
+        points, report = measured(replace(config, edge_filter=False))
+        logger.warning(
+            "initialization: the edge filter would drop over %.0f %% of the depth, which consists of dots "
+            "or thin lines: it is left out",
+            100 * (1 - LEAST_KEPT),
+        )
+    for stage, kept in report.kept.items():
+        if kept < LEAST_KEPT:
+            logger.warning("initialization: only %.2g %% are %s (%s)", 100 * kept, stage, report)
+    return points, report
 
 
 def _unmasked_points_in_box(

@@ -1,6 +1,7 @@
 """What an initialization returns. Imports nothing heavy: reading a result must not load the init code."""
 
 from dataclasses import dataclass, field
+from itertools import pairwise
 from typing import TYPE_CHECKING, Annotated, Literal
 
 from digs_warp.data.point_cloud import PointCloud
@@ -11,6 +12,9 @@ from digs_warp.record.typed import NOT_STORED
 if TYPE_CHECKING:
     from digs_warp.init.scene_view import SceneView
     from digs_warp.init.view_points import ViewPoints
+
+# Later stages thin layers and coarsen grids: they keep little of many voxels, as they should.
+JUDGED_VOXELS = ("occupied", "not seen through")
 
 # What is reconstructed: what lies in the masks, or everything in view.
 Subject = Literal["object", "scene"]
@@ -40,6 +44,16 @@ class DepthReport:
             for what, each in counts.items()
             if each
         )
+
+    @property
+    def kept(self) -> dict[str, float]:
+        """The share of pixels, and of voxels that views contradict, that each stage kept; 1 of none."""
+        voxels = {name: self.voxels[name] for name in JUDGED_VOXELS if name in self.voxels}
+        return {
+            name: after / before if before else 1.0
+            for counts in (self.pixels, voxels)
+            for (_, before), (name, after) in pairwise(counts.items())
+        }
 
     def add(self, view: "ViewPoints | SceneView") -> None:
         """Count a view."""

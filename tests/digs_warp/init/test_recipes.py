@@ -156,14 +156,20 @@ def test_empty_masks_everywhere_tell_to_check_the_masks(tmp_path: Path, views: l
         initial_points(capture.frames, CONFIG)
 
 
-def test_depth_too_sparse_for_the_edge_filter_says_so(tmp_path: Path, views: list[View]) -> None:
+def test_dotted_depth_goes_without_the_edge_filter(
+    tmp_path: Path, views: list[View], caplog: pytest.LogCaptureFixture
+) -> None:
     camera, images = views[0]
     sparse = np.full_like(images.depth, np.nan)
     sparse[::3, ::3] = images.depth[::3, ::3]
     capture = write_capture(tmp_path, [(camera, replace(images, depth=sparse))])
-    with pytest.raises(DigsError, match=r"0 after the edge filter; .*turn it off"):
-        initial_points(capture.frames, CONFIG)
-    assert len(initial_points(capture.frames, replace(CONFIG, edge_filter=False))) > 20
+    with caplog.at_level(logging.WARNING):
+        found = initial_points(capture.frames, CONFIG)
+    assert (
+        len(found) == len(initial_points(capture.frames, replace(CONFIG, edge_filter=False))) > 20
+    )
+    assert "consists of dots or thin lines: it is left out" in caplog.text
+    assert "are with depth (" in caplog.text  # a ninth of the pixels
 
 
 def test_frames_without_a_mask_are_named(tmp_path: Path, views: list[View]) -> None:
