@@ -143,9 +143,8 @@ class SimulateConfig(Settings):
                 "--ground none"
             )
         filters_named(self.filters)
-        if self.walk.path == "turntable" and (
-            self.scene or {"flow", "instances"} & set(labels_named(self.labels))
-        ):
+        labels = labels_named(self.labels)
+        if self.walk.path == "turntable" and (self.scene or {"flow", "instances"} & set(labels)):
             raise DigsError(
                 "--camera-path turntable: one object turns, and neither flow nor places of objects are "
                 "written; leave out --scene, and of --labels flow and instances"
