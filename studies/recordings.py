@@ -188,8 +188,7 @@ def reconstructed(
     Raises:
         DigsError: it fails.
     """
-    has_masks = any(frame.has(Layer.MASK) for frame in capture.frames)
-    strategy = chosen_strategy("auto", capture.has_depth, has_masks)
+    strategy = chosen_strategy("auto", capture.has_depth)
     config = ReconstructConfig(
         sfm=SfmConfig(poses=poses),
         init=InitConfig(strategy=strategy),

@@ -45,10 +45,9 @@ class _InitOptions(InitConfig):
 
     strategy: StrategyChoice = "auto"  # pyright: ignore
     """Where the points come from. auto: highdepth, without depth mvs. highdepth: depth maps in fine voxels;
-    depth: in coarse voxels; mvs: depth that matching the photographs tells; where that is little, hull for an
-    object, default for a scene; hull: where all masks agree; default: the paper's name for sparse points,
-    background included, of the recording or matched in its images; fusion: depth and sparse points, for fine
-    texture; random: random points, for comparison."""
+    depth: in coarse voxels; mvs: depth by matching photographs, or where that fails hull (objects) or default
+    (scenes); hull: where all masks agree; default: the paper's name for sparse points, recorded or matched;
+    fusion: depth and sparse points, for fine texture; random: random points, for comparison."""
 
     shape: Annotated[Shape, NO_FLAG] = "round"
 

@@ -138,6 +138,8 @@ def _alone_if_still(
     subject = subject_of(capture, config.subject, config.segment)
     if found is None or not (found.is_still or (found.is_bare and subject == "object")):
         return capture, config
+    if given and moves and subject == "scene":
+        return capture, config  # the check tells of what stands still
     if found.is_still and (subject == "scene" or (given and not moves)):
         raise DigsError(
             f"{capture}: the camera stands still and something turns before it, so that poses can only be "
@@ -152,7 +154,7 @@ def _alone_if_still(
         config = replace(config, segment=SegmentConfig(mask_agreement=mended))
     if not all(frame.has(Layer.MASK) for frame in capture.frames):
         return capture, config
-    logger.info("%s: poses are found from what lies inside the masks alone", capture)
+    logger.info("%s: of the poses, only what lies inside the masks tells", capture)
     if not moves and np.array_equal(capture.frames[0].camera.world_from_cam, np.eye(4)):
         capture = replace(capture, about=replace(capture.about, poses_known=False))
     return object_alone(capture), config

@@ -25,6 +25,9 @@ from digs_warp.sim.config import SimulateConfig
 from digs_warp.sim.record.record import simulate_in_memory
 from reference.optional import open3d_or_skip
 
+# Its recording takes a minute: light is measured anew for each place of the object.
+pytestmark = pytest.mark.long
+
 FRAMES = 24
 # Of poses from the object alone, 110 pixels high, 0.9 m away [mm, degree].
 CENTERS_MM, TURNS_DEG = 8.0, 0.8

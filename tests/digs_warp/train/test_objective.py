@@ -75,7 +75,7 @@ def test_it_goes_on_with_other_gaussians() -> None:
     objective = Objective(renderer, MCMC, EXTENT)
     renderer.set_gaussians(DeviceGaussians.from_numpy(random_gaussians(20, seed=2)))
     objective.rebind()
-    assert [len(sums) for sums in objective.sums[1:]] == [20]
+    assert [len(term.sums) for term in objective._other_terms] == [20]
 
 
 def test_unknown_pixels_are_not_judged() -> None:

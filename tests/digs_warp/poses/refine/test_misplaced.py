@@ -23,7 +23,7 @@ from digs_warp.poses.views import load_pictures
 from digs_warp.record.run_log import RunLog
 from digs_warp.study.engine.input_errors import perturbed_poses
 
-WRONG = 5
+WRONG = 3
 
 
 @pytest.fixture(scope="module")
