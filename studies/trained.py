@@ -6,7 +6,7 @@ other programs draw its files.
 """
 
 import tempfile
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -75,7 +75,7 @@ class TrainedObject:
     gaussians: Gaussians
     cameras: list[Camera]
     surface: TriangleMesh
-    truth: dict[str, Sequence[TestView]] = field(default_factory=dict)
+    truth: Mapping[str, Sequence[TestView]] = field(default_factory=dict)
 
 
 def trained_object() -> TrainedObject:

@@ -42,7 +42,7 @@ class Walk:
 
     truths: list[FrameTruth]
     frames: tuple[Frame, ...]
-    held_out: list[evaluate.TestView]
+    held_out: Sequence[evaluate.TestView]
 
     def quality(
         self, folder: Path, effects: Sequence[str], strength: float, seed: int = 0
