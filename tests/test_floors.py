@@ -43,7 +43,7 @@ LINE_BUDGETS = {
     "files at the top": 800,
     "formats": 5_400,
     "geometry": 600,
-    "init": 4_925,
+    "init": 4_900,
     "losses": 950,
     "masks": 1_300,
     "measure": 1_610,
@@ -65,7 +65,7 @@ LINE_BUDGETS = {
     "train": 4_180,
     "usd": 4_300,
 }
-MOST_LINES, MOST_FILES = 81_190, 527  # of the product; 65,000 in 500 files are the goal
+MOST_LINES, MOST_FILES = 81_170, 527  # of the product; 65,000 in 500 files are the goal
 # A shorter file with a single client in its folder belongs into that client.
 CRUMB = 60
 

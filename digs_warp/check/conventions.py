@@ -132,7 +132,7 @@ def depth_range(evidence: Evidence, _: Threshold) -> dict[str, Any] | None:
 # Frames and points that are looked at, evenly spread.
 VIEWS, POINTS = 12, 2000
 
-# What is behind the nearest point of so many thumbnail pixels, by more than this share, is hidden.
+# A point is hidden where another one in its cell [thumbnail px] is nearer by this factor.
 CELL, BEHIND = 4, 1.1
 
 

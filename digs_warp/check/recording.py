@@ -33,8 +33,8 @@ COARSER = 4
 # Steps between frames that are looked at for repeats, evenly spread, and columns of their thumbnails.
 MOST_STEPS, WIDTH = 300, 40
 
-# Photographs by which it is told whether the camera moved, and the side of their parts that are compared
-# [thumbnail px]. Of what stands still, this share of the photographs shows the same.
+# Photographs that are compared to see whether the camera moved, and the side of a compared part [thumbnail
+# px]. A part stands still if it looks the same in this share of them.
 STILLS, PART, MOSTLY = 8, 8, 0.75
 
 

@@ -1,8 +1,8 @@
 """`digs-warp precompile`: compile all kernels before they are needed, on all cores.
 
-By itself, Warp compiles a module when it is first used, and parses its headers anew in each thread for each
-set of compiler options. Here each set has a process, because LLVM's options are those of a process, and in it
-one thread, which parses the headers once.
+Warp compiles a module on first use, and parses its own headers again for each thread and each set of compiler
+options. Here each set has its own process, since LLVM's options hold for a whole process, and one thread in
+it, so that the headers are parsed once.
 """
 
 import hashlib

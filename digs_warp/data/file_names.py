@@ -32,7 +32,7 @@ def folder_named(folder: Path, name: str) -> Path:
     return folder
 
 
-# Folders of smaller images beside, or instead of, a folder of images.
+# Suffixes of image folders: the images themselves, then reduced copies such as images_2.
 SMALLER = ("", "_2", "_4", "_8")
 
 

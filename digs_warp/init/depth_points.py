@@ -2,10 +2,9 @@
 
 import logging
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
-from itertools import pairwise
 
 import numpy as np
 
@@ -37,18 +36,12 @@ STAGES = ("missing depth", "the edge filter", "the foreground filter")
 
 def filter_summary(report: DepthReport) -> str:
     """Return the counts after each stage, and the stage that dropped the largest share."""
-    share, stage = max(_shares(report))
+    kept, stage = min(zip(report.kept.values(), STAGES, strict=False))
     pixels = ", ".join(f"{count:,} {name}" for name, count in report.pixels.items())
     return (
         f"pixels: {pixels}; voxels of {1e3 * report.voxel_size:.2g} mm, the resolution of the depth maps: "
-        f"{report.voxels['occupied']:,} occupied; {stage} dropped most, {share:.0%}"
+        f"{report.voxels['occupied']:,} occupied; {stage} dropped most, {1 - kept:.0%}"
     )
-
-
-def _shares(report: DepthReport) -> Iterator[tuple[float, str]]:
-    """Yield the share that each stage dropped of what the one before it left."""
-    for (before, after), stage in zip(pairwise(report.pixels.values()), STAGES, strict=True):
-        yield 1 - after / max(before, 1), stage
 
 
 # A view whose depth puts more than this share of its mask in the background: depth and mask disagree.

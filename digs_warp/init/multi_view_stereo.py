@@ -9,7 +9,6 @@ same from an angle that tells depth well. At the coarsest size all depths are tr
 found. A depth stays if the windows match and other views found the same surface there.
 """
 
-import logging
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -22,9 +21,7 @@ from digs_warp.data.layers import Layer
 from digs_warp.device.parallel import launch_parallel
 from digs_warp.device.threads import over_items
 from digs_warp.geometry.camera import Camera
-from digs_warp.geometry.reproject import is_inside, project
 from digs_warp.geometry.reproject_kernel import agrees
-from digs_warp.geometry.rigid import transform_points
 from digs_warp.init.plane_sweep import (
     NEIGHBORS,
     TILE_HEIGHT,
@@ -36,8 +33,6 @@ from digs_warp.init.plane_sweep import (
 from digs_warp.record.progress import progress
 
 wp.set_module_options({"enable_backward": False})
-
-logger = logging.getLogger(__name__)
 
 # Longer side of the coarsest and of the finest images [px].
 COARSE, FINEST = 320, 960
@@ -104,14 +99,14 @@ class _Sight:
     """What n cameras see of m points.
 
     Attributes:
-        cameras: n.
+        centers: of the cameras, in the world, (n, 3).
         points: in the world, (m, 3).
         px: their pixels (u, v), (n, m, 2).
         depth: planar, (n, m).
         seen: whether they lie in the image, (n, m).
     """
 
-    cameras: Sequence[Camera]
+    centers: np.ndarray
     points: np.ndarray
     px: np.ndarray
     depth: np.ndarray
@@ -119,15 +114,9 @@ class _Sight:
 
     @staticmethod
     def of(cameras: Sequence[Camera], points: np.ndarray) -> "_Sight":
-        shape = (len(cameras), len(points))
-        px, depth, seen = np.empty((*shape, 2)), np.empty(shape), np.empty(shape, bool)
-        for i, camera in enumerate(cameras):
-            u, v, depth[i] = project(
-                transform_points(camera.cam_from_world, points), camera.intrinsics
-            )
-            px[i, :, 0], px[i, :, 1] = u, v
-            seen[i] = is_inside(u, v, depth[i], camera.intrinsics)
-        return _Sight(cameras, points, px, depth, seen)
+        px, depth = map(np.stack, zip(*(c.project(points) for c in cameras), strict=True))
+        seen = np.stack([c.shows(u, z) for c, u, z in zip(cameras, px, depth, strict=True)])
+        return _Sight(np.stack([c.center_world for c in cameras]), points, px, depth, seen)
 
 
 def _neighbors(sight: _Sight, index: int) -> np.ndarray:
@@ -136,8 +125,7 @@ def _neighbors(sight: _Sight, index: int) -> np.ndarray:
     if len(mine) < FEWEST_POINTS:
         return np.zeros(0, int)
     mine = mine[:: max(1, len(mine) // 200)]
-    centers = np.stack([camera.center_world for camera in sight.cameras])
-    rays = sight.points[mine] - centers[:, None]
+    rays = sight.points[mine] - sight.centers[:, None]
     rays /= np.linalg.norm(rays, axis=2, keepdims=True)
     cosines = np.clip(np.einsum("nmk,mk->nm", rays, rays[index]), -1.0, 1.0)
     angles = np.degrees(np.arccos(cosines))

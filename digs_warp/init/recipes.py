@@ -91,10 +91,10 @@ def _from_photographs(
     """Return points from matched photographs; without texture, those of the hull or the sparse ones."""
     otherwise: StrategyName = "hull" if subject == "object" else "default"
     other = replace(config, strategy=otherwise)
-    if recorded is not None or sfm is not None:
-        known = recorded or _needed(sfm, config).points
-    else:
-        known = _without_depth(frames, other, sfm, recorded, subject).points
+    start, known = None, recorded or (sfm.points if sfm else None)
+    if known is None:
+        start = _without_depth(frames, other, sfm, recorded, subject)
+        known = start.points
     level = config.mask_level if subject == "object" else -1
     matched = matched_depth(frames, known.points_world, level)
     share = 100 * matched.share
@@ -108,7 +108,7 @@ def _from_photographs(
         "show little texture, or their poses are wrong; starting from %s",
         *(share, start_reason(otherwise, {}, has_depth=True)),
     )
-    start = _without_depth(frames, other, sfm, recorded, subject)
+    start = start or _without_depth(frames, other, sfm, recorded, subject)
     return replace(start, strategy=otherwise)
 
 

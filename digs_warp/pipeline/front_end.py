@@ -132,14 +132,13 @@ def _alone_if_still(
         DigsError: a camera that stands still, and no masks; or poses are not to be found.
     """
     given, moves = config.sfm.poses == "capture", recording.moved(capture.frames)
-    if given and moves and capture.about.tier:
+    subject = subject_of(capture, config.subject, config.segment)
+    # Of a scene with poses, the check tells what stands still; a simulated one has right poses.
+    if given and moves and (capture.about.tier or subject == "scene"):
         return capture, config
     found = recording.stillness(capture.frames)
-    subject = subject_of(capture, config.subject, config.segment)
     if found is None or not (found.is_still or (found.is_bare and subject == "object")):
         return capture, config
-    if given and moves and subject == "scene":
-        return capture, config  # the check tells of what stands still
     if found.is_still and (subject == "scene" or (given and not moves)):
         raise DigsError(
             f"{capture}: the camera stands still and something turns before it, so that poses can only be "
