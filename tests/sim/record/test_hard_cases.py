@@ -36,7 +36,9 @@ def check_frame(capture: Capture) -> None:
 def test_in_an_all_black_environment_nothing_is_seen_and_nothing_measured(
     tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
-    caplog.set_level(logging.WARNING, "digs_warp")  # a command of another test may have left it quiet
+    caplog.set_level(
+        logging.WARNING, "digs_warp"
+    )  # a command of another test may have left it quiet
     write_image(tmp_path / "night.png", np.zeros((8, 16, 3), np.uint8))
     config = replace(SMALL, environment=tmp_path / "night.png")
     capture = simulate(replace(config, effects="none"), tmp_path / "dark")
