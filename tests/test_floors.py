@@ -44,7 +44,7 @@ LINE_BUDGETS = {
     "formats": 5_400,
     "geometry": 600,
     "init": 4_900,
-    "losses": 950,
+    "losses": 860,
     "masks": 1_300,
     "measure": 1_610,
     "pipeline": 2_465,
@@ -58,14 +58,14 @@ LINE_BUDGETS = {
     "sim.scene": 4_760,
     "sim.sensor": 6_000,
     "sim.testing": 1_000,
-    "splat": 5_650,
+    "splat": 5_620,
     "study": 2_800,
-    "surface": 700,
+    "surface": 660,
     "torch": 150,
-    "train": 4_180,
+    "train": 3_870,
     "usd": 4_300,
 }
-MOST_LINES, MOST_FILES = 81_170, 527  # of the product; 65,000 in 500 files are the goal
+MOST_LINES, MOST_FILES = 80_750, 522  # of the product; 65,000 in 500 files are the goal
 # A shorter file with a single client in its folder belongs into that client.
 CRUMB = 60
 

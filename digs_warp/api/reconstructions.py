@@ -40,7 +40,7 @@ def reconstruct(
         seed: decides everything random.
         resume: with ``out``: continue an interrupted run with the same settings.
         settings: any other flag of ``digs-warp reconstruct``, with underscores: ``poses="sfm"``,
-            ``masks="depth"``, ``density="mcmc"``, ``time_budget=60.0`` (seconds), ...
+            ``masks="depth"``, ``density="adaptive"``, ``time_budget=60.0`` (seconds), ...
 
     Raises:
         DigsError: a capture that cannot be used, a wrong setting, or a folder that holds results or other

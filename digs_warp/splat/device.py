@@ -24,13 +24,11 @@ class SplatStatistics:
         absolute_sums: the same of the sums over pixels of the absolute values (AbsGS), shape (n,); empty
             when not wanted.
         counts: in how many views the Gaussian was drawn, shape (n,).
-        max_radii: largest radius on the image [px], three standard deviations of the longer axis, (n,).
     """
 
     gradient_sums: wp.array
     absolute_sums: wp.array
     counts: wp.array
-    max_radii: wp.array
 
     @staticmethod
     def zeros(count: int, device: str = "cpu", *, absolute: bool = False) -> "SplatStatistics":
@@ -39,9 +37,7 @@ class SplatStatistics:
         def empty(length: int) -> wp.array:
             return wp.zeros(length, dtype=float, device=device)
 
-        return SplatStatistics(
-            empty(count), empty(count if absolute else 0), empty(count), empty(count)
-        )
+        return SplatStatistics(empty(count), empty(count if absolute else 0), empty(count))
 
     @property
     def has_absolute(self) -> bool:

@@ -18,7 +18,6 @@ from digs_warp.splat.shape_gradient import (
     conic_of,
     gather,
     put_zeros,
-    radius_of,
     shape_gradient,
 )
 
@@ -100,5 +99,4 @@ def project_backward_kernel(
         camera_shares[g, 9] = d_cy
 
     if statistics.counts.shape[0] > 0:
-        radius = radius_of(f, cam.dilation)
-        add_statistics(cam, g, d.u, d.v, d.absolute_u, d.absolute_v, radius, statistics)
+        add_statistics(cam, g, d.u, d.v, d.absolute_u, d.absolute_v, statistics)

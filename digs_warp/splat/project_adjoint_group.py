@@ -27,7 +27,6 @@ from digs_warp.splat.shape_gradient import (
     conic_of,
     gather,
     put_zeros,
-    radius_of,
     shape_gradient,
 )
 
@@ -44,8 +43,7 @@ _D_DEPTH = wp.constant((GROUP_PARAMETERS + 9) * GROUP_SIZE)
 _D_COLOR = wp.constant((GROUP_PARAMETERS + 10) * GROUP_SIZE)
 _ABSOLUTE_U = wp.constant((GROUP_PARAMETERS + 13) * GROUP_SIZE)
 _ABSOLUTE_V = wp.constant((GROUP_PARAMETERS + 14) * GROUP_SIZE)
-_RADIUS = wp.constant((GROUP_PARAMETERS + 15) * GROUP_SIZE)
-_MEMORY = (GROUP_PARAMETERS + 16) * GROUP_SIZE
+_MEMORY = (GROUP_PARAMETERS + 15) * GROUP_SIZE
 
 
 @wp.kernel
@@ -104,7 +102,6 @@ def project_backward_group_kernel(
         s = shape_gradient(cam, f, q, opacity_logit, vec3_at(state, _CONIC + i), pulled, wp.mat33())
         d_mean = wp.transpose(cam.rotation) * s.motion.point
         put_parameters(d_mean, s.log_scale, s.quat, s.opacity_logit, state, i)
-        state[_RADIUS + i] = radius_of(f, cam.dilation)
     for out in range(size):
         g = begin + out
         if pairs.starts[g] == pairs.starts[g + 1]:
@@ -127,6 +124,5 @@ def project_backward_group_kernel(
                     state[_D_V + out],
                     state[_ABSOLUTE_U + out],
                     state[_ABSOLUTE_V + out],
-                    state[_RADIUS + out],
                     statistics,
                 )

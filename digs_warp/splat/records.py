@@ -124,7 +124,6 @@ class StatisticsArrays:
     gradient_sums: wp.array[float]  # [n]
     absolute_sums: wp.array[float]  # [n]
     counts: wp.array[float]  # [n]
-    max_radii: wp.array[float]  # [n]
 
 
 @wp.struct

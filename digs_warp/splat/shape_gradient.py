@@ -82,15 +82,6 @@ def conic_of(records: wp.array2d[float], g: int) -> wp.vec3:
     return wp.vec3(records[g, SPLAT_A], records[g, SPLAT_B], records[g, SPLAT_C])
 
 
-@wp.func
-def radius_of(f: Footprint, dilation: float) -> float:
-    """Three standard deviations of the longer axis on the image [px]."""
-    mean = 0.5 * (wp.dot(f.m0, f.m0) + wp.dot(f.m1, f.m1))
-    half = 0.5 * (wp.dot(f.m0, f.m0) - wp.dot(f.m1, f.m1))
-    across = wp.dot(f.m0, f.m1)
-    return 3.0 * wp.sqrt(mean + wp.sqrt(half * half + across * across) + dilation)
-
-
 @wp.struct
 class MotionGradient:
     """dL / d(place of a Gaussian), and how the camera's gradient depends on it; see `row_motion`."""
@@ -256,7 +247,6 @@ def add_statistics(
     d_v: float,
     absolute_u: float,
     absolute_v: float,
-    radius: float,
     statistics: StatisticsArrays,
 ):
     """Add one view to `SplatStatistics`."""
@@ -268,4 +258,3 @@ def add_statistics(
         absolute_size = wp.length(wp.cw_mul(wp.vec2(absolute_u, absolute_v), half))
         statistics.absolute_sums[g] = statistics.absolute_sums[g] + absolute_size
     statistics.counts[g] = statistics.counts[g] + 1.0
-    statistics.max_radii[g] = wp.max(statistics.max_radii[g], radius)

@@ -25,23 +25,19 @@ from digs_warp.settings import (
 from digs_warp.train.rates import (
     DENSE_RATES,
     END,
-    REFERENCE_RATES,
     LearningRates,
     rates_of_sparse_start,
 )
 
-DensityStrategy = Literal["fixed", "adaptive", "absgrad", "mcmc"]
+DensityStrategy = Literal["fixed", "adaptive", "absgrad"]
 
 # Weight of the measured depth: see "The surface" in docs/training.md.
 DEPTH_WEIGHT = 0.008
 
-# Weights of mean opacity and mean scale with density "mcmc": the values of 3dgs-mcmc and gsplat.
-MCMC_WEIGHT = 0.01
-
 # The random streams of a run: one separate stream for each purpose, all derived from its seed. A draw follows
 # from (seed, purpose, step or epoch), and its row i belongs to Gaussian i: nothing depends on the order of
 # threads, and a resumed run draws the same numbers as an uninterrupted one.
-VIEW_ORDER, BACKGROUND, SPLIT, RELOCATE, EXPLORE = range(5)
+VIEW_ORDER, BACKGROUND, SPLIT = range(3)
 
 # Iterations after which held-out views are measured: denser at first, where quality rises fast.
 EVALUATE_AT = (100, 300, 500, 1000, 3000, 7000, 12000)
@@ -53,22 +49,22 @@ class Rates(Settings):
 
     means: Annotated[float | None, LEARNING_RATE, NO_FLAG] = None
     """Learning rate of the centers, in units of the scene's extent; falls to 1 % during the run. Default:
-    5e-4 with --density fixed and in runs of up to 1000 steps; 1.6e-4 (3DGS) at 30,000 and with mcmc."""
+    5e-4 with --density fixed and in runs of up to 1000 steps; 1.6e-4 (3DGS) at 30,000."""
 
     scales: Annotated[float | None, LEARNING_RATE, NO_FLAG] = None
     """Learning rate of the logarithmic scales. Default: 0.02 with --density fixed and in runs of up to
-    1000 steps; 0.005 (3DGS) at 30,000 and with mcmc."""
+    1000 steps; 0.005 (3DGS) at 30,000."""
 
     quats: Annotated[float | None, LEARNING_RATE, NO_FLAG] = None
     """Learning rate of the rotations. Default: 0.01 with --density fixed and in runs of up to 1000
-    steps; 0.001 (3DGS) at 30,000 and with mcmc."""
+    steps; 0.001 (3DGS) at 30,000."""
 
     opacities: Annotated[float | None, LEARNING_RATE, NO_FLAG] = None
     """Learning rate of the opacity logits. Default: 0.05 (3DGS)."""
 
     colors: Annotated[float | None, LEARNING_RATE, NO_FLAG] = None
     """Learning rate of the base color; higher bands learn at a twentieth of it. Default: 0.02 with --density
-    fixed and in runs of up to 1000 steps; 0.0025 (3DGS) at 30,000 and with mcmc."""
+    fixed and in runs of up to 1000 steps; 0.0025 (3DGS) at 30,000."""
 
     end: Annotated[float, Range(1e-6, 1), NO_FLAG] = END
     """Share of their initial values that the rates of scales, rotations, opacities and colors fall to in the
@@ -104,13 +100,10 @@ class Density(Settings):
     strategy: Annotated[DensityStrategy, arg(name="density")] = "fixed"
     """How the number of Gaussians changes. fixed: it does not, best for a dense start from depth; adaptive:
     clone, split, prune and reset as in 3DGS; absgrad: the same with absolute gradients, which needs fewer
-    Gaussians for the same quality; mcmc: noise and relocation up to --max-splats, best from a poor start."""
+    Gaussians for the same quality."""
 
     max_splats: Annotated[int, SPLATS] = 1_000_000
     """The number of Gaussians never grows beyond this."""
-
-    splat_memory: Annotated[float | None, Range(1e-3, MANY), NO_FLAG] = None
-    """Memory limit for the Gaussians and the optimizer [MiB]. Default: no limit."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -138,13 +131,6 @@ class TrainConfig(Settings):
     depth_weight: Annotated[float | None, WEIGHT] = None
     """Weight of the difference between rendered and measured depth: holds the surface where it was measured.
     Default: 0.008 where the recording has depth."""
-
-    opacity_weight: Annotated[float | None, WEIGHT, NO_FLAG] = None
-    """Weight of the mean opacity: fades out Gaussians that no view needs. Default: 0.01 with --density mcmc,
-    else 0."""
-
-    scale_weight: Annotated[float | None, WEIGHT, NO_FLAG] = None
-    """Weight of the mean scale, in units of the scene's extent. Default: 0.01 with --density mcmc, else 0."""
 
     fit_exposure: Literal["on", "off"] = "on"
     """Exposure and white balance of each photograph. on: fitted, so that the colors of the Gaussians
@@ -203,12 +189,4 @@ class TrainConfig(Settings):
     def learning_rates(self) -> LearningRates:
         """The rates, defaults resolved."""
         sparse = rates_of_sparse_start(self.stop.iterations)
-        defaults = {"fixed": DENSE_RATES, "mcmc": REFERENCE_RATES}
-        return self.rates.or_default(defaults.get(self.density.strategy, sparse))
-
-    @property
-    def regularizer_weights(self) -> tuple[float, float]:
-        """The weights of mean opacity and mean scale, defaults resolved."""
-        default = MCMC_WEIGHT if self.density.strategy == "mcmc" else 0.0
-        opacity, scale = self.opacity_weight, self.scale_weight
-        return (default if opacity is None else opacity), (default if scale is None else scale)
+        return self.rates.or_default(DENSE_RATES if self.density.strategy == "fixed" else sparse)

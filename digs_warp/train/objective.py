@@ -10,7 +10,6 @@ from digs_warp.geometry.rigid import PixelBox
 from digs_warp.losses.depth import DepthLoss
 from digs_warp.losses.photometric import PhotometricLoss
 from digs_warp.losses.regions import loss_blocks, read_region
-from digs_warp.losses.regularizers import RegularizerLoss
 from digs_warp.losses.target import Target
 from digs_warp.losses.unknown import LeftOut
 from digs_warp.measure.color_gain import ColorGain
@@ -23,23 +22,19 @@ from digs_warp.train.views import View
 
 
 class Objective:
-    """Compares a rendered image with a view, and backpropagates the loss to the Gaussians.
+    """Compares a rendered image with a view, and writes the gradient of the loss for the renderer.
 
     Args:
-        renderer: draws the views, with depth if that is compared; its ``gradients`` are those of the loss
-            after `pull_back`.
+        renderer: draws the views, with depth if that is compared; its `backward` pulls the gradient back.
         config: the weights.
-        extent: the scene's extent [m], see `digs_warp.train.views.scene_extent`.
         depth_weight: of the measured depth, default resolved; matters where the renderer draws depth.
     """
 
     def __init__(
-        self, renderer: BlurRenderer, config: TrainConfig, extent: float, depth_weight: float = 0.0
+        self, renderer: BlurRenderer, config: TrainConfig, depth_weight: float = 0.0
     ) -> None:
         r = renderer
         device = r.gaussians.device
-        self._opacity_weight, self._scale_weight = config.regularizer_weights
-        self._extent = extent
         width, height = r.image.max_width, r.image.max_height
         self._renderer = renderer
         self._keeps_color = config.mask_role == "ignore"
@@ -56,22 +51,6 @@ class Objective:
         if r.middle.options.has_depth:  # depth is measured in the middle of the exposure
             m = r.middle
             self._depth = DepthLoss(m.depth, m.transmittance, m.adj_depth, depth_weight)
-        self.rebind()
-
-    def rebind(self) -> None:
-        """Bind to new arrays of Gaussians; call it after `BlurRenderer.set_gaussians`."""
-        gaussians, gradients = self._renderer.gaussians, self._renderer.gradients
-        self._regularizer = None
-        if self._opacity_weight > 0 or self._scale_weight > 0:
-            self._regularizer = RegularizerLoss(
-                gaussians.log_scales,
-                gaussians.opacity_logits,
-                gradients.log_scales,
-                gradients.opacity_logits,
-                opacity_weight=self._opacity_weight,
-                scale_weight=self._scale_weight,
-                extent=self._extent,
-            )
 
     def compare(
         self,
@@ -122,24 +101,13 @@ class Objective:
         middle = self._renderer.middle
         return covered_depth(middle, box) if middle.options.has_depth else None
 
-    def pull_back(self) -> None:
-        """Backpropagate the pixel gradients to the Gaussians, and add the terms on the parameters."""
-        self._renderer.backward()
-        if self._regularizer is not None:
-            self._regularizer.run()
-
     @property
     def is_finite(self) -> bool:
-        """Whether the loss of the last `compare` and `pull_back` is finite; waits for the device."""
-        sums = [self._photometric.sums, *(term.sums for term in self._other_terms)]
+        """Whether the loss of the last `compare` is finite; waits for the device."""
+        sums = [self._photometric.sums, *([self._depth.sums] if self._depth else [])]
         return all(np.isfinite(array.numpy()).all() for array in sums)
 
     def value(self) -> float:
-        """Return the loss of the last `compare` and `pull_back`; waits for the device."""
-        others = (term.value() for term in self._other_terms)
-        return sum(others, start=self._photometric.value()[0])
-
-    @property
-    def _other_terms(self) -> list[DepthLoss | RegularizerLoss]:
-        terms = (self._depth, self._regularizer)
-        return [term for term in terms if term is not None]
+        """Return the loss of the last `compare`; waits for the device."""
+        depth = self._depth.value() if self._depth else 0.0
+        return self._photometric.value()[0] + depth

@@ -16,8 +16,7 @@ from digs_warp.splat.device import DeviceGaussians, move_gaussians
 from digs_warp.splat.footprint import near_plane
 from digs_warp.splat.surface_depth import surface_place
 from digs_warp.train.config import BACKGROUND, TrainConfig
-from digs_warp.train.density.control import density_control
-from digs_warp.train.density.refinement import Refinement
+from digs_warp.train.density import Refinement, density_control
 from digs_warp.train.depth_errors import (
     NO_ERRORS,
     TRUSTED_IN_SCENES,
@@ -95,9 +94,9 @@ class Trainer:
         )
         self.progress = Progress(config.stop.iterations)
         self._extent = scene_extent(views.cameras)
-        self.objective = Objective(self.renderer, config, self._extent, depth_weight)
+        self.objective = Objective(self.renderer, config, depth_weight)
         self._center = gaussians.means.mean(axis=0)
-        self.control = density_control(len(gaussians), gaussians.sh_degree, config, self._extent)
+        self.control = density_control(len(gaussians), config, self._extent)
         self.exposures: Exposures | None = None
         if config.fit_exposure == "on":
             self.exposures = Exposures(len(views), constant_exposure)
@@ -130,15 +129,14 @@ class Trainer:
             blur=view.blur,
         )
         self.objective.compare(view, background, self._gain(view), self._depth_errors(view))
-        self.objective.pull_back()
+        self.renderer.backward()
         if self.poses is not None:
             self._move_camera(self.poses, view)
-        means_rate = self.optimizer.means_rate()
         self.smoothing.before_update()
         self.optimizer.update()
         self.smoothing.after_update(self.optimizer.step)
         self._require_finite(view)
-        refinement = self.control.after_update(self.gaussians, self.optimizer.step, means_rate)
+        refinement = self.control.after_update(self.gaussians, self.optimizer.step)
         if refinement is not None:
             self.adopt(refinement)
         self.seconds += time.perf_counter() - start
@@ -183,7 +181,6 @@ class Trainer:
     def _replace(self, gaussians: Gaussians, step: int) -> None:
         self.gaussians = DeviceGaussians.from_numpy(gaussians, self.config.device)
         self.renderer.set_gaussians(self.gaussians)
-        self.objective.rebind()
         self._build_optimizer(step)
 
     def _build_optimizer(self, step: int) -> None:

@@ -29,9 +29,3 @@ def depth(
         if w > 0 and a >= 0.5:
             total += w * np.log1p(abs(float(z) - float(d)) / (0.01 * float(d)))
     return total / float(weights.sum())
-
-
-def regularizers(log_scales: np.ndarray, logits: np.ndarray, extent: float) -> tuple[float, float]:
-    """Mean opacity, and mean scale in units of the extent."""
-    opacities = 1 / (1 + np.exp(-logits.astype(np.float64)))
-    return float(opacities.mean()), float((np.exp(log_scales.astype(np.float64)) / extent).mean())

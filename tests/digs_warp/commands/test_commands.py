@@ -114,7 +114,7 @@ def test_one_seed_serves_all_stages_of_a_run() -> None:
     [
         ([], "fixed"),
         (["--strategy", "random"], "adaptive"),
-        (["--strategy", "random", "--density", "mcmc"], "mcmc"),
+        (["--strategy", "random", "--density", "absgrad"], "absgrad"),
         (["--density", "absgrad"], "absgrad"),
     ],
 )

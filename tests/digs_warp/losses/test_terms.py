@@ -11,7 +11,6 @@ from digs_warp.device.image_planes import ImagePlanes
 from digs_warp.losses.depth import DepthLoss, DepthTarget, depth_weights
 from digs_warp.losses.photometric import PhotometricLoss
 from digs_warp.losses.regions import blocks_of, tiles_of
-from digs_warp.losses.regularizers import RegularizerLoss
 from reference import loss_twin
 
 WIDTH, HEIGHT = 70, 20
@@ -181,33 +180,3 @@ def test_a_view_without_depth_pulls_nothing() -> None:
     term.run(nothing, (3, 3, 5, 5), EVERYTHING)
     assert term.value() == 0.0
     assert not adj.to_numpy().any()
-
-
-def test_regularizers() -> None:
-    rng = np.random.default_rng(5)
-    log_scales, logits = rng.normal(size=(30, 3)) - 3, rng.normal(size=30) * 2
-    before = rng.normal(size=30).astype(np.float32), rng.normal(size=(30, 3)).astype(np.float32)
-    adj_logits = wp.array(before[0], dtype=float, device="cpu")
-    adj_scales = wp.array(before[1], dtype=wp.vec3, device="cpu")
-    term = RegularizerLoss(
-        wp.array(log_scales, dtype=wp.vec3, device="cpu"),
-        wp.array(logits, dtype=float, device="cpu"),
-        adj_scales,
-        adj_logits,
-        opacity_weight=0.4,
-        scale_weight=7.0,
-        extent=1.9,
-    )
-    term.run()
-    opacity, scale = loss_twin.regularizers(log_scales, logits, 1.9)
-    assert term.value() == pytest.approx(0.4 * opacity + 7.0 * scale, rel=1e-5)
-    for i in range(30):
-        expected = 0.4 * slope(
-            lambda x: loss_twin.regularizers(log_scales, x, 1.9)[0], logits, (i,)
-        )
-        assert adj_logits.numpy()[i] - before[0][i] == pytest.approx(expected, rel=1e-3, abs=3e-7)
-        expected = 7.0 * slope(
-            lambda x: loss_twin.regularizers(x, logits, 1.9)[1], log_scales, (i, i % 3)
-        )
-        measured = adj_scales.numpy()[i, i % 3] - before[1][i, i % 3]
-        assert measured == pytest.approx(expected, rel=1e-3, abs=3e-7)

@@ -18,7 +18,7 @@ def trained(folder: Path, factor: float) -> Reconstruction:
     capture = write_tiny_capture(folder / "capture", frames=12)
     frames = tuple(larger(frame, factor) for frame in capture.frames)
     config = ReconstructConfig(
-        train=TrainConfig(stop=Stop(iterations=80), density=Density(strategy="mcmc"))
+        train=TrainConfig(stop=Stop(iterations=80), density=Density(strategy="adaptive"))
     )
     return reconstruct(replace(capture, frames=frames), config, folder / "result")
 

@@ -8,7 +8,7 @@ import pytest
 import warp as wp
 
 from digs_warp.device.parallel import launch_parallel, packed
-from digs_warp.losses import depth, regularizers, target, unknown
+from digs_warp.losses import depth, target, unknown
 from digs_warp.measure import ssim_pixels
 from digs_warp.splat import (
     background,
@@ -34,7 +34,7 @@ from reference import plain_raster
 MODULES = (
     *(background, bin_kernels, project, project_adjoint, plain_raster),
     *(skin, blur_renderer, camera_gradient),
-    *(target, depth, regularizers, unknown, ssim_pixels, optimizer),
+    *(target, depth, unknown, ssim_pixels, optimizer),
 )
 
 

@@ -199,7 +199,7 @@ def degenerate() -> Gaussians:
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("density", ["fixed", "adaptive", "mcmc"])
+@pytest.mark.parametrize("density", ["fixed", "adaptive"])
 def test_ten_thousand_steps_with_degenerate_gaussians(
     density: DensityStrategy, monkeypatch: pytest.MonkeyPatch
 ) -> None:

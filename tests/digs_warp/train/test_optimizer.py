@@ -75,7 +75,7 @@ def test_short_runs_from_sparse_points_learn_as_fast_as_dense_ones() -> None:
     dense, reference = (rates(30_000, strategy) for strategy in ("fixed", "adaptive"))
     assert rates(1000) == pytest.approx(dense) == rates(100)
     assert rates(1000, "absgrad") == rates(1000)
-    assert rates(1000, "mcmc") == reference == rates(100_000)
+    assert rates(100_000) == reference
     halfway = round((1000 * 30_000) ** 0.5)
     expected = [(a * b) ** 0.5 for a, b in zip(dense, reference, strict=True)]
     assert rates(halfway) == pytest.approx(expected, rel=1e-3)
@@ -111,12 +111,9 @@ def test_no_gradient_moves_nothing() -> None:
         (Rates, {"means": float("nan")}, "means"),
         (Rates, {"end": 0.0}, "end"),
         (Density, {"max_splats": 0}, "--max-splats: 0, expected 1 to 10,000,000"),
-        (Density, {"splat_memory": -1.0}, "splat_memory"),
         (TrainConfig, {"sh_degree": 4}, "--sh-degree: 4, expected 0 to 3"),
         (TrainConfig, {"dssim_weight": 1.5}, "dssim_weight: 1.5, expected 0 to 1"),
         (TrainConfig, {"depth_weight": float("nan")}, "--depth-weight"),
-        (TrainConfig, {"opacity_weight": -1.0}, "opacity_weight"),
-        (TrainConfig, {"scale_weight": -2.0}, "scale_weight: -2.0, expected 0 to 1,000,000"),
         (TrainConfig, {"image_memory": 0.0}, "image_memory"),
     ],
 )

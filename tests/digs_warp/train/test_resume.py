@@ -10,9 +10,9 @@ from digs_warp.checks import DigsError
 from digs_warp.data.capture import Capture
 from digs_warp.data.gaussians import FIELDS, Gaussians
 from digs_warp.record.arrays import write_arrays
+from digs_warp.train import density as density_module
 from digs_warp.train.checkpoint import checkpoint_step, load_checkpoint, save_checkpoint
 from digs_warp.train.config import Density, DensityStrategy, Stop, TrainConfig
-from digs_warp.train.density import adaptive
 from digs_warp.train.trainer import Trainer
 from digs_warp.train.view_store import open_views
 from reference.tiny_capture import ball, write_tiny_capture
@@ -28,16 +28,16 @@ def capture(tmp_path_factory: pytest.TempPathFactory) -> Capture:
 
 @pytest.fixture(autouse=True)
 def short_schedule(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(adaptive, "REFINE_EVERY", 6)
-    monkeypatch.setattr(adaptive, "RESET_EVERY", 18)
-    monkeypatch.setattr(adaptive, "GRADIENT_LIMIT", 1e-5)
-    monkeypatch.setattr(adaptive, "ABSOLUTE_GRADIENT_LIMIT", 4e-5)
+    monkeypatch.setattr(density_module, "REFINE_EVERY", 6)
+    monkeypatch.setattr(density_module, "RESET_EVERY", 18)
+    monkeypatch.setattr(density_module, "GRADIENT_LIMIT", 1e-5)
+    monkeypatch.setattr(density_module, "ABSOLUTE_GRADIENT_LIMIT", 4e-5)
 
 
 def start() -> Gaussians:
     truth = ball(300)
     logits = truth.opacity_logits.copy()
-    logits[:40] = -7.0  # dead: pruned, or relocated
+    logits[:40] = -7.0  # pruned
     return replace(truth, sh=np.zeros_like(truth.sh), opacity_logits=logits)
 
 
@@ -48,7 +48,7 @@ def trained(capture: Capture, config: TrainConfig, steps: int) -> Trainer:
     return trainer
 
 
-@pytest.mark.parametrize("density", ["fixed", "adaptive", "absgrad", "mcmc"])
+@pytest.mark.parametrize("density", ["fixed", "adaptive", "absgrad"])
 def test_a_resumed_run_continues_bit_for_bit(
     capture: Capture, tmp_path: Path, density: DensityStrategy
 ) -> None:
@@ -63,7 +63,7 @@ def test_a_resumed_run_continues_bit_for_bit(
     resumed = Trainer(start(), open_views(capture.frames, config, first_step=15), config)
     load_checkpoint(path, resumed)
     sums = half.control.state()
-    assert set(sums) == (set() if density in ("fixed", "mcmc") else {"sums", "counts"})
+    assert set(sums) == (set() if density == "fixed" else {"sums", "counts"})
     for name, values in resumed.control.state().items():
         assert values.any()
         np.testing.assert_array_equal(values, sums[name])
@@ -83,20 +83,17 @@ def test_a_resumed_run_continues_bit_for_bit(
     assert len(whole.gaussians) <= 900
 
 
-@pytest.mark.parametrize("density", ["adaptive", "mcmc"])
-def test_the_cap_is_kept_in_every_step(capture: Capture, density: DensityStrategy) -> None:
-    config = TrainConfig(
-        stop=Stop(iterations=STEPS), density=Density(strategy=density, max_splats=310)
-    )
+def test_the_cap_is_kept_in_every_step(capture: Capture) -> None:
+    density = Density(strategy="adaptive", max_splats=310)
+    config = TrainConfig(stop=Stop(iterations=STEPS), density=density)
     trainer = trained(capture, config, 0)
     for _ in range(STEPS):
         trainer.step()
         assert len(trainer.gaussians) <= 310
 
 
-@pytest.mark.parametrize("budget", [{"max_splats": 200}, {"splat_memory": 0.1}])
-def test_a_start_beyond_the_budget_is_refused(capture: Capture, budget: dict) -> None:
-    config = TrainConfig(density=Density(strategy="adaptive", **budget))
+def test_a_start_beyond_the_cap_is_refused(capture: Capture) -> None:
+    config = TrainConfig(density=Density(strategy="adaptive", max_splats=200))
     with pytest.raises(DigsError, match=r"starts with 300 Gaussians.*voxel-size"):
         trained(capture, config, 0)
 
@@ -118,7 +115,7 @@ def test_a_state_that_is_not_finite_does_not_replace_a_good_one(
 @pytest.mark.parametrize(
     ("other", "what"),
     [
-        ({"density": Density(strategy="mcmc")}, "density control"),
+        ({"density": Density(strategy="adaptive")}, "density control"),
         ({"sh_degree": 1}, "color coefficients"),
     ],
 )
