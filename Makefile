@@ -55,16 +55,14 @@ docs: setup ## The documentation as a site in build/site; fails when a link lead
 	$(INSTALL) -e '.[docs]'
 	$(BIN)/zensical build --strict
 
-studies: setup ## Run the studies within their budgets and write docs/study; two hours on a quiet machine
+studies: setup ## Run the studies within their budgets and write docs/study; an hour on a quiet machine
 	$(BIN)/digs-warp study run initialization --time-budget 20min
 	$(BIN)/digs-warp study run tradeoff --time-budget 20min
 	$(BIN)/digs-warp study run robustness --time-budget 12min
-	$(BIN)/python -m studies run components --time-budget 40min
-	$(BIN)/python -m studies run few-views --time-budget 20min
 	$(BIN)/python -m studies page studies
 
 pages: setup demo ## Run all benchmarks and draw all pictures for the documentation; an hour on a quiet machine
-	$(BIN)/python -m studies page raster training surface trained init-noise poses masks usd sim realism sensor-fit \
+	$(BIN)/python -m studies page raster training surface trained masks usd sim realism sensor-fit \
 		demo starts sensor scenes randomization gallery real-recordings
 
 # Threads of NumPy's matrix products, which wait by turning, would take the cores from the other process.

@@ -1,7 +1,6 @@
 """Measure the project, and write what was found into its documentation.
 
 python -m studies NAME [--only CASE ...] [--json FILE]   run a benchmark, print its tables
-python -m studies run STUDY [--objects N] [...]          run one of the larger studies: components, few-views
 python -m studies page NAME [--results FILE ...]         write figures or pictures into the documentation
 python -m studies preference make|evaluate ...           ask people which reconstruction they prefer
 """
@@ -12,13 +11,9 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from digs_warp.checks import DigsError
-from digs_warp.engines.config import EngineConfig
-from digs_warp.record.durations import seconds_of
 from digs_warp.record.progress import show_progress
-from digs_warp.study.catalogue import find_study
 from studies import pages
 from studies.benchmarks import BENCHMARKS, find_benchmark
-from studies.catalogue import MORE_STUDIES
 from studies.results import format_tables, read_json_lines, write_json_lines
 
 
@@ -26,9 +21,7 @@ def main(words: Sequence[str]) -> None:
     """Run one command."""
     show_progress()
     command, *rest = words or ("--help",)
-    if command == "run":
-        _run_study(rest)
-    elif command == "page":
+    if command == "page":
         _write_page(rest)
     elif command == "preference":
         from studies.preference.command import main as preference
@@ -54,25 +47,6 @@ def _measure(words: Sequence[str]) -> None:
     if given.json:
         write_json_lines(results, given.json)
     sys.stdout.write(f"{format_tables(results)}\n")
-
-
-def _run_study(words: Sequence[str]) -> None:
-    parser = argparse.ArgumentParser(prog="python -m studies run")
-    parser.add_argument("name", choices=[study.name for study in MORE_STUDIES])
-    parser.add_argument("--objects", type=int, help="how many objects")
-    parser.add_argument("--iterations", type=int, help="training steps of each case")
-    parser.add_argument("--seeds", type=int, default=1, help="repetitions of each case")
-    parser.add_argument("--workers", type=int, default=1, help="cases at a time")
-    parser.add_argument("--time-budget", type=seconds_of, help="begin no case that would end later")
-    parser.add_argument("--out", type=Path, help="folder of results and report")
-    given = parser.parse_args(words)
-    study = find_study(given.name, MORE_STUDIES)
-    cases = study.cases(
-        given.objects or study.objects, given.seeds, given.iterations or study.iterations
-    )
-    engine = EngineConfig(workers=given.workers)
-    words_of_run = study.run(cases, given.out or study.folder, engine, given.time_budget)
-    sys.stdout.write(f"{words_of_run}\n")
 
 
 def _write_page(words: Sequence[str]) -> None:

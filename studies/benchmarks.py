@@ -72,13 +72,11 @@ def find_benchmark(name: str) -> Benchmark:
 
 
 BENCHMARKS = (
-    # The splat rasterizer: its stages by threads, their share of what a core can do, and laws of growth.
+    # The splat rasterizer: its stages by threads, and their share of what a core can do.
     Benchmark(
         "raster",
-        ("raster.bench_raster", "scaling.bench_scaling"),
+        ("raster.bench_raster",),
         ("research/performance.md",),
-        chart_function="scaling.scaling_charts",
-        picture="scaling.png",
     ),
     # Each stage of recordings and reconstructions, by frames and by pixels.
     Benchmark(
@@ -89,13 +87,11 @@ BENCHMARKS = (
     ),
     # The demo, stage by stage, beside what it took at the commit of the page.
     Benchmark("budget", ("budget.bench_budget",), ("research/performance.md",)),
-    # A training step, stage by stage; quality over time against the settings of 3DGS.
+    # A training step, stage by stage.
     Benchmark(
         "training",
-        ("training_step.bench_train", "convergence.bench_convergence"),
+        ("training_step.bench_train",),
         ("training.md",),
-        chart_function="convergence.convergence_charts",
-        picture="convergence.png",
     ),
     # The trained surface against the true one, beside fused depth: two sensors.
     Benchmark(
@@ -110,15 +106,6 @@ BENCHMARKS = (
     ),
     # Films at three sizes, meshes at four voxel sizes, files of every format.
     Benchmark("trained", ("trained.bench_trained",), ("results.md", "formats.md")),
-    # Every initialization under rising sensor noise.
-    Benchmark("init-noise", ("init_noise.bench_init_noise",), ()),
-    # What poses that nobody knows cost, found in each way.
-    Benchmark(
-        "poses",
-        ("found_poses.bench_found_poses",),
-        (),
-        cases=("armchair", "ycb_mustard_bottle", "boot_plain", "sci_fi_case", "flight_helmet"),
-    ),
     # Real recordings, poses as recorded and estimated: quality, depth error, what goes wrong.
     Benchmark(
         "recordings",

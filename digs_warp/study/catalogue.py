@@ -23,13 +23,11 @@ class Study:
     ``sections(records)``, the content of the report.
 
     Attributes:
-        name: as the command line takes it; also the name of the module, there with underscores.
+        name: as the command line takes it; also that of the module.
         title: of the report.
         summary: one line for help and report.
         objects, iterations: defaults of the command line.
         first: sample objects that come before the others.
-        package: of the module.
-        command: what runs it, for messages.
     """
 
     name: str
@@ -38,8 +36,6 @@ class Study:
     objects: int
     iterations: int
     first: Sequence[str] = ()
-    package: str = "digs_warp.study.studies"
-    command: str = "digs-warp study"
 
     @property
     def folder(self) -> Path:
@@ -98,7 +94,7 @@ class Study:
             errors = "; ".join(sorted({record["error"] for record in records})) or "there are none"
             raise DigsError(
                 f"study '{folder / RESULTS}': no case ended well: {errors}; measure some with "
-                f"'{self.command} run {self.name}'"
+                f"'digs-warp study run {self.name}'"
             )
         failed = len(records) - len(good)
         intro = f"{self.summary[0].upper()}{self.summary[1:]}. {counted(len(good), 'case')}"
@@ -108,7 +104,7 @@ class Study:
         return write_pages(self.title, intro, self.sections(good), folder)
 
     def _module(self) -> Any:
-        return importlib.import_module(f"{self.package}.{self.name.replace('-', '_')}")
+        return importlib.import_module(f"digs_warp.study.studies.{self.name}")
 
 
 STUDIES = (

@@ -29,7 +29,6 @@ PAGES = {
     "what-is-read": "what_is_read",
     "real-recordings": "real_recordings",
     "studies": "published",
-    "killed": "killed",
 }
 
 

@@ -13,7 +13,6 @@ from digs_warp.study.engine.store import Store
 from digs_warp.study.page import MARKDOWN, PAGE
 from digs_warp.study.table import Table
 from scripts.page_marks import DOCS
-from studies.catalogue import MORE_STUDIES
 
 # Rows; longer tables stand in their files alone.
 LONGEST_TABLE = 6
@@ -21,7 +20,7 @@ LONGEST_TABLE = 6
 
 def main() -> None:
     """Publish all that have results."""
-    for study in (*STUDIES, *MORE_STUDIES):
+    for study in STUDIES:
         if (study.folder / RESULTS).is_file():
             publish(study, DOCS / "study" / study.name)
 

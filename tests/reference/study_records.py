@@ -42,10 +42,6 @@ def record_of(case: Case, number: int) -> dict[str, Any]:
         "cpu_seconds": 20.0 + number,
         "machine": "2 cores of a test",
         "scale_error": 0.0004,
-        "finishes": {
-            "alpha_cuts": [{"value": 0.0039, "seconds": 0.01, "psnr": 30.0}],
-            "precisions": [{"value": "half", "megabytes": 1.5, "psnr": 29.9}],
-        },
         "recording_seconds": {"render": 15.0, "sense": 5.0},
         "results": {"initial_points": 1000 + number, "gaussians": 900},
     }

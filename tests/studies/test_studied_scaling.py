@@ -1,18 +1,13 @@
-"""The benchmarks of the rasterizer: counts against brute force, the fit against a known law."""
-
-from dataclasses import replace
+"""The benchmarks of the rasterizer: counts against brute force, the exponent of growth."""
 
 import numpy as np
-import pytest
 
 from digs_warp.splat.device import DeviceGaussians
 from digs_warp.splat.render import SplatRenderer
 from studies.growth import MEMORY, results
-from studies.raster import NEAR, count_work
-from studies.results import Result
-from studies.scaling import BASE, Case, fit_laws, measure, scaling_charts
+from studies.raster import NEAR, RasterScene, count_work
 
-SMALL = replace(BASE, width=64, height=48, splats=40)
+SMALL = RasterScene("small", 64, 48, 40, lambda rng, n: rng.uniform(1.0, 4.0, (n, 2)))
 
 
 def test_the_work_is_that_of_a_count_by_hand() -> None:
@@ -35,31 +30,6 @@ def test_the_work_is_that_of_a_count_by_hand() -> None:
     work = count_work(renderer)
     assert work.rows == rows > 100
     assert work.pixels == pixels
-
-
-def test_the_fit_finds_a_law() -> None:
-    rng = np.random.default_rng(0)
-    points = []
-    for _ in range(9):
-        pixels, splats, pairs, evaluated = (int(v) for v in rng.uniform(1e3, 1e6, 4))
-        raster = 1e-6 * (3.0 * pixels + 50.0 * pairs + 0.5 * evaluated)
-        per_splat = 1e-6 * (200.0 * splats + 30.0 * pairs)
-        labels = {"pixels": pixels, "splats": splats, "pairs": pairs, "evaluated": evaluated}
-        points.append(Result(labels, {"raster [ms]": raster, "per splat [ms]": per_splat}))
-    raster, per_splat = (r.values for r in fit_laws(points))
-    assert raster["per pixels [ns]"] == pytest.approx(3.0)
-    assert raster["per pairs [ns]"] == pytest.approx(50.0)
-    assert raster["per evaluated [ns]"] == pytest.approx(0.5)
-    assert per_splat["per splats [ns]"] == pytest.approx(200.0)
-    assert per_splat["per pairs [ns]"] == pytest.approx(30.0)
-    assert raster["largest [%]"] == pytest.approx(0.0, abs=1e-6)
-
-
-def test_a_case_is_measured_and_drawn() -> None:
-    points = [measure(Case("splats", n, replace(SMALL, splats=n)), repeats=1) for n in (10, 40)]
-    assert all(p.values["raster [ms]"] > 0 and p.values["per splat [ms]"] > 0 for p in points)
-    assert all(p.labels["evaluated"] > p.labels["pairs"] for p in points)
-    assert len(scaling_charts([*points, *fit_laws(points)])) == 1
 
 
 def test_growth_is_the_exponent_between_the_two_largest_sizes() -> None:

@@ -20,28 +20,20 @@ class Case:
         labels: what the study varies, for its tables: ``{"object": "avocado", "strategy": "fusion"}``.
         recording: settings of `digs_warp.sim.config.SimulateConfig` that differ from the default.
         reconstruction: dotted settings of `digs_warp.pipeline.reconstruct.ReconstructConfig` that differ.
-        mask_error: size of the errors put into the masks (`engine.input_errors`); None: the masks of the
-            recording.
         effort: estimated time relative to the other cases of the study, for the time budget.
         threads: CPU threads; None: those of the runner.
-        finishes: also measure the choices after the training (`engine.scores`).
-        perturbed: whether the recording's poses get a random error (`engine.input_errors`).
     """
 
     labels: Mapping[str, Any]
     recording: Mapping[str, Any] = field(default_factory=dict)
     reconstruction: Mapping[str, Any] = field(default_factory=dict)
-    mask_error: float | None = None
     effort: float = 1.0
     threads: int | None = None
-    finishes: bool = False
-    perturbed: bool = False
 
     @property
     def key(self) -> str:
         """Identifies the case across runs and machines: input files count by their names."""
-        parts = [self.labels, with_file_names(self.recording), self.reconstruction]
-        return digest(parts if self.mask_error is None else [*parts, self.mask_error])
+        return digest([self.labels, with_file_names(self.recording), self.reconstruction])
 
     @property
     def recording_key(self) -> str:

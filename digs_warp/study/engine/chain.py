@@ -24,14 +24,11 @@ from digs_warp.record.run_log import RunRecord, versions
 from digs_warp.record.typed import to_json as record_json
 from digs_warp.sim.config import SimulateConfig
 from digs_warp.study.engine.case import Case, with_settings
-from digs_warp.study.engine.input_errors import perturbed_capture, write_degraded_masks
-from digs_warp.study.engine.placement import mesh_in_place, motion_to_truth, pose_pixels
+from digs_warp.study.engine.placement import mesh_in_place, motion_to_truth
 from digs_warp.study.engine.scores import (
     OTHER_SIZES,
     YARDSTICK,
     psnr_in_place,
-    psnr_in_scale,
-    score_finishes,
     score_on_yardstick,
 )
 from digs_warp.study.timing import Stopwatch, processor
@@ -44,7 +41,6 @@ CAPTURES = "captures"
 SFM = "sfm"
 WORK = "work"
 NOTE = "study.json"  # beside shared structure from motion: the seconds that it took
-MASKS = "masks"  # degraded ones
 MATCHING = "structure from motion"  # as the stage is called
 
 # What makes the scene; two recordings with these in common show the same object in the same place.
@@ -67,8 +63,8 @@ def run_case(case: Case, folder: Path) -> dict[str, Any]:
 
     The keys: ``metrics`` (quality on the held-out views), ``course`` (the same along iterations and
     seconds), ``yardstick`` (quality on views of a perfect camera on another walk, at four sizes: comparable
-    between recordings), ``surface`` (distances of points and Gaussians to the true surface), ``finishes``
-    (see `engine.scores`), ``scale_error`` (share that the scale is missed by), ``seconds`` (of stages;
+    between recordings), ``surface`` (distances of points and Gaussians to the true surface),
+    ``scale_error`` (share that the scale is missed by), ``seconds`` (of stages;
     compiling kernels apart), ``cpu_seconds`` (of all threads, for everything but the recording and structure
     from motion: does not depend on what else the machine does), ``recording_seconds``, ``results`` (counts),
     ``memory_mb`` (peak of this process until the result is there), ``versions``, ``machine``.
@@ -79,15 +75,14 @@ def run_case(case: Case, folder: Path) -> dict[str, Any]:
         folder: of the study.
     """
     from digs_warp.device.warp_start import compile_seconds
-    from digs_warp.pipeline.reconstruct import reconstruct
+    from digs_warp.pipeline.reconstruct import ReconstructConfig, reconstruct
 
     capture = record_case(case, folder)
-    given = perturbed_capture(capture) if case.perturbed else capture
-    config = _config(case, capture, folder)
-    work = _workplace(case, given, config, folder)
+    config = with_settings(ReconstructConfig(), case.reconstruction)
+    work = _workplace(case, capture, config, folder)
     before = compile_seconds()
     with Stopwatch() as watch:
-        result = reconstruct(given, config, work)
+        result = reconstruct(capture, config, work)
     compiling = compile_seconds() - before
     memory = _peak_memory_mb()
     measured = _measure(result)
@@ -104,18 +99,6 @@ def run_case(case: Case, folder: Path) -> dict[str, Any]:
     measured["seconds"]["compile kernels"] = round(compiling, 3)
     shutil.rmtree(work)
     return measured
-
-
-def _config(case: Case, capture: Capture, folder: Path) -> "ReconstructConfig":
-    """Return the settings of a case; its degraded masks are written first."""
-    from digs_warp.pipeline.reconstruct import ReconstructConfig
-
-    config = with_settings(ReconstructConfig(), case.reconstruction)
-    if case.mask_error is None:
-        return config
-    masks = folder / MASKS / case.key
-    write_degraded_masks(capture.frames, case.mask_error, case.recording.get("seed", 0), masks)
-    return replace(config, segment=replace(config.segment, masks="folder", mask_folder=masks))
 
 
 def _workplace(case: Case, capture: Capture, config: "ReconstructConfig", folder: Path) -> Path:
@@ -138,11 +121,7 @@ def _matched(case: Case, config: "ReconstructConfig", folder: Path) -> Path:
     """Return where structure from motion is shared with the cases of the same settings."""
     # Poses are refined after it.
     settings = replace(config.sfm, refine_poses=SfmConfig().refine_poses)
-    return (
-        folder
-        / SFM
-        / digest([case.recording, settings, *(["perturbed"] if case.perturbed else [])])
-    )
+    return folder / SFM / digest([case.recording, settings])
 
 
 def _match_once(capture: Capture, config: SfmConfig, matched: Path) -> None:
@@ -203,15 +182,8 @@ def _against_truth(
     for size in OTHER_SIZES:
         seen = _yardstick(case, folder, size)
         score[f"psnr_object_in_place_{size}"] = psnr_in_place(result.gaussians, seen, to_truth)
-    if config.sfm.poses != "capture" or case.perturbed:
-        posed = result.frames.training
-        scale = pose_pixels(capture.frames, posed).scale
-        score["psnr_object_in_scale"] = psnr_in_scale(
-            result.gaussians, yardstick, posed, capture.frames, scale
-        )
     return {
         "yardstick": score,
-        "finishes": score_finishes(result.gaussians, yardstick) if case.finishes else {},
         "scale_error": _scale_error(capture, config, result.frames),
         "surface": _surface_scores(capture, config, result, to_truth),
     }

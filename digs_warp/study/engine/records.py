@@ -81,8 +81,6 @@ placed_psnr = number("yardstick", "psnr_object_in_place")
 # older than the four sizes do not have it.
 AT_TWICE = "at twice the size"
 double_psnr = number("yardstick", "psnr_object_in_place_double")
-# After one similarity; only of found poses.
-scaled_psnr = number("yardstick", "psnr_object_in_scale")
 
 
 def final_psnr(record: Record) -> float | None:

@@ -1,25 +1,20 @@
-"""How good a result is on views that no case has seen, and what can still be chosen after the training.
+"""How good a result is on views that no case has seen.
 
 The yardstick is a recording by a perfect camera on another walk: results are compared on it, whatever they
-were made from. After the training one can still choose how faint splats are drawn and how exactly they are
-stored.
+were made from.
 """
 
-import tempfile
 from collections.abc import Sequence
-from dataclasses import replace
 from importlib.util import find_spec
-from pathlib import Path
-from statistics import fmean, median
-from typing import TYPE_CHECKING, Any, get_args
+from statistics import fmean
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from digs_warp.data.frame import Frame
 from digs_warp.data.gaussians import Gaussians
 from digs_warp.measure.metrics import psnr
-from digs_warp.study.engine.placement import in_scale, motion_to_truth, seen_in_place
-from digs_warp.study.timing import Stopwatch
+from digs_warp.study.engine.placement import seen_in_place
 
 if TYPE_CHECKING:
     from digs_warp.train.evaluate import Rendering, TestView
@@ -37,11 +32,6 @@ OTHER_SIZES: dict[str, dict[str, Any]] = {
     "four_thirds": {"width": 854, "height": 480},
     "double": {"width": 1280, "height": 720},
 }
-
-# Smallest alpha that is drawn; the first is the usual one, one step of an 8-bit image.
-ALPHA_CUTS = (1 / 255, 0.02, 0.05, 0.1)
-# Each view is drawn this many times; the median counts.
-REPEATS = 3
 
 
 def score_on_yardstick(gaussians: Gaussians, frames: Sequence[Frame]) -> dict[str, float | None]:
@@ -84,27 +74,6 @@ def psnr_in_place(gaussians: Gaussians, frames: Sequence[Frame], to_truth: np.nd
     return psnr_with_one_gain(render_views(DeviceGaussians.from_numpy(gaussians), views), views)
 
 
-def psnr_in_scale(
-    gaussians: Gaussians,
-    frames: Sequence[Frame],
-    posed: Sequence[Frame],
-    recorded: Sequence[Frame],
-    scale: float,
-) -> float:
-    """Return the PSNR on the object [dB] after one gain and one similarity of the whole result.
-
-    Args:
-        gaussians: the result.
-        frames: the yardstick's.
-        posed: the frames that the result was made from, with their final poses.
-        recorded: the recording, whose poses are true.
-        scale: of the result over the truth.
-    """
-    true_size = replace(gaussians, means=gaussians.means / np.float32(scale))
-    to_truth = motion_to_truth(in_scale(posed, 1 / scale), recorded, true_size)
-    return psnr_in_place(gaussians, in_scale(seen_in_place(frames, to_truth), scale), np.eye(4))
-
-
 def psnr_with_one_gain(renderings: "Sequence[Rendering]", views: "Sequence[TestView]") -> float:
     """Return the mean PSNR on the object [dB] after one gain of all renderings, the one that fits best.
 
@@ -144,70 +113,3 @@ def depth_error(gaussians: Gaussians, frames: Sequence[Frame]) -> dict[str, floa
         "depth_mae": float(seen.mean()) if len(seen) else None,
         "depth_seen": len(seen) / pixels if pixels else None,
     }
-
-
-def score_finishes(
-    gaussians: Gaussians, frames: Sequence[Frame]
-) -> dict[str, list[dict[str, Any]]]:
-    """Draw and store a result in different ways, without training it again.
-
-    Returns:
-        ``alpha_cuts``: for each cut ``value``, ``seconds`` per view, ``psnr`` [dB] of the object in
-        ``frames``; ``precisions``: for each ``value`` ``seconds`` to write a .usdc file, its ``megabytes``,
-        and the ``psnr`` of what is read back.
-    """
-    return {
-        "alpha_cuts": [_with_cut(gaussians, frames, cut) for cut in ALPHA_CUTS],
-        "precisions": _precisions(gaussians, frames),
-    }
-
-
-def _with_cut(gaussians: Gaussians, frames: Sequence[Frame], cut: float) -> dict[str, Any]:
-    from digs_warp.splat.config import RasterOptions
-    from digs_warp.splat.device import DeviceGaussians
-    from digs_warp.splat.footprint import near_plane
-    from digs_warp.splat.renderer import SplatRenderer
-    from digs_warp.train.evaluate import load_test_views
-
-    views = load_test_views(frames)
-    k = views[0].camera.intrinsics
-    splats = DeviceGaussians.from_numpy(gaussians)
-    renderer = SplatRenderer(splats, k.width, k.height, options=RasterOptions(min_alpha=cut))
-    center = gaussians.means.mean(axis=0)
-    seconds, scores = [], []
-    for view in views:
-        for _ in range(REPEATS):
-            with Stopwatch() as watch:
-                renderer.forward(view.camera, near=near_plane(view.camera, center))
-            seconds.append(watch.seconds)
-        image = np.clip(renderer.image.to_numpy(), 0.0, 1.0)
-        scores.append(psnr(image, view.target, view.object_pixels))
-    return {"value": round(cut, 4), "seconds": median(seconds), "psnr": fmean(scores)}
-
-
-def _precisions(gaussians: Gaussians, frames: Sequence[Frame]) -> list[dict[str, Any]]:
-    from digs_warp.measure.scores import mean_score
-    from digs_warp.splat.device import DeviceGaussians
-    from digs_warp.train.evaluate import load_test_views, render_views, score_views
-    from digs_warp.usd.convert import Precision
-    from digs_warp.usd.reader import read_gaussians
-    from digs_warp.usd.writer import WriteOptions, write_gaussians
-
-    views = load_test_views(frames)
-    found = []
-    for precision in get_args(Precision):
-        with tempfile.TemporaryDirectory() as folder:
-            path = Path(folder) / "scene.usdc"
-            with Stopwatch() as watch:
-                write_gaussians(path, gaussians, options=WriteOptions(precision=precision))
-            size = path.stat().st_size / 1e6
-            stored = DeviceGaussians.from_numpy(read_gaussians(path))
-        score = mean_score(score_views(render_views(stored, views), views))
-        row = {
-            "value": precision,
-            "seconds": watch.seconds,
-            "megabytes": size,
-            "psnr": score.psnr_object,
-        }
-        found.append(row)
-    return found

@@ -1,10 +1,9 @@
-"""What accuracy costs in time: each knob of the chain alone, the Pareto front, and choices after training."""
+"""What accuracy costs in time: each knob of the chain alone, and the Pareto front."""
 
 from collections.abc import Mapping, Sequence
 from statistics import fmean
 from typing import Any, NamedTuple
 
-from digs_warp.splat.config import TILE_SIZE
 from digs_warp.study.charts import Chart, Curve
 from digs_warp.study.engine.case import Case
 from digs_warp.study.engine.records import (
@@ -100,7 +99,7 @@ def _case(
         else:
             reconstruction |= changes
     labels = {"object": name, "knob": knob, "value": value, "seed": seed}
-    return Case(labels, recording, reconstruction, finishes=knob == USUAL)
+    return Case(labels, recording, reconstruction)
 
 
 def sections(records: Sequence[Record]) -> list[Section]:
@@ -108,9 +107,8 @@ def sections(records: Sequence[Record]) -> list[Section]:
     measured = _measured(records)
     if (USUAL, "") not in measured:
         return [Section("Nothing to compare", "The case with the usual settings is missing.")]
-    usual = [r for r in records if r["labels"].get("knob") == USUAL]
     shown = [_front(_choices(measured)), *_knob_sections(measured)]
-    return [*shown, *held_surface.surface_sections(records), *finish_sections(usual)]
+    return [*shown, *held_surface.surface_sections(records)]
 
 
 def total_seconds(record: Record) -> float:
@@ -285,44 +283,3 @@ def _usual_value(knob: str) -> Any:
 def name_of(key: tuple[Any, ...]) -> str:
     """Return what was turned, in words, for a (knob, value)."""
     return USUAL if key[0] == USUAL else f"{key[0].split(' [')[0]} {key[1]}"
-
-
-def finish_sections(usual: Sequence[Record]) -> list[Section]:
-    """Return the choices after the training, measured on results of the usual settings."""
-    found = [r["finishes"] for r in usual if r.get("finishes")]
-    if not found:
-        return []
-    cuts = _finish_rows([f["alpha_cuts"] for f in found], "seconds", 1e3, 2)
-    stored = _finish_rows([f["precisions"] for f in found], "megabytes", 1.0, 2)
-    cut_text = (
-        "The faintest alpha that is still drawn. A higher cut makes splats smaller and views faster, but "
-        "soft edges suffer. The training uses the first value."
-    )
-    stored_text = (
-        "The precision of the numbers in the USD scene (--precision). 'mixed' keeps the positions exact. The "
-        "loss is rarely visible; the gain is disk space and loading time."
-    )
-    tiles = (
-        f"{TILE_SIZE} x {TILE_SIZE} pixels, not adjustable: the kernels hold a row of a tile in vector "
-        "registers, so another size would need another kernel."
-    )
-    cut = Table("alpha_cut", ["alpha cut", "ms per view", "PSNR [dB]"], cuts)
-    precision = Table("precision", ["precision", "MB", "PSNR [dB]"], stored)
-    return [
-        Section("Alpha cut", cut_text, [cut]),
-        Section("Export precision", stored_text, [precision]),
-        Section("Tile size", tiles),
-    ]
-
-
-def _finish_rows(
-    measured: Sequence[Sequence[Mapping[str, Any]]], cost: str, factor: float, decimals: int
-) -> list[list[str]]:
-    """Return value, mean cost and mean PSNR of each choice; every result has the same choices."""
-    rows = []
-    for same in zip(*measured, strict=True):
-        paid = Spread.of(factor * choice[cost] for choice in same)
-        quality = Spread.of(choice["psnr"] for choice in same)
-        assert paid and quality
-        rows.append([str(same[0]["value"]), paid.text(decimals), quality.text(2)])
-    return rows

@@ -17,8 +17,8 @@ from digs_warp.data.posed_frames import PosedFrames
 from digs_warp.formats.captures.formats import read_recording
 from digs_warp.record.layout import GAUSSIANS, INITIAL_POINTS
 from digs_warp.record.run_log import RunLog
-from digs_warp.study.engine.input_errors import perturbed_poses
 from reference.capture_scenes import cloud, splats
+from reference.perturbed_poses import perturbed_poses
 from reference.tiny_capture import write_tiny_capture
 from reference.usd_files import Y_UP
 from reference.usd_renderer import frustum_pixels

@@ -21,7 +21,7 @@ from digs_warp.poses.from_images.config import SfmConfig
 from digs_warp.poses.from_images.similarity import camera_errors
 from digs_warp.poses.refine.photometric_alignment import in_place
 from digs_warp.record.run_log import RunLog
-from digs_warp.study.engine.input_errors import perturbed_capture
+from reference.perturbed_poses import perturbed_capture
 from reference.sfm_views import arc, record
 from reference.wrong_captures import other_focal
 

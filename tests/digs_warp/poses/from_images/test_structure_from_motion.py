@@ -18,7 +18,7 @@ from digs_warp.poses.from_images import colmap
 from digs_warp.poses.from_images.config import SfmConfig
 from digs_warp.poses.from_images.estimate import SfmResult, structure_from_motion
 from digs_warp.poses.from_images.similarity import pose_errors
-from digs_warp.study.engine.input_errors import perturbed_poses
+from reference.perturbed_poses import perturbed_poses
 from reference.sfm_views import INTRINSICS, arc, photograph, turns_on_the_spot
 
 # The photographs are small: features are also sought in the image enlarged twice.

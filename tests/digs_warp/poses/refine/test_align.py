@@ -21,9 +21,9 @@ from digs_warp.poses.refine.photometric_alignment import Alignment, align, in_pl
 from digs_warp.poses.refine.refine import refine
 from digs_warp.poses.refine.relocalization import RelocatedFrames
 from digs_warp.poses.views import Picture, view_of
-from digs_warp.study.engine.input_errors import perturbed_poses
 from digs_warp.train.config import TrainConfig
 from reference.pair_twin import pair_equations
+from reference.perturbed_poses import perturbed_poses
 from reference.textured_plane import INTRINSICS, picture, ring_of_poses
 
 TRUTH = ring_of_poses(8)

@@ -21,8 +21,8 @@ from digs_warp.poses.refine.bundle_adjustment import (
 from digs_warp.poses.refine.normal_equations import DAMPING
 from digs_warp.poses.refine.photometric_alignment import align, in_place
 from digs_warp.poses.views import Picture, view_of
-from digs_warp.study.engine.input_errors import perturbed_poses
 from reference.bundle_twin import joint_step
+from reference.perturbed_poses import perturbed_poses
 from reference.textured_plane import picture, ring_of_poses
 
 TRUTH = ring_of_poses(8)

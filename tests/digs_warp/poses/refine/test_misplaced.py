@@ -21,7 +21,7 @@ from digs_warp.poses.refine.refine import refine
 from digs_warp.poses.refine.relocalization import relocated
 from digs_warp.poses.views import load_pictures
 from digs_warp.record.run_log import RunLog
-from digs_warp.study.engine.input_errors import perturbed_poses
+from reference.perturbed_poses import perturbed_poses
 
 WRONG = 3
 
