@@ -36,10 +36,10 @@ FLOORS = {
 LINE_BUDGETS = {
     "api": 250,
     "check": 2_080,
-    "commands": 3_300,
+    "commands": 3_290,
     "data": 3_360,
     "device": 910,
-    "engines": 1_050,
+    "engines": 1_010,
     "files at the top": 800,
     "formats": 5_400,
     "geometry": 600,
@@ -49,7 +49,7 @@ LINE_BUDGETS = {
     "measure": 1_610,
     "pipeline": 2_465,
     "poses": 5_220,
-    "record": 2_150,
+    "record": 2_130,
     "show": 3_990,
     "sim.camera": 1_700,
     "sim.fit": 2_250,
@@ -57,15 +57,15 @@ LINE_BUDGETS = {
     "sim.render": 5_460,
     "sim.scene": 4_760,
     "sim.sensor": 6_000,
-    "sim.testing": 1_000,
+    "sim.testing": 970,
     "splat": 5_620,
-    "study": 2_800,
+    "study": 2_360,
     "surface": 660,
     "torch": 150,
     "train": 3_870,
     "usd": 4_300,
 }
-MOST_LINES, MOST_FILES = 80_750, 522  # of the product; 65,000 in 500 files are the goal
+MOST_LINES, MOST_FILES = 80_360, 521  # of the product; 65,000 in 500 files are the goal
 # A shorter file with a single client in its folder belongs into that client.
 CRUMB = 60
 
