@@ -30,7 +30,7 @@ DROP = "simulate --scene {folder}/box.glb {folder}/box.glb --arrange drop --out 
 
 # The library to install for each job, or None: it needs none of those that are blocked together.
 JOBS = {
-    "pycolmap,open3d,pyrender,sklearn,trimesh,zstandard,yaml,onnxruntime": {
+    "av,pycolmap,open3d,pyrender,sklearn,trimesh,zstandard,yaml,onnxruntime": {
         "--help": None,
         "info {folder}/capture": None,
         "info {folder}/gaussians.npz": None,
@@ -40,6 +40,7 @@ JOBS = {
         "reconstruct {folder}/capture --out {folder}/refused --poses sfm": "pycolmap",
         "reconstruct {folder}/capture --out {folder}/refused --strategy fusion": "pycolmap",
         "reconstruct {folder}/capture --poses rgbd --out {folder}/out": "open3d",
+        "render {folder}/gaussians.npz --width 32 --seconds .1 --out {folder}/a.mp4": "av",
         "mesh {folder}/gaussians.npz --out {folder}/out.ply": "open3d",
         f"{SMALL} --mesh {{folder}}/a.obj": "trimesh",
         "simulate --config {folder}/a.yaml --out {folder}/out": "pyyaml",

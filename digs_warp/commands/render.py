@@ -41,7 +41,7 @@ class Render(Command):
     """A folder of 'digs-warp reconstruct' or 'run', or Gaussians as .npz, .ply, .spz, .splat or USD."""
 
     out: Path
-    """What to write: a video that browsers play (.mp4, VP9), an animated .gif, or a folder of PNG frames."""
+    """What to write: a video (.mp4, H.264), an animated .gif, or a folder of PNG frames."""
 
     overwrite: tyro.conf.FlagCreatePairsOff[bool] = False
     """Replace the file, or the frames of an earlier run in the folder, if they exist."""

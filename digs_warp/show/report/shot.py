@@ -1,6 +1,7 @@
 """From where the report shows the Gaussians: a turn around the object, or along the recorded path."""
 
 import base64
+import logging
 import tempfile
 from collections.abc import Callable
 from concurrent.futures import Executor
@@ -22,7 +23,9 @@ from digs_warp.show.film.camera_path import (
 )
 from digs_warp.show.film.video import shoot, write_video
 
-# A film of four seconds and half a megabyte: VP9 is slow to encode.
+logger = logging.getLogger(__name__)
+
+# A film of four seconds and half a megabyte.
 FRAMES, FRAME_RATE = 48, 12.0
 WIDTH = 400
 FOV_DEG = 45.0
@@ -89,19 +92,25 @@ def _ahead(result: Reconstruction, camera: Camera) -> np.ndarray:
 
 
 def make_film(result: Reconstruction, shot: Shot, background: Executor) -> Film:
-    """Render the film of a shot on all cores, and encode it in the background: VP9 takes one core."""
+    """Render the film of a shot on all cores, and encode it in the background."""
     frames = list(shoot(result.gaussians, shot.cameras, center_world=shot.target))
     return Film(background.submit(_encoded, frames).result, frames[0])
 
 
 def _encoded(frames: list[np.ndarray]) -> str:
-    """Return the film as a data URI.
+    """Return the film as a data URI; empty, so that its first frame stands, without the package av.
 
     Raises:
         DigsError: the video cannot be written.
     """
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "film.mp4"
-        write_video(path, frames, FRAME_RATE)
+        try:
+            write_video(path, frames, FRAME_RATE)
+        except ImportError as error:
+            logger.warning(
+                "a picture instead of the film: %s; install it with: pip install av", error
+            )
+            return ""
         data = base64.b64encode(path.read_bytes()).decode("ascii")
     return f"data:video/mp4;base64,{data}"
