@@ -47,10 +47,10 @@ LINE_BUDGETS = {
     "losses": 860,
     "masks": 1_300,
     "measure": 1_610,
-    "pipeline": 2_465,
+    "pipeline": 2_500,
     "poses": 5_220,
     "record": 2_130,
-    "show": 3_990,
+    "show": 4_110,
     "sim.camera": 1_700,
     "sim.fit": 2_250,
     "sim.record": 2_600,
@@ -65,7 +65,7 @@ LINE_BUDGETS = {
     "train": 3_870,
     "usd": 4_300,
 }
-MOST_LINES, MOST_FILES = 80_360, 521  # of the product; 65,000 in 500 files are the goal
+MOST_LINES, MOST_FILES = 80_510, 521  # of the product; 65,000 in 500 files are the goal
 # A shorter file with a single client in its folder belongs into that client.
 CRUMB = 60
 

@@ -19,8 +19,8 @@ from digs_warp.record.manifest import recorded_files
 class Report(Command):
     """Write the report of a reconstruction: one HTML file that needs no network.
 
-    The result in 3D, pictures of the recording, renders beside true views, errors of depth, quality over
-    time, the time of each stage. 'digs-warp run' writes the same at its end.
+    What the result is worth, the result in 3D, renders beside true views, pictures of the recording, errors
+    of depth, quality over time, the time of each stage. 'digs-warp run' writes the same at its end.
     """
 
     source: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="RECONSTRUCTION")]

@@ -131,8 +131,9 @@ def _reconstruct(
         log.results = result.results
     with log.stage("evaluate"):
         result = replace(result, scores=_evaluate(result, found, config))
-        parts = (result.poses, result.scores, result.gaussians, capture.about, capture.rig)
-        result = replace(result, verdict=verdict(*parts))
+        measured = (result.poses, result.scores, result.training.adherence)
+        judged = verdict(*measured, result.gaussians, capture.about, capture.rig)
+        result = replace(result, verdict=judged)
     log.results = result.results
     log.save(path)
     return replace(result, run=log.record())

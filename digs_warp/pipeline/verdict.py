@@ -11,6 +11,7 @@ from digs_warp.data.gaussians import Gaussians
 from digs_warp.data.layers import Layer
 from digs_warp.data.rig import Rig
 from digs_warp.data.viewpoints import evenly
+from digs_warp.init.start import Subject
 from digs_warp.measure.scores import Scores
 from digs_warp.measure.thumbnails import small_frames
 from digs_warp.pipeline.records import OnObject, Poses, Verdict
@@ -36,6 +37,26 @@ MATTER = "give it texture or dust it: stereo sees nothing on plain, shiny or tra
 BASELINE = "use a camera whose eyes are farther apart"
 CHECK = "see what 'digs-warp check' says of the recording"
 VIEWS = "record more views, from all sides and two heights"
+
+
+# How alike held-out views and photographs are from so many dB on: a word, and what the views do.
+COARSE = "coarse"
+LIKENESS = (
+    (35.0, "excellent", "cannot be told from"),
+    (30.0, "good", "are close to"),
+    (25.0, "fair", "resemble"),
+    (-np.inf, COARSE, "roughly resemble"),
+)
+# Of everything in view, with what is far and seen once, so much less is as good [dB].
+SCENE_PSNR = 5.0
+
+
+def likeness(psnr: float, subject: Subject) -> tuple[str, str]:
+    """Return how alike held-out views and photographs are: a word, and what the views do; NaN: nothing."""
+    if np.isnan(psnr):
+        return "", ""
+    alike = psnr + (SCENE_PSNR if subject == "scene" else 0.0)
+    return next((word, do) for least, word, do in LIKENESS if not alike < least)
 
 
 def on_object(frames: Sequence[Frame]) -> OnObject:
@@ -77,13 +98,19 @@ def _median(values: np.ndarray) -> float | None:
 
 
 def verdict(
-    poses: Poses, scores: Scores, gaussians: Gaussians, about: About, rig: Rig | None
+    poses: Poses,
+    scores: Scores,
+    adherence: float | None,
+    gaussians: Gaussians,
+    about: About,
+    rig: Rig | None,
 ) -> Verdict:
     """Return what a result is worth.
 
     Args:
         poses: the record of the poses, with its frames.
         scores: how well held-out views match.
+        adherence: median distance of the surface to the measured depth [m]; None: there is none.
         gaussians: the result; they tell how large the object is.
         about: what is known of the recording.
         rig: its camera.
@@ -95,9 +122,8 @@ def verdict(
     poor = [*_poor(poses, scores, seen, _size(gaussians), (PROJECTOR,) if helps else ())]
     if not poor:
         because = tuple(_good(poses, scores, seen))
-        return Verdict(
-            True, because, (), seen, f"good: {', '.join(because) or 'nothing to object'}"
-        )
+        words = "; ".join(_words(poses, scores, adherence, seen)) or "nothing to object"
+        return Verdict(True, because, (), seen, f"good: {words}")
     because = tuple(what for what, _ in poor)
     advice = tuple(dict.fromkeys(each for _, todo in poor for each in todo))
     words = f"poor, because {'; '.join(because)}. To do: {'; '.join(advice)}"
@@ -151,3 +177,19 @@ def _good(poses: Poses, scores: Scores, seen: OnObject) -> Iterator[str]:
         yield f"measured depth of neighboring views within {1e3 * seen.apart:.1f} mm"
     if not np.isnan(psnr := _psnr(poses, scores)):
         yield f"held-out views match to {psnr:.1f} dB"
+
+
+def _words(poses: Poses, scores: Scores, adherence: float | None, seen: OnObject) -> Iterator[str]:
+    """Yield what a good result is like, in plain words."""
+    if scores.surface is not None and seen.off is not None:
+        yield _nearness(scores.surface.accuracy, seen.off, "the surface", "the camera measures")
+    elif adherence is not None and seen.apart is not None:
+        yield _nearness(adherence, seen.apart, "the measured depth", "neighboring views agree")
+    if not np.isnan(psnr := _psnr(poses, scores)):
+        yield f"held-out views {likeness(psnr, poses.subject)[1]} the photographs"
+
+
+def _nearness(error: float, usual: float, what: str, who: str) -> str:
+    if error <= usual or not usual:
+        return f"as near to {what} as {who}"
+    return f"{error / usual:.1f} times as far from {what} as {who}"

@@ -36,7 +36,7 @@ SIZES = {"half the size": 0.5, "as trained": 1.0, "twice the size": 2.0}
 LONGEST, LOADING = 120, 40
 CLOSING = 3  # for a note to disappear [s]
 
-DESK, PHONE, VIEW = (1280, 1010), (390, 780), (1280, 720)
+DESK, PHONE, VIEW = (1280, 800), (390, 844), (1280, 720)
 CANVAS = "document.querySelector('#view3d canvas')"
 # Closes the note that the browser draws in software.
 CLOSE_NOTE = "document.querySelector('.mantine-Notification-closeButton')?.click()"
@@ -111,10 +111,8 @@ def photograph_report(run: Path) -> None:
 
 
 def shown(tab: Browser) -> np.ndarray:
-    """Return the window with the top of the 3D section, once it is drawn in full detail."""
-    top = "document.querySelector('section:has(#view3d)').scrollIntoView({behavior: 'instant'})"
+    """Return the window with the top of the page, once it is drawn in full detail."""
     tab.run("document.fonts.ready.then(() => true)")
-    tab.run(top)
     tab.run("new Promise((done) => setTimeout(done, 1000))")
     tab.wait_for(f"{CANVAS}.dataset.detail === '1'", LONGEST)
     return tab.screenshot()

@@ -21,7 +21,7 @@ from scripts.page_marks import DOCS, fill
 from studies.pages.demo import shown
 
 PAGE, PICTURES = "results.md", "images/gallery"
-WINDOW = (1280, 690)  # [px] holds the 3D section and nothing below it
+WINDOW = (1280, 800)  # [px] holds verdict, view and figures
 
 
 @dataclass(frozen=True)
@@ -79,7 +79,7 @@ def section(example: Example, run: Path) -> str:
     write_atomically(DOCS / picture, encode_jpeg(photograph(report), 80))
     lines = (
         f"### {example.title}",
-        f"`digs-warp run {example.flags}`",
+        f"`digs-warp run {example.flags} --out {run}`",
         figures(run),
         f"![The report of the run: {example.title.lower()}]({picture})",
         f"*{example.credit}.*" if example.credit else "",
@@ -88,7 +88,7 @@ def section(example: Example, run: Path) -> str:
 
 
 def photograph(report: Path) -> np.ndarray:
-    """Return the window of a browser with the 3D section of a report."""
+    """Return the window of a browser with the top of a report."""
     with tempfile.TemporaryDirectory() as folder, browser(Path(folder), WINDOW) as tab:
         tab.resize(*WINDOW)
         tab.visit(report.resolve().as_uri())

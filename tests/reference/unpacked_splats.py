@@ -10,12 +10,16 @@ from digs_warp.show.report.view3d.pack import PackedSplats
 
 @dataclass(frozen=True, eq=False)
 class UnpackedSplats:
-    """Centers (n, 3) [m], covariances (n, 3, 3) [m^2], colors (n, 3) and opacities (n,) in 0..1."""
+    """Centers (n, 3) [m], covariances (n, 3, 3) [m^2], colors (n, 3) and opacities (n,) in 0..1.
+
+    ``harmonics``: coefficients above band 0, (n, K - 1, 3).
+    """
 
     centers: np.ndarray
     covariances: np.ndarray
     colors: np.ndarray
     opacities: np.ndarray
+    harmonics: np.ndarray
 
 
 def unpacked(packed: PackedSplats) -> UnpackedSplats:
@@ -30,6 +34,6 @@ def unpacked(packed: PackedSplats) -> UnpackedSplats:
         quats[i, largest] = max(0.0, 1.0 - sum(value**2 for value in small)) ** 0.5
     axes = matrix_from_quat_xyzw(quats) * scales[:, None, :]
     rgba = (words[:, 4, None] >> np.array([0, 8, 16, 24])) & 255
-    return UnpackedSplats(
-        centers, axes @ axes.transpose(0, 2, 1), rgba[:, :3] / 255, rgba[:, 3] / 255
-    )
+    harmonics = packed.harmonic_step * packed.harmonics
+    covariances = axes @ axes.transpose(0, 2, 1)
+    return UnpackedSplats(centers, covariances, rgba[:, :3] / 255, rgba[:, 3] / 255, harmonics)

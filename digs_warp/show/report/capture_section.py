@@ -17,9 +17,9 @@ from digs_warp.show.report.markup import (
     details,
     figure,
     legend,
+    part,
     picture,
     picture_grid,
-    section,
     swatches,
     table,
 )
@@ -31,6 +31,7 @@ from digs_warp.show.report.pictures import (
     shrink,
     shrink_factor,
 )
+from digs_warp.words import counted
 
 # Heading -> key in the plan.
 PATHS = {"On the images": "color", "On depth": "depth"}
@@ -58,11 +59,8 @@ def sensor_section(capture: Capture) -> str:
     parts = [
         f"<h3>{title}</h3>{table(headings, group)}" for title, group in tables.items() if group
     ]
-    return section(
-        "Sensor",
-        f"{on} of {len(rows)} effects of the depth camera were simulated, chosen by what the scene shows.",
-        *parts,
-    )
+    fact = f"{on} of {len(rows)} effects of the depth camera, chosen by what the scene shows"
+    return part("sensor", "Sensor", fact, *parts)
 
 
 def _rows(choices: list[Fields]) -> list[tuple[str, ...]]:
@@ -123,10 +121,14 @@ def capture_section(capture: Capture, findings: Sequence[str] = ()) -> str:
     warnings = "".join(
         f"<p><strong>Warning:</strong> {escape(finding)}</p>" for finding in findings
     )
-    return section(
-        "Capture",
-        f"{len(frames)} of {len(capture)} frames, evenly spaced. {_scale_words(frames)}",
+    k = frames[0].camera.intrinsics
+    return part(
+        "recording",
+        "Recording",
+        f"{counted(len(capture), 'frame')} of {k.width} by {k.height} pixels"
+        + (", with warnings" if warnings else ""),
         warnings,
+        f"<p>{len(frames)} of them, evenly spaced. {escape(_scale_words(frames))}</p>",
         picture_grid(headings, rows),
         f"<div class=legends>{''.join(legends)}</div>",
         swatches(causes) if (causes := describe_causes(capture, frames)) else "",

@@ -5,7 +5,7 @@ from math import isfinite
 
 from digs_warp.init.start import Subject
 from digs_warp.pipeline.reconstruction import Reconstruction
-from digs_warp.show.report.markup import chart, section
+from digs_warp.show.report.markup import chart, part
 from digs_warp.show.report.plots import Line, line_chart
 from digs_warp.train.training import CourseRow
 
@@ -27,13 +27,10 @@ def course_section(result: Reconstruction) -> str:
         *_loss_chart(rows),
         *_splats_chart(rows),
     ]
-    if not charts:
-        return section("Course of the optimization", "The training log holds too few records.")
-    return section(
-        "Course of the optimization",
-        "Held-out views are rendered at intervals during training to measure its progress.",
-        f"<div class=charts>{''.join(charts)}</div>",
+    fact = (
+        "held-out views along the training" if charts else "the training log holds too few records"
     )
+    return part("training", "Training", fact, f"<div class=charts>{''.join(charts)}</div>")
 
 
 def _shown(metrics: dict[str, str], subject: Subject) -> dict[str, str]:
@@ -90,7 +87,7 @@ def _loss_chart(rows: Sequence[CourseRow]) -> list[str]:
 def _splats_chart(rows: Sequence[CourseRow]) -> list[str]:
     line = _line(rows, _iteration, lambda row: row.splats, "splats")
     if len(line.x) < 2 or min(line.y) == max(line.y):
-        return []  # a constant number is on the cards
+        return []  # a constant number is above
     svg = line_chart([line], "iterations", "Gaussians")
     alt = f"Number of Gaussians over iterations, from {line.y[0]:,.0f} to {line.y[-1]:,.0f}"
     return [chart(svg, alt, "Number of Gaussians.")]

@@ -10,7 +10,7 @@ from digs_warp.data.layers import Layer
 from digs_warp.data.posed_frames import PosedFrames
 from digs_warp.pipeline.reconstruction import Reconstruction
 from digs_warp.show.film.camera_path import find_framed_subject, up_of
-from digs_warp.show.report.markup import chart, number, section, table
+from digs_warp.show.report.markup import chart, part
 from digs_warp.show.report.plots import Line, line_chart, map_chart
 from digs_warp.splat.device import DeviceGaussians
 from digs_warp.train.adherence import MeasuredView, load_measured_views, signed_distances
@@ -51,7 +51,7 @@ SHOWN_PERCENT = 90.0
 
 
 @dataclass(frozen=True, eq=False)
-class _Errors:
+class Errors:
     """What was compared with what, and the differences [mm], shape (n,)."""
 
     label: str
@@ -59,37 +59,25 @@ class _Errors:
 
 
 def geometry_section(result: Reconstruction, posed: PosedFrames) -> str:
-    """Return the section; without depth it has only the cameras.
+    """Return the part; without depth it has only the cameras.
 
     Args:
         result: with at least one Gaussian.
         posed: the frames with the cameras that were used, at least one.
     """
     views = posed.held_out or posed.training
-    errors = _errors(result, views)
-    charts = [path_chart(posed.by_time, result)]
-    figures = ""
-    if errors:
-        charts.append(_histogram(errors))
-        headings = [
-            "Difference of depths",
-            "Pixels",
-            "Median",
-            "Median, unsigned",
-            "90 %, unsigned",
-        ]
-        figures = table(headings, [_row(each) for each in errors])
+    errors = depth_errors(result, views)
     which = "held-out views" if posed.held_out else "views"
-    compared = f" Depths are compared in at most 8 {which}, where both are known." if errors else ""
-    return section(
+    charts = [path_chart(posed.by_time, result), _histogram(errors, which) if errors else ""]
+    return part(
+        "cameras",
         "Cameras and depth" if errors else "Cameras",
-        f"{counted(len(posed.by_time), 'camera')}.{compared}",
+        counted(len(posed.by_time), "camera"),
         f"<div class=charts>{''.join(charts)}</div>",
-        figures,
     )
 
 
-def _errors(result: Reconstruction, frames: Sequence[Frame]) -> list[_Errors]:
+def depth_errors(result: Reconstruction, frames: Sequence[Frame]) -> list[Errors]:
     """Return the differences that are known: of the surface and of the sensor."""
     shutter = result.training.rolling_shutter or NO_SHUTTER
     measured = load_measured_views(frames, shutter)
@@ -97,9 +85,9 @@ def _errors(result: Reconstruction, frames: Sequence[Frame]) -> list[_Errors]:
     gaussians = DeviceGaussians.from_numpy(result.gaussians)
     from_measured, from_true = signed_distances(gaussians, measured, true)
     found = [
-        _Errors("surface - measured", 1e3 * from_measured),
-        _Errors("surface - true", 1e3 * from_true),
-        _Errors("measured - true", 1e3 * _sensor_errors(measured, true)),
+        Errors("surface - measured", 1e3 * from_measured),
+        Errors("surface - true", 1e3 * from_true),
+        Errors("measured - true", 1e3 * _sensor_errors(measured, true)),
     ]
     return [each for each in found if len(each.values)]
 
@@ -113,7 +101,7 @@ def _sensor_errors(measured: Sequence[MeasuredView], true: Sequence[MeasuredView
     return found[np.isfinite(found)]
 
 
-def _histogram(errors: Sequence[_Errors]) -> str:
+def _histogram(errors: Sequence[Errors], which: str) -> str:
     limit = max(float(np.percentile(np.abs(each.values), SHOWN_PERCENT)) for each in errors)
     edges = np.linspace(-limit, limit, BINS + 1) if limit > 0 else np.linspace(-1.0, 1.0, BINS + 1)
     lines = []
@@ -122,22 +110,9 @@ def _histogram(errors: Sequence[_Errors]) -> str:
         steps = np.repeat(100.0 * counts / len(each.values), 2)
         lines.append(Line(each.label, np.repeat(edges, 2).tolist(), [0.0, *steps, 0.0]))
     svg = line_chart(lines, "difference [mm]", "share of pixels [%]")
-    alt = "Histogram of differences of depth: " + "; ".join(
-        f"{each.label}, median {np.median(each.values):.2f} mm" for each in errors
-    )
+    alt = f"Histogram of differences of depth: {', '.join(each.label for each in errors)}"
     caption = (
-        "Surface: what the Gaussians show. Above 0: too far. What lies beyond the ends of the axis "
-        "is not drawn, but counted in the table."
+        f"Differences of depth in at most 8 {which}, where both are known. Surface: what the Gaussians show. "
+        "Above 0: too far. What lies beyond the ends of the axis is not drawn."
     )
     return chart(svg, alt, caption)
-
-
-def _row(errors: _Errors) -> tuple[str, ...]:
-    sizes = np.abs(errors.values)
-    return (
-        errors.label,
-        f"{len(errors.values):,}",
-        number(float(np.median(errors.values)), 2, "mm"),
-        number(float(np.median(sizes)), 2, "mm"),
-        number(float(np.percentile(sizes, 90)), 2, "mm"),
-    )

@@ -12,26 +12,39 @@ from digs_warp.show.report.pictures import ColorScale
 
 CSS = """
 :root { color-scheme: light dark; --ink: #1d2430; --soft: #5d6b7e; --paper: #f6f7f9; --panel: #fff;
-  --rule: #dfe4ea; --accent: #1f66b8; }
+  --rule: #dfe4ea; --accent: #1f66b8; --stage: #fff; --good: #1b7f4b; --poor: #b3401e; }
 @media (prefers-color-scheme: dark) { :root { --ink: #e6eaf0; --soft: #9aa7b8; --paper: #12161c;
-  --panel: #1a2029; --rule: #2c3541; --accent: #6aaaf0; } }
+  --panel: #1a2029; --rule: #2c3541; --accent: #6aaaf0; --stage: #12161c; --good: #5cc78e;
+  --poor: #f0906e; } }
 * { box-sizing: border-box; }
+html { scroll-padding-top: 3.5rem; }
 body { margin: 0; background: var(--paper); color: var(--ink);
   font: 16px/1.5 system-ui, -apple-system, "Segoe UI", Roboto, "Liberation Sans", sans-serif; }
-main { max-width: 1320px; margin: 0 auto; padding: 2.5rem 1.25rem 4rem; }
-h1 { font-size: 1.9rem; margin: 0; letter-spacing: -0.01em; }
+main { max-width: 1320px; margin: 0 auto; padding: 1.25rem 1.25rem 4rem; }
+h1 { font-size: 1.6rem; margin: 0; letter-spacing: -0.01em; }
 h2 { font-size: 1.25rem; margin: 0 0 .25rem; }
 h3 { font-size: 1rem; margin: 1.25rem 0 .5rem; }
 p { margin: .25rem 0 1rem; color: var(--soft); max-width: 75ch; }
-section { background: var(--panel); border: 1px solid var(--rule); border-radius: 12px;
-  padding: 1.25rem 1.5rem; margin-top: 1.5rem; }
+header p { margin: 0; max-width: none; }
+.verdict { font-size: 1.1rem; color: var(--ink); }
+.good { color: var(--good); } .poor { color: var(--poor); }
+nav { position: sticky; top: 0; z-index: 2; display: flex; gap: .25rem 1.1rem; overflow-x: auto;
+  scrollbar-width: none; white-space: nowrap; background: var(--paper); padding: .5rem 0; font-size: .9rem; }
+section, details.part { background: var(--panel); border: 1px solid var(--rule); border-radius: 12px;
+  padding: 1.25rem 1.5rem; margin-top: 1rem; }
+details.part { padding: .75rem 1.5rem; }
+details.part > summary { color: var(--ink); }
+details.part > summary h2 { display: inline; font-size: 1.1rem; }
+details.part > summary span { color: var(--soft); margin-left: .75rem; }
+details.part[open] > summary { margin-bottom: .75rem; }
 .cards { display: grid; gap: .75rem;
-  grid-template-columns: repeat(auto-fit, minmax(min(13.5rem, 45%), 1fr));
-  margin-top: 1.5rem; }
+  grid-template-columns: repeat(4, 1fr); margin-top: 1rem; }
+@media (max-width: 60rem) { .cards { grid-template-columns: repeat(2, 1fr); } }
 .card { background: var(--panel); border: 1px solid var(--rule); border-radius: 12px;
-  padding: .75rem 1rem; display: flex; flex-direction: column; }
-.card span, .card small { color: var(--soft); font-size: .82rem; }
+  padding: .6rem 1rem; display: flex; flex-direction: column; }
+.card a, .card small { color: var(--soft); font-size: .82rem; }
 .card b { font-size: 1.45rem; font-variant-numeric: tabular-nums; white-space: nowrap; }
+.card em { font-style: normal; font-size: .95rem; font-weight: 600; }
 .scroll { overflow-x: auto; } .scroll + .charts { margin-top: 1.25rem; }
 table { border-collapse: collapse; }
 table.pictures { width: 100%; min-width: 40rem; table-layout: fixed; }
@@ -41,8 +54,15 @@ table.pictures tr > :first-child { width: 7.5rem; white-space: pre-line; }
 table.pictures td { padding: .25rem; }
 img { display: block; width: 100%; height: auto; border-radius: 4px; background: var(--rule);
   outline: 1px solid var(--rule); }
+table.pictures img { cursor: zoom-in; }
+dialog { border: 0; padding: 0; width: 100vw; height: 100vh; max-width: none; max-height: none;
+  background: #111; color: #eee; }
+dialog[open] { display: grid; grid-template-rows: 1fr auto; }
+dialog img { width: 100%; height: 100%; min-height: 0; object-fit: contain; background: none; outline: 0;
+  cursor: zoom-out; }
+dialog p { margin: .5rem 1rem; color: #ccc; }
 table.values { font-size: .9rem; font-variant-numeric: tabular-nums; }
-table.values th, table.values td { padding: .25rem 1.5rem .25rem 0; text-align: left;
+table.values th, table.values td { padding: .25rem 1.5rem .25rem 0; text-align: left; vertical-align: top;
   border-bottom: 1px solid var(--rule); }
 table.values td { overflow-wrap: break-word; }
 table.values td:nth-child(2):last-child { overflow-wrap: anywhere; }
@@ -50,6 +70,8 @@ table.values:has(th:nth-child(6)) { min-width: 50rem; }
 table.values td:nth-child(6) { white-space: nowrap; }
 table.values tr:first-child th { color: var(--soft); }
 table.values th { font-weight: 500; }
+pre { background: var(--paper); border: 1px solid var(--rule); border-radius: 8px;
+  padding: .6rem .9rem; margin: .5rem 0; white-space: pre-wrap; overflow-wrap: anywhere; }
 figure { margin: 0 0 .5rem; }
 figcaption { color: var(--soft); font-size: .85rem; margin-top: .35rem; max-width: 75ch; }
 .charts { display: grid; grid-template-columns: repeat(auto-fit, minmax(min(25rem, 100%), 1fr));
@@ -68,64 +90,86 @@ figcaption { color: var(--soft); font-size: .85rem; margin-top: .35rem; max-widt
 .swatches img { display: inline-block; width: 1.5rem; height: 1rem; border-radius: 3px;
   margin-right: .35rem; outline: 1px solid var(--rule); vertical-align: -.15rem; }
 .small { display: grid; grid-template-columns: repeat(auto-fill, minmax(8rem, 1fr)); gap: 0 1rem; }
-.small img { outline: 1px solid var(--rule); }
 .columns { display: grid; grid-template-columns: repeat(auto-fit, minmax(min(20rem, 100%), 1fr));
   gap: 0 2.5rem; align-items: start; }
-.two { display: grid; grid-template-columns: repeat(auto-fit, minmax(min(22rem, 100%), 1fr));
-  gap: 1rem 2rem; align-items: start; }
-video { display: block; width: 100%; height: auto; border-radius: 4px; background: var(--rule); }
-#view3d .stage { position: relative; }
-#view3d canvas { display: none; width: 100%; aspect-ratio: 4 / 3; border-radius: 4px;
+#view3d { padding: .75rem; margin-top: .5rem; position: relative; }
+#view3d .stage { position: relative; background: var(--stage); border-radius: 4px; }
+#view3d canvas { display: none; width: 100%; height: min(clamp(17rem, 52vh, 50rem), 84vw); border-radius: 4px;
   outline: 1px solid var(--rule); cursor: grab; touch-action: none; }
+#view3d .stage > img { height: min(clamp(17rem, 52vh, 50rem), 84vw); object-fit: contain; background: #fff; }
 #view3d canvas:focus-visible { outline: 3px solid var(--accent); }
 #view3d .tools, #view3d .swatches { display: none; }
-#view3d.live canvas { display: block; } #view3d.live img { display: none; }
-#view3d.live .tools { display: flex; flex-wrap: wrap; gap: .5rem 1rem; align-items: center; }
-#view3d.live:has(:checked) .swatches { display: flex; }
-#view3d .swatches { margin-top: .75rem; }
+#view3d.live canvas { display: block; } #view3d.live .stage > img { display: none; }
+#view3d.live .tools { display: flex; flex-wrap: wrap; gap: .25rem .75rem; align-items: center;
+  margin-top: .5rem; }
+#view3d.live:has([name=cameras]:checked) .swatches { display: flex; }
+#view3d .swatches { margin: .5rem 0 0; }
 #view3d .swatches svg { vertical-align: -.2rem; background: #fff; border-radius: 3px; }
-#view3d .note { font-size: .85rem; margin: .5rem 0; }
-button { font: inherit; font-size: .9rem; color: var(--ink); background: var(--paper);
-  border: 1px solid var(--rule); border-radius: 8px; padding: .4rem .8rem; min-height: 2.5rem; }
-label { font-size: .9rem; min-height: 2.5rem; display: inline-flex; align-items: center; gap: .5rem; }
+#view3d .note { font-size: .85rem; margin: .25rem 0 0; max-width: none; }
+#view3d:fullscreen { background: var(--panel); overflow: auto; }
+#view3d:fullscreen canvas { height: calc(100vh - 7rem); }
+button, select, input { font: inherit; font-size: .9rem; color: var(--ink); background: var(--paper);
+  border: 1px solid var(--rule); border-radius: 8px; padding: .2rem .7rem; min-height: 2.1rem; }
+label { font-size: .9rem; min-height: 2.1rem; display: inline-flex; align-items: center; gap: .5rem; }
 input[type=checkbox] { width: 1.15rem; height: 1.15rem; }
 details { margin-top: .75rem; }
-a { color: var(--accent); } .links { margin: 1rem 0 0; }
+a { color: var(--accent); }
 summary { cursor: pointer; color: var(--accent); }
+dt { font-weight: 600; } dd { margin: 0 0 .5rem; color: var(--soft); }
 @media (max-width: 40rem) {
-  main { padding: 1.5rem .75rem 3rem; }
-  section { padding: 1rem; }
+  main { padding: .75rem .75rem 3rem; }
+  section, details.part { padding: .75rem 1rem; }
+  #view3d .note, #view3d [data-key="+"], #view3d [data-key="-"] { display: none; }
   table.pictures, table.pictures tbody { display: block; }
   table.pictures { min-width: calc(var(--columns) * 6rem); }
   table.pictures tr { display: grid; grid-template-columns: repeat(var(--columns), minmax(0, 1fr)); }
   table.pictures tr > :first-child { grid-column: 1 / -1; width: auto; white-space: normal; }
   table.pictures tr:first-child > :first-child { display: none; }
 }
-@media print { #view3d.live canvas { display: none; } #view3d.live img { display: block; }
-  body { background: none; } section { break-inside: avoid-page; border: 0; padding: 0; } }
+@media print {
+  #view3d.live canvas, #view3d.live .tools, .note, nav, button, dialog, details:not([open]) { display: none; }
+  #view3d.live .stage > img { display: block; height: 9cm; }
+  body { background: none; } section { break-inside: avoid-page; }
+  section, details.part { border: 0; padding: 0; }
+  table.pictures { min-width: 0; } tr { break-inside: avoid; } }
 """
 
 
 UNKNOWN = "–"  # noqa: RUF001 (a dash, not a minus)
 
 
-def section(title: str, intro: str, *body: str) -> str:
-    """Return a titled section with an introductory sentence."""
-    return f"<section><h2>{escape(title)}</h2><p>{escape(intro)}</p>{''.join(body)}</section>"
+def section(title: str, intro: str, *body: str, name: str = "") -> str:
+    """Return a titled section with an introductory sentence, and a name that links lead to."""
+    at = f" id={name}" if name else ""
+    return f"<section{at}><h2>{escape(title)}</h2><p>{escape(intro)}</p>{''.join(body)}</section>"
 
 
-def card(label: str, value: str, note: str = "") -> str:
-    """Return one key number."""
-    note = f"<small>{escape(note)}</small>" if note else ""
-    return f"<div class=card><span>{escape(label)}</span><b>{escape(value)}</b>{note}</div>"
+def part(name: str, title: str, fact: str, *body: str) -> str:
+    """Return a part that opens on click, or by a link to its name; ``fact`` says what is in it."""
+    head = f"<summary><h2>{escape(title)}</h2><span>{escape(fact)}</span></summary>"
+    return f"<details class=part id={name}>{head}{''.join(body)}</details>"
+
+
+def card(label: str, value: str, word: str, note: str, term: str, kind: str = "") -> str:
+    """Return one key number with a word that explains it; the label leads to an entry of the glossary.
+
+    Args:
+        label: what is measured.
+        value: the number with its unit.
+        word: explains the number.
+        note: of what it is.
+        term: of the glossary.
+        kind: "good" or "poor" where the word is a judgement.
+    """
+    return (
+        f'<div class=card><a href="#{term}">{escape(label)}</a><b>{escape(value)}</b>'
+        f"<em class={kind or 'plain'}>{escape(word)}</em><small>{escape(note)}</small></div>"
+    )
 
 
 def picture(uri: str, alt: str, width: int, height: int) -> str:
     """Return an image of known size."""
-    return (
-        f'<img src="{escape(uri)}" alt="{escape(alt)}" '
-        f'width="{width}" height="{height}" loading="lazy">'
-    )
+    return f'<img src="{escape(uri)}" alt="{escape(alt)}" width="{width}" height="{height}">'
 
 
 def figure(body: str, caption: str) -> str:

@@ -1,36 +1,74 @@
 """Puts the report together."""
 
-from concurrent.futures import Executor, ThreadPoolExecutor
 from html import escape
 from pathlib import Path
 
 from digs_warp.checks import DigsError
 from digs_warp.data.capture import Capture
 from digs_warp.data.posed_frames import PosedFrames
-from digs_warp.init.start import Subject
-from digs_warp.measure.scores import Score, SurfaceError
 from digs_warp.pipeline.reconstruction import Reconstruction
+from digs_warp.pipeline.verdict import COARSE, likeness
 from digs_warp.record import layout
 from digs_warp.record.files import write_atomically
 from digs_warp.show.report.capture_section import capture_section, sensor_section
 from digs_warp.show.report.course_section import course_section
 from digs_warp.show.report.geometry_section import geometry_section
-from digs_warp.show.report.markup import CSS, card, number
+from digs_warp.show.report.markup import CSS, card, number, part
 from digs_warp.show.report.run_section import (
     RunRecords,
     figures_section,
     settings_section,
     times_section,
 )
-from digs_warp.show.report.view3d.section import start_view, view_section
+from digs_warp.show.report.view3d.section import script, view_section
 from digs_warp.show.report.views_section import views_section
 from digs_warp.words import counted
 
 # The page needs nothing from elsewhere, and browsers refuse it should text from a file ask for it.
 _ALLOWED = (
-    "default-src 'none'; img-src data:; media-src data:; style-src 'unsafe-inline'; "
-    "script-src 'unsafe-inline'"
+    "default-src 'none'; img-src data:; style-src 'unsafe-inline'; script-src 'unsafe-inline'"
 )
+
+_CONTENTS = {
+    "view3d": "In 3D",
+    "views": "Held-out views",
+    "cameras": "Cameras and depth",
+    "training": "Training",
+    "recording": "Recording",
+    "figures": "All figures",
+    "times": "Times",
+    "settings": "The same again",
+    "words": "Words",
+}
+
+# What docs/glossary.md says of the figures, in short.
+WORDS = {
+    "psnr": (
+        "Likeness (PSNR, in dB)",
+        "how close drawings of held-out views are to their photographs, which the training never saw: "
+        "25 is fair, 30 good, 35 hard to tell apart; 5 less for whole scenes.",
+    ),
+    "ssim": (
+        "SSIM",
+        "likeness of structure over the same pixels, 1: identical; above 0.9 is good.",
+    ),
+    "accuracy": (
+        "Accuracy",
+        "mean distance of the drawn surface to the true one, which simulated recordings know. Below the "
+        "error of the camera's depth is good.",
+    ),
+    "completeness": ("Completeness", "mean distance of the true surface to the drawn one."),
+    "adherence": (
+        "Adherence",
+        "median distance of the surface to the measured depth; the noise of the camera is in it.",
+    ),
+    "gaussians": (
+        "Gaussians",
+        "soft ellipsoids that make up the scene, a few thousand to 200,000. Gloss: how much their color may "
+        "change with the direction, degree 0 to 3.",
+    ),
+    "time": ("Time", "wall-clock seconds of all stages."),
+}
 
 # What a run leaves beside the report.
 _FILES = {
@@ -58,8 +96,7 @@ def write_report(capture: Capture, result: Reconstruction, path: Path) -> None:
                 f"{command}(..., out=FOLDER)"
             )
     records = RunRecords.find(capture, result, path)
-    with ThreadPoolExecutor(1, thread_name_prefix="film") as background:
-        body = _body(capture, result, records, path, background)
+    body = _body(capture, result, records, path)
     name = escape(_subject(capture, records))
     page = (
         '<!doctype html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
@@ -71,29 +108,29 @@ def write_report(capture: Capture, result: Reconstruction, path: Path) -> None:
     write_atomically(path, page.encode("utf-8", "backslashreplace"))
 
 
-def _body(
-    capture: Capture,
-    result: Reconstruction,
-    records: RunRecords,
-    path: Path,
-    background: Executor,
-) -> str:
+def _body(capture: Capture, result: Reconstruction, records: RunRecords, path: Path) -> str:
     """Return all sections; those of the Gaussians only where there are some to show."""
     posed = result.frames or PosedFrames.as_recorded(capture)
-    view = start_view(result, posed, background) if len(result.gaussians) else None
-    others = [
-        *([geometry_section(result, posed)] if view else []),
-        views_section(capture, result),
-        course_section(result),
-        figures_section(result),
-        capture_section(capture, result.poses.findings),
-        sensor_section(capture),
-        times_section(records),
-        settings_section(records),
-    ]
-    # The film is encoded while the pictures of the others are drawn.
-    shown = [view_section(view)] if view else []
-    return "\n".join([_header(capture, result, records, path), *shown, *others])
+    some = bool(len(result.gaussians))
+    name = escape(_subject(capture, records))
+    bar = "".join(f'<a href="#{at}">{title}</a>' for at, title in _CONTENTS.items())
+    return "\n".join(
+        [
+            f"<header><h1>{name}</h1>{_verdict(result)}</header><nav>{bar}</nav>",
+            view_section(result, posed) if some else "",
+            f"{_tiles(result, records)}{_links(path.parent)}",
+            views_section(capture, result),
+            geometry_section(result, posed) if some else "",
+            course_section(result),
+            capture_section(capture, result.poses.findings),
+            sensor_section(capture),
+            figures_section(result),
+            times_section(records),
+            settings_section(records),
+            _glossary(),
+            script(*(["report"] if some else [])),
+        ]
+    )
 
 
 def _subject(capture: Capture, records: RunRecords) -> str:
@@ -106,43 +143,56 @@ def _subject(capture: Capture, records: RunRecords) -> str:
     return capture.folder.resolve().name
 
 
-def _surface_cards(result: Reconstruction) -> list[str]:
-    """Return the distances of the surface that are known."""
-    cards = []
-    if result.scores.surface is not None:
-        accuracy = number(1e3 * result.scores.surface.accuracy, 2, "mm")
-        cards.append(card("Accuracy", accuracy, "from the surface to the true one"))
-        cards.append(_completeness_card(result.scores.surface))
-    if result.training.adherence is not None:
-        value = number(1e3 * result.training.adherence, 2, "mm")
-        cards.append(card("Adherence", value, "from the surface to the measured depth, median"))
-    return cards
+def _likeness_card(result: Reconstruction) -> str:
+    mean, is_object = result.scores.mean, result.poses.subject == "object"
+    psnr = mean.psnr_object if is_object else mean.psnr_frame
+    word = likeness(psnr, result.poses.subject)[0]
+    where = "on the object" if is_object else "of everything in view"
+    kind = "poor" if word == COARSE else "good"
+    note = f"held-out views, {where}"
+    return card("Likeness (PSNR)", number(psnr, 2, "dB"), word, note, "psnr", kind)
 
 
-def _completeness_card(surface: SurfaceError) -> str:
-    whole = number(1e3 * surface.completeness, 2, "mm")
-    if surface.seen_completeness is None:
-        return card("Completeness", whole, "from the true surface to it")
-    seen = number(1e3 * surface.seen_completeness, 2, "mm")
-    note = f"from what the cameras see of the true surface to it; from all of it {whole}"
-    return card("Completeness", seen, note)
+def _surface_card(result: Reconstruction) -> str:
+    """Return how far the surface is from the true one, or else from the measured depth."""
+    surface, adherence = result.scores.surface, result.training.adherence
+    measured = result.verdict.measured
+    if surface is not None:
+        value, usual, name = surface.accuracy, measured.off, "accuracy"
+        note = "mean distance to the true surface"
+    else:
+        value, usual, name = adherence, measured.apart, "adherence"
+        note = "median distance to the measured depth"
+    shown = None if value is None else 1e3 * value
+    word = kind = ""
+    if value is not None and usual:
+        word = "as good as the camera" if value <= usual else f"{value / usual:.1f} x the camera's"
+        kind = "good" if value <= usual else ""
+    return card(f"Surface ({name})", number(shown, 2, "mm"), word, note, name, kind)
 
 
-def _object_cards(mean: Score) -> list[str]:
-    return [
-        card("PSNR", number(mean.psnr_object, 2, "dB"), "on the object, held-out views"),
-        card("SSIM", number(mean.ssim_object, 4), "on the object, held-out views"),
+def _tiles(result: Reconstruction, records: RunRecords) -> str:
+    last = result.course[-1] if result.course else None
+    points = len(result.start.points) if result.start else None
+    trained = f"training {number(last.seconds if last else None, 1, 's')} of them"
+    cards = [
+        _likeness_card(result),
+        _surface_card(result),
+        card(
+            *("Gaussians", f"{len(result.gaussians):,}", _size_word(result)),
+            *(f"from {number(points, 0)} points", "gaussians"),
+        ),
+        card(
+            *("Time", f"{records.total_seconds:.1f} s", trained),
+            *(f"{number(last.iteration if last else None, 0)} iterations", "time"),
+        ),
     ]
+    return f"<div class=cards>{''.join(cards)}</div>"
 
 
-def _frame_cards(mean: Score, subject: Subject) -> list[str]:
-    note = "of everything in view, held-out views"
-    if subject == "object":
-        note = "with the white around the object"
-    return [
-        card("PSNR, frame", number(mean.psnr_frame, 2, "dB"), note),
-        card("SSIM, frame", number(mean.ssim_frame, 4), note),
-    ]
+def _size_word(result: Reconstruction) -> str:
+    degree = result.gaussians.sh_degree
+    return f"gloss of degree {degree}" if degree else "no gloss"
 
 
 def _links(folder: Path) -> str:
@@ -152,43 +202,23 @@ def _links(folder: Path) -> str:
         for name, words in _FILES.items()
         if (folder / name).is_file()
     ]
-    return f"<p class=links>Beside this page: {', '.join(links)}.</p>" if links else ""
-
-
-def _header(capture: Capture, result: Reconstruction, records: RunRecords, path: Path) -> str:
-    k = capture.frames[0].camera.intrinsics
-    mean = result.scores.mean
-    last = result.course[-1] if result.course else None
-    points = len(result.start.points) if result.start else None
-    cards = [
-        *(_object_cards(mean) if result.poses.subject == "object" else []),
-        *_surface_cards(result),
-        *_frame_cards(mean, result.poses.subject),
-        card("Gaussians", f"{len(result.gaussians):,}", f"from {number(points, 0)} points"),
-        card(
-            "Training",
-            number(last.seconds if last else None, 1, "s"),
-            f"{number(last.iteration if last else None, 0)} iterations",
-        ),
-        card("Total", f"{records.total_seconds:.1f} s", "all stages"),
-    ]
-    held_out = len(result.scores.views)
-    frames = counted(len(capture), "frame")
-    about = f"{frames} of {k.width} by {k.height} pixels, {held_out} of them held out."
-    return (
-        f"<header><h1>{escape(_subject(capture, records))}</h1><p>{escape(about)}</p>"
-        f"{_verdict(result)}<div class=cards>{''.join(cards)}</div>{_distances(result)}"
-        f"{_links(path.parent)}</header>"
-    )
+    return f"<p>Beside this page: {', '.join(links)}.</p>" if links else ""
 
 
 def _verdict(result: Reconstruction) -> str:
-    words = result.verdict.words
-    return f"<p><strong>{escape(words)}</strong></p>" if words else ""
+    word, _, rest = result.verdict.words.partition(" " if not result.verdict.good else ":")
+    kind = "good" if result.verdict.good else "poor"
+    words = f"<b class={kind}>{escape(word.rstrip(',').capitalize())}</b>" if word else ""
+    words += f"{':' if result.verdict.good else ','} {escape(rest.strip())}." if rest else ""
+    warned = len(result.poses.findings)
+    if warned:
+        words += f' <a href="#recording">{counted(warned, "warning")} about the recording</a>.'
+    return f"<p class=verdict>{words}</p>" if words else ""
 
 
-def _distances(result: Reconstruction) -> str:
-    """Return the line on other distances; nothing where they were not measured."""
-    words = str(result.scores.other_sizes or "")
-    what = "PSNR" if result.poses.subject == "scene" else "PSNR on the object"
-    return f"<p>{what}, exposure fitted: {escape(words)}.</p>" if words else ""
+def _glossary() -> str:
+    terms = "".join(
+        f"<dt id={name}>{escape(term)}</dt><dd>{escape(text)}</dd>"
+        for name, (term, text) in WORDS.items()
+    )
+    return part("words", "Words", "what the figures mean", f"<dl>{terms}</dl>")

@@ -1,22 +1,44 @@
 """All results in words, where the time went, and the settings and versions that made the result."""
 
-from dataclasses import dataclass
+import shlex
+from dataclasses import dataclass, is_dataclass
+from html import escape
+from itertools import chain
 from pathlib import Path
+from typing import Any, get_args, get_type_hints
 
 from digs_warp.data.capture import Capture
+from digs_warp.pipeline.config import ReconstructConfig
 from digs_warp.pipeline.reconstruction import Reconstruction
+from digs_warp.record.layout import RUN_RECORD
 from digs_warp.record.run_log import RunRecord
-from digs_warp.show.report.markup import chart, flat_items, section, table
+from digs_warp.record.typed import to_json
+from digs_warp.settings import NO_FLAG
+from digs_warp.show.report.markup import (
+    UNKNOWN,
+    chart,
+    details,
+    flat_items,
+    number,
+    part,
+    section,
+    table,
+)
 from digs_warp.show.report.plots import Bar, bar_chart
+from digs_warp.sim.config import SimulateConfig
 
 
 @dataclass(frozen=True, eq=False)
 class RunRecords:
-    """The records of the capture, of the reconstruction and of the run as a whole; None: there is none."""
+    """The records of the capture, of the reconstruction and of the run as a whole; None: there is none.
+
+    ``source`` is the folder of the capture.
+    """
 
     capture: RunRecord | None
     reconstruction: RunRecord
     whole: RunRecord | None
+    source: str
 
     @staticmethod
     def find(capture: Capture, result: Reconstruction, report: Path) -> "RunRecords":
@@ -29,7 +51,25 @@ class RunRecords:
         parts = [folder.resolve() for folder in (capture.stored_in, result.folder) if folder]
         whole = None if beside in parts else RunRecord.find(beside)
         recording = RunRecord.find(capture.stored_in) if capture.stored_in else None
-        return RunRecords(recording, result.run, whole)
+        return RunRecords(recording, result.run, whole, str(capture.folder))
+
+    def commands(self) -> list[list[str]]:
+        """Return the command that did all of it, or those that did parts of it."""
+        parts = filter(None, (self.capture, self.reconstruction))
+        flags = {record.command: _flags(record) for record in parts}
+        if self.whole:
+            flags = {
+                "run": {name: words for each in flags.values() for name, words in each.items()}
+            }
+        known = {
+            "run": ["--out", "again"],
+            "simulate": ["--out", self.source],
+            "reconstruct": [self.source, "--out", "again"],
+        }
+        return [
+            ["digs-warp", command, *known.get(command, []), *chain(*words.values())]
+            for command, words in flags.items()
+        ]
 
     @property
     def total_seconds(self) -> float:
@@ -39,25 +79,47 @@ class RunRecords:
 
 
 def figures_section(result: Reconstruction) -> str:
-    """Return the section of the results of each stage, as run.json holds them."""
+    """Return the part with what each stage found, but for what the tiles tell."""
     titles = {
         "poses": "Poses",
         "start": "Points to start from",
         "training": "Training",
         "scores": "Evaluation",
-        "verdict": "Verdict",
     }
+    known = {**result.figures, "scores": _scores(result)}
     tables = [
-        f"<h3>{titles[stage]}</h3>{table(['', ''], rows.items())}"
-        for stage, rows in result.figures.items()
-        if rows
+        f"<h3>{title}</h3>{table(['', ''], rows.items())}"
+        for stage, title in titles.items()
+        if (rows := {k: v for k, v in known.get(stage, {}).items() if k not in _IN_TILES})
     ]
-    intro = "What each stage found and decided."
-    return section("Figures", intro, *tables)
+    return part("figures", "All figures", "what each stage found and decided", *tables)
+
+
+# One number for a quantity: these are on the tiles or among the scores below.
+_IN_TILES = ("adherence to the measured depth", "training")
+
+
+def _scores(result: Reconstruction) -> dict[str, str]:
+    """Return how good the result is, but for what the tiles tell."""
+    mean, surface = result.scores.mean, result.scores.surface
+    is_object = result.poses.subject == "object"
+    rows = {"SSIM": number(mean.ssim_object if is_object else mean.ssim_frame, 4)}
+    if is_object:
+        rows["PSNR over the frame, white around the object"] = number(mean.psnr_frame, 2, "dB")
+        rows["SSIM over the frame"] = number(mean.ssim_frame, 4)
+    if surface is not None:
+        seen = surface.seen_completeness
+        what = "completeness" if seen is None else "completeness, of what the cameras see"
+        rows[what] = number(1e3 * (surface.completeness if seen is None else seen), 2, "mm")
+        if result.training.adherence is not None:
+            rows["adherence"] = number(1e3 * result.training.adherence, 2, "mm")
+    if words := str(result.scores.other_sizes or ""):
+        rows["PSNR from other distances, exposure fitted"] = words
+    return rows
 
 
 def times_section(records: RunRecords) -> str:
-    """Return the section of the stage times."""
+    """Return the part with the stage times."""
     bars = [
         Bar(f"{group}: {stage}", seconds, group)
         for group, record in (
@@ -71,43 +133,77 @@ def times_section(records: RunRecords) -> str:
     others = {k: v for k, v in _seconds(records.whole).items() if k not in covered}
     bars += [Bar(stage, seconds, "rest") for stage, seconds in others.items()]
     if not bars:
-        return section("Times", "No stage times were recorded.")
+        return part("times", "Times", "no stage times were recorded")
     longest = max(bars, key=lambda bar: bar.value)
     alt = f"Seconds per stage; the longest is {longest.label} with {longest.value:.1f} s"
     caption = "Frames are recorded side by side: their stages share the time that passes."
-    rows = [(bar.label, f"{bar.value:.2f}") for bar in bars]
-    rows += [
-        (f"whole run: {stage}", f"{seconds:.2f}")
-        for stage, seconds in _seconds(records.whole).items()
-        if stage in covered
-    ]
-    return section(
+    return part(
+        "times",
         "Times",
-        f"{records.total_seconds:.1f} seconds in all.",
-        "<div class=columns>",
+        f"{records.total_seconds:.1f} s in all",
         chart(bar_chart(bars, "seconds"), alt, caption),
-        table(["Stage", "Seconds"], rows),
-        "</div>",
     )
 
 
 def settings_section(records: RunRecords) -> str:
-    """Return the section of settings, versions and machine."""
+    """Return the section with the command that does the same again, what is not a default, and versions."""
+    commands = [shlex.join(command) for command in records.commands()]
     named = {"Simulation": records.capture, "Reconstruction": records.reconstruction}
     tables = [
-        f"<div><h3>{name}</h3>{table(['Setting', 'Value'], flat_items(record.settings))}</div>"
+        f"<h3>{name}, other than the default</h3>{table(['Setting', 'Value'], changed)}"
         for name, record in named.items()
-        if record and record.settings
+        if record and (changed := list(_changed(record).items()))
     ]
     versions = flat_items(records.reconstruction.versions)
     versions += flat_items(records.reconstruction.machine)
     if versions:
-        tables.append(f"<div><h3>Versions</h3>{table(['Part', 'Version'], versions)}</div>")
+        tables.append(f"<h3>Versions</h3>{table(['Part', 'Version'], versions)}")
+    lines = escape("\n".join(commands))
     return section(
-        "Settings",
-        "Everything needed to reproduce this result.",
-        f"<div class=columns>{''.join(tables)}</div>",
+        "The same again",
+        "All other settings are the defaults; run.json has all of them (--config run.json).",
+        f"<pre>{lines}</pre><button type=button name=copy>Copy</button>",
+        details("Settings and versions", "".join(tables)) if tables else "",
+        name="settings",
     )
+
+
+# What a command was told, and settings whose flag has another name than its field.
+_SETTINGS = {"simulate": SimulateConfig, "reconstruct": ReconstructConfig}
+_FLAGS = {"density.strategy": "density"}
+
+
+def _changed(record: RunRecord) -> dict[str, str]:
+    """Return the settings of a record that are not the defaults, by their dotted names."""
+    kind = _SETTINGS.get(record.command)
+    usual = dict(flat_items(to_json(kind()))) if kind else {}
+    return {k: v for k, v in flat_items(record.settings) if v != usual.get(k, UNKNOWN)}
+
+
+def _flags(record: RunRecord) -> dict[str, list[str]]:
+    """Return the flags that set what is not a default, with their words; a seed serves all stages."""
+    found: dict[str, list[str]] = {}
+    for dotted in _changed(record):
+        *_, name = keys = dotted.split(".")
+        value, hint = record.settings, _SETTINGS.get(record.command)
+        for key in keys:
+            value, hint = value[key], _type_of(hint, key)
+        if name.endswith("seed"):
+            name = "seed"
+        elif NO_FLAG in getattr(hint, "__metadata__", ()):
+            return {"--config": ["--config", RUN_RECORD]}
+        flag = "--" + _FLAGS.get(".".join(keys[-2:]), name).replace("_", "-")
+        words = value if isinstance(value, list) else [value]
+        if isinstance(value, bool):
+            flag, words = (flag if value else flag.replace("--", "--no-", 1)), []
+        found[flag] = [flag, *map(str, words)]
+    return found
+
+
+def _type_of(kind: Any, field: str) -> Any:
+    """Return the annotated type of a field of a dataclass; None where it is none, or has no such field."""
+    plain = get_args(kind)[0] if hasattr(kind, "__metadata__") else kind
+    return get_type_hints(plain, include_extras=True).get(field) if is_dataclass(plain) else None
 
 
 def _seconds(record: RunRecord | None) -> dict[str, float]:

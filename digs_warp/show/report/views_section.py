@@ -24,7 +24,7 @@ from digs_warp.show.report.markup import (
 from digs_warp.show.report.pictures import ColorScale, data_uri, over_white, shrink
 from digs_warp.train.silhouette import without_surround
 
-MAX_VIEWS = 6
+MAX_VIEWS, IN_SIGHT = 6, 3
 PICTURE_WIDTH = 800  # pixels; three columns of about 400 on a common screen
 
 # Full scale at 32 of 255 steps: an error that is just visible beside the truth is clearly visible here.
@@ -77,23 +77,28 @@ def views_section(capture: Capture, result: Reconstruction) -> str:
     of = _OF[result.poses.subject]
     ranked = sorted(views, key=lambda view: _or_zero(getattr(view, of.psnr)))
     if not ranked:
-        return section("Held-out views", "No view was held out.")
+        return section("Held-out views", "No view was held out.", name="views")
     chosen = np.linspace(0, len(ranked) - 1, min(MAX_VIEWS, len(ranked))).round().astype(int)
     rows = [(_label(ranked[i], of), _cells(capture, result, ranked[i].name)) for i in chosen]
+    in_sight = rows if len(rows) <= IN_SIGHT else [rows[0], rows[len(rows) // 2], rows[-1]]
+    others = [row for row in rows if row not in in_sight]
+    headings = ["True", "Rendered", "Difference, amplified"]
     names = ["View", *(_HEADINGS[name] for name in of.metrics)]
     numbers = [[view.name, *_metrics(view, of)] for view in views]
     mean = ["mean", *_metrics(result.scores.mean, of)]
     return section(
         "Held-out views",
         f"{_which(len(chosen), len(ranked))} {of.shown}",
-        picture_grid(["True", "Rendered", "Difference, amplified"], rows),
+        picture_grid(headings, in_sight),
         f"<div class=legends>{legend(DIFFERENCE)}</div>",
+        details(f"{len(others)} more", picture_grid(headings, others)) if others else "",
         details(
             "Numbers of this view"
             if len(ranked) == 1
             else f"Numbers of {_all(len(ranked)).lower()} views",
             f"{table(names, [*numbers, mean])}<p>{escape(_aligned_words(result))}</p>",
         ),
+        name="views",
     )
 
 

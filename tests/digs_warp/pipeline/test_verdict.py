@@ -1,5 +1,6 @@
 """The verdict says whether a result is good, why, and what to do; nothing in it contradicts another."""
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -13,7 +14,7 @@ from digs_warp.data.posed_frames import PosedFrames
 from digs_warp.geometry.camera import Camera, Intrinsics
 from digs_warp.measure.scores import Score, Scores, SurfaceError
 from digs_warp.pipeline.records import Poses, Verdict
-from digs_warp.pipeline.verdict import PROJECTOR, verdict
+from digs_warp.pipeline.verdict import PROJECTOR, likeness, verdict
 
 SIDE, SIZE = 160, 0.2  # px, m
 K = Intrinsics(SIDE, SIDE, 200.0, 200.0, SIDE / 2, SIDE / 2)
@@ -53,14 +54,23 @@ def judged(
         sh=np.zeros((500, 1, 3), np.float32),
     )
     record = Poses(frames=PosedFrames(seen, ()), **poses)  # pyright: ignore
-    return verdict(record, scores, gaussians, about or About(), None)
+    return verdict(record, scores, 0.002, gaussians, about or About(), None)
 
 
 def test_a_good_result_is_called_good_by_what_was_measured() -> None:
     found = judged(frames(0.95, 0.001, plain=False))
     assert found.good and not found.advice
-    assert found.words.startswith("good: depth on 95% of the object, measured depth of neighboring")
-    assert "held-out views match to 30.2 dB" in found.words
+    assert found.because[0] == "depth on 95% of the object"
+    words = (
+        r"good: (as near to|[\d.]+ times as far from) the measured depth as neighboring views agree"
+    )
+    assert re.fullmatch(f"{words}; held-out views are close to the photographs", found.words)
+
+
+def test_what_is_not_known_is_not_said() -> None:
+    assert judged(frames(0.95, 0.001, plain=False), Scores()).words.count(";") == 0
+    assert likeness(float("nan"), "object") == ("", "")
+    assert likeness(26.0, "object")[0] == "fair" and likeness(26.0, "scene")[0] == "good"
 
 
 POOR = {

@@ -4,10 +4,10 @@ const PATH_TINT = [0.42, 0.45, 0.5];
 const TRAINING_TINT = [0.12, 0.4, 0.72];
 const HELD_OUT_TINT = [0.76, 0.33, 0.0];
 
-// Returns x, y, z, red, green, blue of every end; `depth` is how long a pyramid is [m].
-function cameraLines({ list, depth, halfWidth, halfHeight }) {
+// Returns x, y, z, red, green, blue of every end; `depth` is how long a pyramid is [m]; all of it moved by an offset.
+function cameraLines({ list, depth, halfWidth, halfHeight }, offset) {
   const ends = [];
-  const line = (from, to, tint) => ends.push(...from, ...tint, ...to, ...tint);
+  const line = (from, to, tint) => ends.push(...add(from, offset), ...tint, ...add(to, offset), ...tint);
   let before = null;
   for (const { eye, right, down, forward, heldOut } of list) {
     const tint = heldOut ? HELD_OUT_TINT : TRAINING_TINT;

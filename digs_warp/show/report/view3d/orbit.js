@@ -13,10 +13,14 @@ const STEEPEST = (89 * Math.PI) / 180;
 
 class Orbit {
   // start: target, eye and up in the world; halfView: tangent of half the view across the smaller side.
-  constructor({ target, eye, up, halfView }) {
-    this.start = { target, eye };
+  constructor(start) {
+    this.begin(start);
+  }
+
+  // Begins somewhere else.
+  begin({ target, eye, up, halfView }) {
+    this.start = { target, eye, halfView };
     this.up = unit(up);
-    this.halfView = halfView;
     const level = Math.abs(this.up[0]) < 0.9 ? [1, 0, 0] : [0, 1, 0];
     this.east = unit(add(level, this.up, -dot(level, this.up)));
     this.north = cross(this.up, this.east);
@@ -24,7 +28,12 @@ class Orbit {
   }
 
   reset() {
-    const { target, eye } = this.start;
+    this.halfView = this.start.halfView;
+    this.look(this.start.eye, this.start.target);
+  }
+
+  // Looks from an eye at a target.
+  look(eye, target) {
     const away = add(eye, target, -1);
     this.target = [...target];
     this.distance = Math.hypot(...away);
@@ -33,7 +42,18 @@ class Orbit {
     this.turn(0, 0);
   }
 
+  // Looks as a recorded camera, whose image just fits into a view of this size; it may be held askew.
+  take({ eye, right, forward }, { halfWidth, halfHeight }, width, height) {
+    const ahead = dot(add(this.target, eye, -1), forward);
+    this.look(eye, add(eye, forward, ahead > 0 ? ahead : this.distance));
+    const { axes } = this.pose();
+    this.roll = Math.atan2(dot(right, axes[1]), dot(right, axes[0]));
+    const focal = Math.min((0.5 * width) / halfWidth, (0.5 * height) / halfHeight);
+    this.halfView = (0.5 * Math.min(width, height)) / focal;
+  }
+
   turn(azimuth, elevation) {
+    this.roll = 0;
     this.azimuth += azimuth;
     this.elevation = Math.min(STEEPEST, Math.max(-STEEPEST, this.elevation + elevation));
   }
@@ -59,7 +79,10 @@ class Orbit {
         Math.sin(this.elevation) * this.up[i],
     );
     const forward = away.map((value) => -value);
-    const right = unit(cross(forward, this.up));
+    const straight = unit(cross(forward, this.up));
+    const below = cross(forward, straight);
+    const [c, s] = [Math.cos(this.roll), Math.sin(this.roll)];
+    const right = add(straight.map((value) => c * value), below, s);
     return {
       eye: add(this.target, away, this.distance),
       axes: [right, cross(forward, right), forward],

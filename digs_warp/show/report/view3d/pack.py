@@ -1,14 +1,16 @@
-"""Gaussians in 20 bytes each, for a page: five unsigned 32-bit words, little-endian.
+"""Gaussians for a page: five unsigned 32-bit words each, little-endian, then their harmonics.
 
     word 0, 1, 2   bits 0-23: x, y or z in steps from `low`; bits 24-31: log scale of that local axis
     word 3         bits 0-9, 10-19, 20-29: the three smaller components of the unit quaternion, from
                    -sqrt(1/2) to sqrt(1/2), in the order x, y, z, w; bits 30-31: which is the largest
-    word 4         red, green, blue, opacity, 8 bits each, red lowest
+    word 4         red, green, blue, opacity, 8 bits each, red lowest: the mean color over all directions
 
-The color is that of band 0: the mean over all directions, without shine. `unpack.js` is the reader.
+The harmonics above band 0, signed bytes in steps of `harmonic_step`, follow the words of all Gaussians: red,
+green and blue of each coefficient. `unpack.js` is the reader.
 """
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -19,14 +21,16 @@ WORDS = 5
 
 # Most bytes of a page that the Gaussians take, as base64 (4 characters for 3 bytes).
 MOST_BYTES = 4_000_000
-MOST_SPLATS = MOST_BYTES * 3 // 4 // (4 * WORDS)
 
 POSITION_STEPS = 2**24 - 1
 SCALE_STEPS = 2**8 - 1
 QUAT_STEPS = 2**10 - 1
+HARMONIC_STEPS = 2**7 - 1
 
 # A log scale below this is drawn as this: exp(-18) m is far below what any camera resolves.
 LEAST_LOG_SCALE = -18.0
+# Larger harmonics than this share are clipped: a few would make the steps of all coarse.
+HARMONIC_PERCENT = 99.9
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,6 +41,7 @@ class PackedSplats:
         words: shape (n, WORDS), uint32.
         low: the corner of the box of the centers [m], shape (3,), and ``step``: one step [m], shape (3,).
         log_low, log_step: the same of the log scales.
+        harmonics: shape (n, K - 1, 3), int8, and ``harmonic_step``: one step.
         total: number of Gaussians that these were chosen from.
         screen_filter: what they are drawn with.
     """
@@ -46,18 +51,44 @@ class PackedSplats:
     step: np.ndarray
     log_low: float
     log_step: float
+    harmonics: np.ndarray
+    harmonic_step: float
     total: int
     screen_filter: ScreenFilter
 
     def __len__(self) -> int:
         return len(self.words)
 
+    def to_bytes(self) -> bytes:
+        """Return words and harmonics."""
+        return self.words.tobytes() + self.harmonics.tobytes()
 
-def pack(gaussians: Gaussians, most: int = MOST_SPLATS) -> PackedSplats:
-    """Return at most ``most`` Gaussians, those that cover the most; there is at least one."""
+    def about(self) -> dict[str, Any]:
+        """Return what the reader has to know of the bytes."""
+        return {
+            "count": len(self),
+            "low": self.low.tolist(),
+            "step": self.step.tolist(),
+            "logLow": self.log_low,
+            "logStep": self.log_step,
+            "harmonicStep": self.harmonic_step,
+            "dilation": self.screen_filter.dilation,
+            "antialias": self.screen_filter.antialias,
+        }
+
+
+def pack(gaussians: Gaussians, most_bytes: int = MOST_BYTES) -> PackedSplats:
+    """Return Gaussians that take at most so many bytes as base64; there is at least one.
+
+    Where there is no room, the highest harmonics go first; then the Gaussians that cover the least.
+    """
     total = len(gaussians)
     gaussians = _finite(gaussians)
-    gaussians = gaussians.select(_most_visible(gaussians, most))
+    room = most_bytes * 3 // 4
+    degree = gaussians.sh_degree
+    while degree and len(gaussians) * _splat_bytes(degree) > room:
+        degree -= 1
+    gaussians = gaussians.select(_most_visible(gaussians, room // _splat_bytes(degree)))
     means = gaussians.means.astype(np.float64)
     low, step = _range(means, POSITION_STEPS)
     logs = np.maximum(gaussians.log_scales.astype(np.float64), LEAST_LOG_SCALE)
@@ -67,7 +98,23 @@ def pack(gaussians: Gaussians, most: int = MOST_SPLATS) -> PackedSplats:
     words[:, :3] = places | np.rint((logs - log_low) / log_step).astype(np.uint32) << 24
     words[:, 3] = _packed_quats(gaussians.quats)
     words[:, 4] = _packed_colors(gaussians)
-    return PackedSplats(words, low, step, log_low, log_step, total, gaussians.screen_filter)
+    harmonics, harmonic_step = _packed_harmonics(gaussians.sh[:, 1 : (degree + 1) ** 2])
+    return PackedSplats(
+        *(words, low, step, log_low, log_step, harmonics, harmonic_step, total),
+        gaussians.screen_filter,
+    )
+
+
+def _splat_bytes(degree: int) -> int:
+    return 4 * WORDS + 3 * ((degree + 1) ** 2 - 1)
+
+
+def _packed_harmonics(sh: np.ndarray) -> tuple[np.ndarray, float]:
+    """Return coefficients as steps, int8, and the size of a step, above 0."""
+    largest = float(np.percentile(np.abs(sh), HARMONIC_PERCENT)) if sh.size else 0.0
+    step = max(largest / HARMONIC_STEPS, 1e-9)
+    steps = np.rint(np.clip(sh / np.float32(step), -HARMONIC_STEPS, HARMONIC_STEPS))
+    return steps.astype(np.int8), step
 
 
 def _finite(gaussians: Gaussians) -> Gaussians:

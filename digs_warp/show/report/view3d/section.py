@@ -1,9 +1,8 @@
-"""The section with the 3D view and the film."""
+"""The large view in 3D of the report, and what a page has to know of a content to draw it."""
 
 import base64
 import json
-from concurrent.futures import Executor
-from dataclasses import dataclass
+from collections.abc import Sequence
 from importlib.resources import files
 from typing import Any
 
@@ -13,12 +12,14 @@ from digs_warp.data.frame import Frame
 from digs_warp.data.posed_frames import PosedFrames
 from digs_warp.data.viewpoints import evenly
 from digs_warp.pipeline.reconstruction import Reconstruction
-from digs_warp.show.report.markup import figure, picture, section
+from digs_warp.show.film.camera_path import find_framed_subject
+from digs_warp.show.film.video import shoot
+from digs_warp.show.report.markup import picture
 from digs_warp.show.report.pictures import data_uri
-from digs_warp.show.report.shot import FRAME_RATE, Film, Shot, make_film, plan_shot
 from digs_warp.show.report.view3d.pack import MOST_BYTES, PackedSplats, pack
+from digs_warp.show.report.view3d.start import FirstView, around, as_recorded
 
-SCRIPTS = ("unpack", "orbit", "sort", "draw", "cameras", "controls", "main")
+_SCRIPTS = ("unpack", "orbit", "sort", "draw", "cameras", "controls", "main")
 
 # More pyramids than this hide each other.
 MOST_CAMERAS = 120
@@ -26,12 +27,12 @@ MOST_CAMERAS = 120
 # How long a camera's pyramid is, as a share of the distance from the cameras to what they look at.
 CAMERA_SIZE = 0.06
 
-_HELP = (
+HELP = (
     "Turn: drag, or arrow keys. Zoom: two fingers, + and -, or the wheel after a click. Move: Shift while "
-    "turning. Back to the start: 0."
+    "turning. Back: 0. A click on a camera goes there."
 )
 
-_LEGEND = (
+LEGEND = (
     "<div class=swatches>"
     '<span><svg viewBox="0 0 24 16" width=24 height=16 fill=none stroke=#1f66b8 stroke-width=1.5>'
     "<path d='M2 8 16 2V14ZM16 2 22 4V12L16 14'/></svg> camera, used in training</span>"
@@ -41,118 +42,74 @@ _LEGEND = (
     "<path d='M2 8H22'/></svg> path from one to the next</span></div>"
 )
 
-
-@dataclass(frozen=True, eq=False)
-class View3d:
-    """What the section shows; see `start_view`."""
-
-    shot: Shot
-    film: Film
-    splats: PackedSplats
-    by_time: list[tuple[Frame, bool]]
+BUTTONS = (
+    "<button type=button data-key=+>Nearer</button><button type=button data-key=->Farther</button>"
+    "<button type=button data-key=0>Back</button><button type=button name=full>Full screen</button>"
+)
 
 
-def start_view(result: Reconstruction, posed: PosedFrames, background: Executor) -> View3d:
-    """Return what `view_section` needs; its film is encoded in the background meanwhile.
+def view_section(result: Reconstruction, posed: PosedFrames) -> str:
+    """Return the section.
 
     Args:
         result: with at least one Gaussian.
         posed: the frames with the cameras that were used, at least one.
-        background: runs what one core is enough for.
     """
-    by_time = posed.by_time
-    shot = plan_shot(result, [frame for frame, _ in by_time])
-    return View3d(shot, make_film(result, shot, background), pack(result.gaussians), by_time)
-
-
-def view_section(view: View3d) -> str:
-    """Return the section; waits for the film.
-
-    Raises:
-        DigsError: the film cannot be written.
-    """
-    shot, film, splats, by_time = view.shot, view.film, view.splats, view.by_time
-    return section(
-        "In 3D",
-        f"{_kept_words(splats)} Each has one color here, the same from all sides, so nothing shines.",
-        "<div class=two>",
-        _view(film, shot),
-        f"<div>{_film(film, shot)}</div></div>",
-        _data("view3d-about", "application/json", _about(splats, shot, by_time)),
-        _data("view3d-splats", "text/plain", base64.b64encode(splats.words.tobytes()).decode()),
-        f'<script>"use strict";(() => {{\n{_script()}}})();</script>',
-    )
-
-
-def _kept_words(splats: PackedSplats) -> str:
-    if len(splats) == splats.total:
-        return f"All {splats.total:,} Gaussians."
-    share = len(splats) / splats.total
+    first = first_view(result, posed)
+    splats = pack(result.gaussians)
+    stage = {"label": "", "data": "view3d-splats", **splats.about()}
+    content = {
+        "start": first.to_json(),
+        "cameras": cameras_of(first, posed.by_time),
+        "layers": [{"name": "gaussians", "shown": True, "stages": [stage]}],
+    }
+    about = {"help": f"{_kept_words(splats, result)} {HELP}", "contents": [content]}
     return (
-        f"{len(splats):,} of {splats.total:,} Gaussians, {share:.1%}, those that cover the most: more than "
-        f"{MOST_BYTES / 1e6:.0f} MB of them would make this page slow to open. The film and all pictures "
-        "show all of them."
+        f"<section id=view3d>{_stage(result, first)}"
+        f"<div class=tools>{BUTTONS}"
+        f"<label><input type=checkbox name=cameras> Show the cameras</label></div>{LEGEND}"
+        "<p class=note role=status>Without JavaScript and WebGL 2, this is a picture.</p></section>"
+        f"{data('view3d-about', 'application/json', json.dumps(about))}"
+        f"{data('view3d-splats', 'text/plain', base64.b64encode(splats.to_bytes()).decode())}"
     )
 
 
-def _view(film: Film, shot: Shot) -> str:
-    height, width = film.first.shape[:2]
-    what = "the object" if shot.is_turn else "the scene"
-    still = picture(data_uri(film.first), f"The Gaussians: {what} from one side", width, height)
-    return (
-        "<div id=view3d><div class=stage>"
-        f'{still}<canvas tabindex=0 aria-label="The Gaussians of {what} in 3D; {_HELP}"></canvas></div>'
-        "<p class=note role=status>Without JavaScript and WebGL 2, this is a picture.</p>"
-        "<div class=tools><button type=button data-key=+>Nearer</button>"
-        "<button type=button data-key=->Farther</button>"
-        "<button type=button data-key=0>Back to the start</button>"
-        f"<label><input type=checkbox> Show the cameras</label></div>{_LEGEND}</div>"
-    )
+def first_view(result: Reconstruction, posed: PosedFrames) -> FirstView:
+    """Return where the view of a reconstruction begins; arguments as of `view_section`."""
+    recorded = [frame.camera for frame, _ in posed.by_time]
+    if result.poses.subject == "scene":
+        return as_recorded(result.gaussians.means, recorded)
+    return around(find_framed_subject(result.gaussians), recorded)
 
 
-def _film(film: Film, shot: Shot) -> str:
-    height, width = film.first.shape[:2]
-    words = "One turn around the object" if shot.is_turn else "Along the path of the recording"
-    seconds = len(shot.cameras) / FRAME_RATE
-    video = (
-        f"<video controls loop muted playsinline preload=metadata width={width} height={height} "
-        f'aria-label="{words}" poster="{data_uri(film.first)}" src="{film.encoded()}"></video>'
-    )
-    return figure(video, f"{words}, {seconds:.0f} s, with all Gaussians and their full colors.")
+def _stage(result: Reconstruction, first: FirstView) -> str:
+    what = f"the {result.poses.subject}"
+    image = next(shoot(result.gaussians, [first.camera], center_world=first.target))
+    height, width = image.shape[:2]
+    drawn = picture(data_uri(image), f"The Gaussians: {what} from one side", width, height)
+    label = f"The Gaussians of {what} in 3D; {HELP}"
+    return f'<div class=stage>{drawn}<canvas tabindex=0 aria-label="{label}"></canvas></div>'
 
 
-def _about(splats: PackedSplats, shot: Shot, by_time: list[tuple[Frame, bool]]) -> str:
-    first = shot.cameras[0]
-    k = first.intrinsics
-    return json.dumps(
-        {
-            "help": _HELP,
-            "splats": {
-                "low": splats.low.tolist(),
-                "step": splats.step.tolist(),
-                "logLow": splats.log_low,
-                "logStep": splats.log_step,
-                "dilation": splats.screen_filter.dilation,
-                "antialias": splats.screen_filter.antialias,
-            },
-            "start": {
-                "target": shot.target.tolist(),
-                "eye": first.center_world.tolist(),
-                "up": shot.up.tolist(),
-                "halfView": 0.5 * min(k.width, k.height) / k.fx,
-            },
-            "cameras": _cameras(shot, by_time),
-        }
-    )
+def _kept_words(splats: PackedSplats, result: Reconstruction) -> str:
+    words = f"All {splats.total:,} Gaussians."
+    if len(splats) < splats.total:
+        share = len(splats) / splats.total
+        words = (
+            f"{len(splats):,} of {splats.total:,} Gaussians, {share:.1%}, those that cover the most: more "
+            f"than {MOST_BYTES / 1e6:.0f} MB would make this page slow to open."
+        )
+    if splats.harmonics.shape[1] + 1 < result.gaussians.sh.shape[1]:
+        words += " There was no room for all of their gloss."
+    return words
 
 
-def _cameras(shot: Shot, by_time: list[tuple[Frame, bool]]) -> dict[str, Any]:
-    """Return the recorded cameras, and how much farther the view has to be to show them all."""
+def cameras_of(first: FirstView, by_time: Sequence[tuple[Frame, bool]]) -> dict[str, Any]:
+    """Return the recorded cameras, held out or not, and how much farther away the view shows them all."""
     eyes = np.array([frame.camera.center_world for frame, _ in by_time])
-    away = np.linalg.norm(eyes - shot.target, axis=1)
-    first = shot.cameras[0]
-    distance = float(np.linalg.norm(first.center_world - shot.target))
-    half_view = 0.5 * min(first.intrinsics.width, first.intrinsics.height) / first.intrinsics.fx
+    away = np.linalg.norm(eyes - first.target, axis=1)
+    distance = float(np.linalg.norm(first.camera.center_world - first.target))
+    half_view = first.to_json()["halfView"]
     k = by_time[0][0].camera.intrinsics
     return {
         "list": [_camera(frame, held_out) for frame, held_out in evenly(by_time, MOST_CAMERAS)],
@@ -165,17 +122,19 @@ def _cameras(shot: Shot, by_time: list[tuple[Frame, bool]]) -> dict[str, Any]:
 
 def _camera(frame: Frame, held_out: bool) -> dict[str, Any]:
     pose = frame.camera.world_from_cam
-    named: dict[str, Any] = {"heldOut": held_out}
+    named: dict[str, Any] = {"name": frame.name, "heldOut": held_out}
     for name, column in zip(("right", "down", "forward", "eye"), pose[:3].T, strict=True):
         named[name] = [float(f"{value:.6g}") for value in column]
     return named
 
 
-def _data(name: str, kind: str, text: str) -> str:
+def data(name: str, kind: str, text: str) -> str:
     """Return data for the script; ``<`` would end it early."""
     return f'<script id={name} type="{kind}">{text.replace("<", chr(92) + "u003c")}</script>'
 
 
-def _script() -> str:
+def script(*last: str) -> str:
+    """Return the viewer as a script, and after it the named files."""
     folder = files("digs_warp.show.report.view3d")
-    return "".join((folder / f"{name}.js").read_text("utf-8") for name in SCRIPTS)
+    text = "".join((folder / f"{name}.js").read_text("utf-8") for name in (*_SCRIPTS, *last))
+    return f'<script>"use strict";(() => {{\n{text}}})();</script>'

@@ -10,7 +10,8 @@ class DepthOrder {
     this.order = new Uint32Array(this.count);
   }
 
-  // Sorts those in front of the near plane by the logarithm of their depth (counting sort); returns how many.
+  // Sorts those in front of the near plane by the logarithm of their depth (counting sort); returns how many, and
+  // sets `range` to the depths of nearly all of them.
   sort({ eye, axes }, near) {
     const [x, y, z] = axes[2];
     const offset = dot(eye, axes[2]);
@@ -32,6 +33,11 @@ class DepthOrder {
       shown++;
     }
     for (let bin = 0; bin < BINS; bin++) starts[bin + 1] += starts[bin];
+    const depthAt = (share) => {
+      const bin = starts.findIndex((before) => before >= share * shown);
+      return near * Math.exp((BINS - 1 - bin) / scale);
+    };
+    this.range = [depthAt(0.98), depthAt(0.02)];
     for (let i = 0; i < this.count; i++) {
       if (depths[i] > near) this.order[starts[this.bins[i]]++] = i;
     }

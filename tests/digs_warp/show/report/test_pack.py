@@ -1,13 +1,11 @@
 """Gaussians packed for the page: what comes out is what went in, to within the steps."""
 
-import base64
-
 import numpy as np
 
 from digs_warp.data.gaussians import Gaussians
 from digs_warp.geometry.rigid import matrix_from_quat_xyzw
 from digs_warp.geometry.sh import C0
-from digs_warp.show.report.view3d.pack import MOST_BYTES, MOST_SPLATS, pack
+from digs_warp.show.report.view3d.pack import pack
 from reference.unpacked_splats import unpacked
 
 
@@ -43,13 +41,23 @@ def test_what_is_unpacked_is_what_was_packed() -> None:
 
 def test_a_page_has_room_for_so_many_and_keeps_those_that_cover_the_most() -> None:
     g = some_gaussians()
-    packed = pack(g, most=1000)
-    assert (len(packed), packed.total) == (1000, 3000)
+    packed = pack(g, most_bytes=1000 * 20 * 4 // 3)
+    assert (len(packed), packed.total, packed.harmonics.shape) == (999, 3000, (999, 0, 3))
     area = g.opacities * np.exp(np.sort(g.log_scales, axis=1)[:, 1:].sum(axis=1))
-    kept = np.argsort(-area)[:1000]
+    kept = np.argsort(-area)[:999]
     nearest = unpacked(packed).centers
     np.testing.assert_allclose(nearest, g.means[np.sort(kept)], atol=1e-4)
-    assert len(base64.b64encode(bytes(20 * MOST_SPLATS))) <= MOST_BYTES
+
+
+def test_the_highest_harmonics_go_before_any_gaussian() -> None:
+    g = some_gaussians()
+    whole = pack(g)
+    assert len(whole.to_bytes()) == len(g) * (20 + 9)
+    wrong = np.abs(unpacked(whole).harmonics - g.sh[:, 1:])
+    assert np.quantile(wrong, 0.998) < 0.51 * whole.harmonic_step and wrong.max() < 1.0
+    assert whole.harmonic_step < 0.02
+    less = pack(g, most_bytes=len(g) * 25 * 4 // 3)
+    assert (len(less), less.harmonics.shape[1]) == (len(g), 0)
 
 
 def test_flat_boxes_zero_quaternions_and_broken_values_are_fine() -> None:

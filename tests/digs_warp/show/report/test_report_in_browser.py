@@ -1,5 +1,6 @@
 """The report in a real browser: what its 3D view draws, by its pixels, and that it needs nothing else."""
 
+import base64
 import shutil
 from collections.abc import Iterator
 from dataclasses import replace
@@ -15,7 +16,8 @@ from digs_warp.data.images import to_uint8
 from digs_warp.geometry.camera import Camera, Intrinsics
 from digs_warp.geometry.rigid import look_at
 from digs_warp.pipeline.reconstruction import Reconstruction
-from digs_warp.show.report.shot import FOV_DEG, plan_shot
+from digs_warp.show.report.view3d.section import first_view
+from digs_warp.show.report.view3d.start import FOV_DEG
 from digs_warp.splat.render import render
 from reference.report_folder import report_on, write_capture, write_reconstruction
 from reference.tiny_capture import ball
@@ -27,7 +29,7 @@ UP = np.array([0.0, 0.0, 1.0])
 
 
 def needles() -> Gaussians:
-    """A ball of long and flat Gaussians, some of them half transparent."""
+    """A ball of long and flat Gaussians, some of them half transparent, with gloss of degree 3."""
     rng = np.random.default_rng(1)
     plain = ball(600)
     return Gaussians(
@@ -35,7 +37,7 @@ def needles() -> Gaussians:
         np.log(rng.uniform(0.003, 0.03, (600, 3))),
         rng.normal(size=(600, 4)),
         rng.uniform(-1.0, 3.0, 600),
-        plain.sh,
+        np.concatenate([plain.sh[:, :1], rng.normal(0.0, 0.15, (600, 15, 3))], axis=1),
     )
 
 
@@ -83,20 +85,20 @@ def press(tab: Browser, key: str, times: int) -> None:
 
 
 def by_engine(page: Path, picture: np.ndarray, turned_deg: float = 0.0) -> np.ndarray:
-    """What our rasterizer draws from the first camera of the film, turned around the vertical."""
+    """What our rasterizer draws from where the view begins, turned around the vertical."""
     result = Reconstruction.load(page.parent / "reconstruction")
     assert result.frames is not None
-    shot = plan_shot(result, [frame for frame, _ in result.frames.by_time])
+    first = first_view(result, result.frames)
     angle = np.deg2rad(turned_deg)
     turn = np.array(
         [[np.cos(angle), -np.sin(angle), 0], [np.sin(angle), np.cos(angle), 0], [0, 0, 1]]
     )
-    eye = shot.target + turn @ (shot.cameras[0].center_world - shot.target)
+    eye = first.target + turn @ (first.camera.center_world - first.target)
     height, width = picture.shape[:2]
-    smaller = shot.cameras[0].intrinsics.height / shot.cameras[0].intrinsics.fy
+    smaller = first.camera.intrinsics.height / first.camera.intrinsics.fy
     focal = min(width, height) / smaller
     k = Intrinsics(width, height, focal, focal, width / 2, height / 2)
-    camera = Camera(k, look_at(eye, shot.target, UP))
+    camera = Camera(k, look_at(eye, first.target, UP))
     return to_uint8(render(result.gaussians, camera, background=(1.0, 1.0, 1.0)).image)
 
 
@@ -204,12 +206,81 @@ def test_cameras_are_drawn_with_a_legend_that_tells_them_by_shape(tab: Browser) 
     assert tab.run(legend) == "none"
 
 
-def test_the_film_plays_and_the_files_are_linked(tab: Browser) -> None:
-    tab.run("document.querySelector('video').load()")
-    tab.wait_for("document.querySelector('video').readyState >= 2")
-    assert tab.run("document.querySelector('video').duration") == pytest.approx(4.0, abs=0.3)
+def test_a_click_on_a_camera_shows_what_it_saw(page: Path, tab: Browser) -> None:
+    result = Reconstruction.load(page.parent / "reconstruction")
+    assert result.frames is not None
+    first = first_view(result, result.frames)
+    tab.click("#view3d input")
+    drawn(tab)
+    box = tab.run(f"JSON.parse(JSON.stringify({CANVAS}.getBoundingClientRect()))")
+    # The camera that stands nearest to the eye is not hidden by others.
+    eyes = [frame.camera.center_world for frame, _ in result.frames.by_time]
+    far = first.target + 3.0 * (first.camera.center_world - first.target)
+    chosen = result.frames.by_time[int(np.argmin([np.linalg.norm(eye - far) for eye in eyes]))][0]
+    zoom = tab.run(
+        "JSON.parse(document.getElementById('view3d-about').textContent).contents[0].cameras.zoom"
+    )
+    eye = first.target + zoom * (first.camera.center_world - first.target)
+    k = first.camera.intrinsics
+    focal = min(box["width"], box["height"]) * k.fy / k.height
+    seen = Camera(Intrinsics(1, 1, focal, focal, 0.0, 0.0), look_at(eye, first.target, UP))
+    ((x, y),), _ = seen.project(chosen.camera.center_world[None])
+    place = (box["x"] + box["width"] / 2 + x, box["y"] + box["height"] / 2 + y)
+    tab.drag(place, place)
+    found = drawn(tab)
+    assert not tab.run("document.querySelector('#view3d input').checked")
+    k = chosen.camera.intrinsics
+    height, width = found.shape[:2]
+    focal = min(width / k.width, height / k.height) * k.fx
+    as_seen = Intrinsics(width, height, focal, focal, width / 2, height / 2)
+    camera = Camera(as_seen, chosen.camera.world_from_cam)
+    theirs = to_uint8(render(result.gaussians, camera, background=(1.0, 1.0, 1.0)).image)
+    assert difference(found, theirs).mean() < 1.5
+    press(tab, "0", 1)
+
+
+def test_the_page_answers_in_sight_is_short_and_prints_on_few_pages(tab: Browser) -> None:
+    bottom = "document.querySelector('.cards').getBoundingClientRect().bottom + scrollY"
+    tab.resize(1280, 800)
+    try:
+        assert tab.run(bottom) <= 800
+        assert tab.run(f"{CANVAS}.getBoundingClientRect().top + scrollY") < 200
+        assert tab.run("document.documentElement.scrollHeight") <= 5000
+        assert tab.run("[...document.images].every((image) => image.complete)")
+        pdf = base64.b64decode(tab._call("Page.printToPDF")["data"])
+        assert pdf.count(b"/Type /Page") - pdf.count(b"/Type /Pages") <= 6
+    finally:
+        tab.resize(1280, 900)
+
+
+def test_a_dark_page_has_a_dark_view(tab: Browser) -> None:
+    press(tab, "0", 1)
+    assert (drawn(tab)[10:20, 10:20] == 255).all()
+    tab.resize(1280, 900, dark=True)
+    try:
+        tab.run("new Promise((done) => setTimeout(done, 500))")
+        assert (drawn(tab)[10:20, 10:20] < 40).all()
+    finally:
+        tab.resize(1280, 900)
+        tab.run("new Promise((done) => setTimeout(done, 500))")
+
+
+def test_parts_open_by_links_and_pictures_by_clicks(tab: Browser) -> None:
+    tab.run("document.querySelector('.card a').click()")
+    tab.wait_for("document.getElementById('words').open")
+    tab.click("table.pictures img")
+    first = "document.querySelectorAll('table.pictures img')"
+    shown = f"document.querySelector('dialog img').src === {first}[{{}}].src"
+    assert tab.run("document.querySelector('dialog').open") and tab.run(shown.format(0))
+    tab.press("ArrowRight")
+    assert tab.run(shown.format(1))
+    tab.run("document.querySelector('dialog img').click()")
+    assert not tab.run("document.querySelector('dialog').open")
+
+
+def test_the_files_beside_are_linked(tab: Browser) -> None:
     links = tab.run("[...document.querySelectorAll('a')].map((link) => link.getAttribute('href'))")
-    assert links == ["scene.usdz"]
+    assert [link for link in links if not link.startswith("#")] == ["scene.usdz"]
 
 
 def test_nothing_comes_from_elsewhere(page: Path, tab: Browser) -> None:
@@ -225,7 +296,7 @@ def test_nothing_sticks_out_at_any_width(tab: Browser, width: int) -> None:
     tab.resize(width, 844)
     try:
         outside = tab.run(
-            "[...document.querySelectorAll('.legend, .swatches, canvas, video, button, svg, h1')]"
+            "[...document.querySelectorAll('.legend, .swatches, canvas, button, svg, h1')]"
             ".filter((part) => part.getBoundingClientRect().right > innerWidth)"
             ".map((part) => part.className || part.tagName)"
         )
@@ -238,7 +309,8 @@ def test_nothing_sticks_out_at_any_width(tab: Browser, width: int) -> None:
 def test_long_settings_are_broken_into_lines(tab: Browser) -> None:
     """Such as the path of a mesh: it would be cut off at the edge of the page."""
     hidden = tab.run(
-        "(() => { const cells = [...document.querySelectorAll('table.values td:nth-child(2):last-child')];"
+        "(() => { document.querySelectorAll('details').forEach((each) => (each.open = true));"
+        "const cells = [...document.querySelectorAll('table.values td:nth-child(2):last-child')];"
         "const cell = cells.at(-1), text = cell.textContent; cell.textContent = '/path'.repeat(60);"
         "const box = cell.closest('.scroll'), hidden = box.scrollWidth - box.clientWidth;"
         "cell.textContent = text; return hidden; })()"
