@@ -1,5 +1,7 @@
 """Every example runs from beginning to end, at a tiny size; each is short."""
 
+import ast
+import json
 import runpy
 import shutil
 import subprocess
@@ -30,8 +32,27 @@ def test_the_example_runs(
     assert capsys.readouterr().out
 
 
+def test_the_notebook_runs_and_shows_pictures(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    notebook = json.loads((EXAMPLES[0].parent / "tour.ipynb").read_text())
+    names: dict[str, object] = {}
+    cards = []
+    for cell in notebook["cells"]:
+        if cell["cell_type"] != "code":
+            continue
+        *before, last = ast.parse("".join(cell["source"])).body
+        exec(compile(ast.Module(before, []), "cell", "exec"), names)
+        assert isinstance(last, ast.Expr)
+        shown = eval(compile(ast.Expression(last.value), "cell", "eval"), names)
+        cards += [shown._repr_html_()] if hasattr(shown, "_repr_html_") else []
+    assert [card.count("<img") for card in cards] == [2, 2, 1]
+    assert (tmp_path / "scene.usdz").is_file()
+
+
 def test_the_examples_are_few_numbered_and_short() -> None:
-    assert 1 <= len(EXAMPLES) <= 8
+    assert 1 <= len(EXAMPLES) <= 10
     assert [int(path.name[:2]) for path in EXAMPLES] == list(range(1, len(EXAMPLES) + 1))
     assert max(len(path.read_text().splitlines()) for path in EXAMPLES) < 60
 

@@ -34,20 +34,20 @@ FLOORS = {
 }
 # The most lines of a room. A change that needs more says in its message what the weight buys.
 LINE_BUDGETS = {
-    "api": 250,
+    "api": 440,
     "check": 2_080,
     "commands": 3_290,
-    "data": 3_360,
-    "device": 910,
+    "data": 3_470,
+    "device": 920,
     "engines": 1_010,
     "files at the top": 800,
     "formats": 5_400,
-    "geometry": 600,
+    "geometry": 625,
     "init": 4_900,
     "losses": 860,
     "masks": 1_300,
     "measure": 1_610,
-    "pipeline": 2_500,
+    "pipeline": 2_525,
     "poses": 5_220,
     "record": 2_130,
     "show": 4_110,
@@ -61,11 +61,11 @@ LINE_BUDGETS = {
     "splat": 5_620,
     "study": 2_360,
     "surface": 660,
-    "torch": 150,
-    "train": 3_870,
+    "torch": 200,
+    "train": 3_940,
     "usd": 4_300,
 }
-MOST_LINES, MOST_FILES = 80_510, 521  # of the product; 65,000 in 500 files are the goal
+MOST_LINES, MOST_FILES = 80_990, 523  # of the product; 65,000 in 500 files are the goal
 # A shorter file with a single client in its folder belongs into that client.
 CRUMB = 60
 

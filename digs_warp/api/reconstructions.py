@@ -1,18 +1,26 @@
 """`reconstruct`: a recording in memory or on disk -> a reconstruction."""
 
+from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any
+from typing import TYPE_CHECKING, Any, Unpack
 
-from digs_warp.api.settings import with_settings
-from digs_warp.checks import DigsError
+import numpy as np
+
+from digs_warp.api.settings import opened_folder, with_settings
+from digs_warp.checks import DigsError, check_shape
 from digs_warp.commands.output import reconstruction_files
 from digs_warp.commands.reconstruction_options import ReconstructionOptions
 from digs_warp.data.capture import Capture, read_capture
+from digs_warp.data.frame import Frame
+from digs_warp.data.gaussians import Gaussians
+from digs_warp.data.point_cloud import PointCloud
 from digs_warp.init.strategies import StrategyChoice
 from digs_warp.pipeline.reconstruction import Reconstruction
-from digs_warp.record.layout import RUN_RECORD
-from digs_warp.record.replacement import check_place
+
+if TYPE_CHECKING:
+    from digs_warp.api.keywords import ReconstructSettings
 
 
 def reconstruct(
@@ -23,13 +31,17 @@ def reconstruct(
     iterations: int | None = None,
     seed: int = 0,
     resume: bool = False,
-    **settings: Any,
+    overwrite: bool = False,
+    points: np.ndarray | None = None,
+    loss: Callable[[Frame, np.ndarray], tuple[float, np.ndarray]] | None = None,
+    callback: Callable[[int, Gaussians], None] | None = None,
+    **settings: Unpack["ReconstructSettings"],
 ) -> Reconstruction:
     """Reconstruct a recording as Gaussian splats.
 
         result = reconstruct(capture, iterations=300, voxel_size=0.005)
         view = result.render(camera)
-        result.save_usd("scene.usdz")
+        result.save("scene.usdz")
 
     Args:
         capture: a recording, or its folder.
@@ -39,6 +51,12 @@ def reconstruct(
         iterations: training steps. Default: 1000.
         seed: decides everything random.
         resume: with ``out``: continue an interrupted run with the same settings.
+        overwrite: with ``out``: replace the results of an earlier run once the new ones are complete.
+        points: to start from, in the world of the poses: x, y, z [m], or with red, green, blue in 0..1 as
+            well, (n, 3) or (n, 6). At least 100; without colors they begin gray.
+        loss: a term to add to the loss. Of a training frame and its rendered image, sRGB, (height, width, 3),
+            float32, it returns the value, and the derivative by the image in the image's shape.
+        callback: called every few steps with their number and a copy of the Gaussians.
         settings: any other flag of ``digs-warp reconstruct``, with underscores: ``poses="sfm"``,
             ``masks="depth"``, ``density="adaptive"``, ``time_budget=60.0`` (seconds), ...
 
@@ -47,21 +65,40 @@ def reconstruct(
             files with names that a reconstruction needs.
     """
     from digs_warp.pipeline import reconstruct as pipeline
+    from digs_warp.train.session import Hooks
 
-    named = {"strategy": strategy, "iterations": iterations}
-    settings |= {name: value for name, value in named.items() if value is not None}
-    options = with_settings(ReconstructionOptions(), settings)
     if not isinstance(capture, Capture):
         capture = read_capture(Path(capture))
-    config = options.reconstruct_config(seed, capture)
-    if out is not None:
-        if (Path(out) / RUN_RECORD).exists() and not resume:
+    if points is not None:
+        if settings.get("poses", "capture") != "capture" or strategy not in (None, "default"):
             raise DigsError(
-                f"'{out}': the folder already holds results; go on with resume=True if they are of a run "
-                "that was cut off, or choose another folder"
+                "points: they are in the world of the recorded poses, and what is started from; leave out "
+                "poses and strategy"
             )
-        if not resume:
-            check_place(Path(out), reconstruction_files())
-        return pipeline.reconstruct(capture, config, Path(out), resume)
-    with TemporaryDirectory(prefix="digs-warp-") as folder:
-        return pipeline.reconstruct(capture, config, Path(folder)).in_memory()
+        capture, strategy = replace(capture, points=_cloud(points)), "default"
+    named = {"strategy": strategy, "iterations": iterations}
+    given = {name: value for name, value in named.items() if value is not None}
+    options = with_settings(ReconstructionOptions(), {**settings, **given})
+    config = options.reconstruct_config(seed, capture)
+
+    def watch(step: int, gaussians: Any) -> None:
+        if callback is not None:
+            callback(step, gaussians.to_numpy())
+
+    hooks = Hooks(watch, loss)
+    if out is None:
+        with TemporaryDirectory(prefix="digs-warp-") as folder:
+            return pipeline.reconstruct(capture, config, Path(folder), hooks=hooks).in_memory()
+    inputs, writes = [capture.stored_in], reconstruction_files()
+    with opened_folder(out, resume, overwrite, inputs, writes) as folder:
+        result = pipeline.reconstruct(capture, config, folder, resume, hooks)
+    return Reconstruction.load(Path(out), capture) if overwrite else result
+
+
+def _cloud(points: np.ndarray) -> PointCloud:
+    """Return rows of x, y, z, and maybe red, green, blue, as points."""
+    rows = check_shape("points", np.asarray(points, dtype=np.float32), (None, None))
+    if rows.shape[1] not in (3, 6):
+        raise DigsError(f"points: shape {rows.shape}, expected (n, 3) or (n, 6)")
+    colors = rows[:, 3:] if rows.shape[1] == 6 else np.full_like(rows, 0.5)
+    return PointCloud(rows[:, :3], colors)

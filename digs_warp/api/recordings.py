@@ -1,24 +1,27 @@
 """Simulated recordings: `simulate` makes a whole one, `stream` yields one frame at a time."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any, Unpack
 
-from digs_warp.api.settings import with_settings
+from digs_warp.api.settings import opened_folder, with_settings
 from digs_warp.commands.output import capture_files
-from digs_warp.data.capture import Capture
-from digs_warp.record.replacement import check_place
+from digs_warp.data.capture import Capture, read_capture
 from digs_warp.sim.config import SimulateConfig
 from digs_warp.sim.record.stream import StereoFrame
+
+if TYPE_CHECKING:
+    from digs_warp.api.keywords import SimulateSettings
 
 
 def simulate(
     mesh: Path | str | None = None,
-    frames: int = 20,
+    frames: int | None = None,
     out: Path | str | None = None,
     *,
     resume: bool = False,
-    **settings: Any,
+    overwrite: bool = False,
+    **settings: Unpack["SimulateSettings"],
 ) -> Capture:
     """Walk around an object with a simulated stereo depth camera.
 
@@ -26,11 +29,12 @@ def simulate(
 
     Args:
         mesh: the object: GLB, glTF, OBJ, PLY or STL. Default: the built-in object.
-        frames: number of stereo frames.
+        frames: number of stereo frames. Default: 60.
         out: folder of the capture (docs/formats.md). Default: it stays in memory.
         resume: with ``out``: continue an interrupted run with the same settings.
-        settings: the other fields of `digs_warp.sim.config.SimulateConfig`, such as ``environment``,
-            ``width``, ``tier``, ``effects``, ``seed``.
+        overwrite: with ``out``: replace the results of an earlier run once the new ones are complete.
+        settings: any other flag of ``digs-warp simulate``, with underscores: ``environment``, ``width``,
+            ``tier``, ``effects``, ``seed``, ...
 
     Raises:
         DigsError: bad input, or a folder that holds another recording or other files with names that a
@@ -41,13 +45,15 @@ def simulate(
     config = _config(mesh, frames, settings)
     if out is None:
         return record.simulate_in_memory(config)
-    if not resume:
-        check_place(Path(out), capture_files())
-    return record.simulate(config, Path(out), resume)
+    with opened_folder(out, resume, overwrite, config.input_files, capture_files()) as folder:
+        capture = record.simulate(config, folder, resume)
+    return read_capture(Path(out)) if overwrite else capture
 
 
 def stream(
-    mesh: Path | str | None = None, frames: int = 20, **settings: Any
+    mesh: Path | str | None = None,
+    frames: int | None = None,
+    **settings: Unpack["SimulateSettings"],
 ) -> Iterator[StereoFrame]:
     """Yield the frames of the same recording; each is rendered on demand, and none is kept.
 
@@ -67,5 +73,7 @@ def stream(
     return sim_stream.stream(_config(mesh, frames, settings))
 
 
-def _config(mesh: Path | str | None, frames: int, settings: dict[str, Any]) -> SimulateConfig:
+def _config(
+    mesh: Path | str | None, frames: int | None, settings: Mapping[str, Any]
+) -> SimulateConfig:
     return with_settings(SimulateConfig(), {"mesh": mesh, "frames": frames, **settings})

@@ -120,10 +120,10 @@ class Reconstruct(ReconstructionOptions, _Output):
         check_machine(config)  # a wrong flag is named first
         with (
             self.output.opened([source], reconstruction_files()) as folder,
-            watched_training(self.view) as watch,
+            watched_training(self.view) as hooks,
         ):
             compile_kernels()
-            return reconstruct(capture, config, folder, self.output.resume, watch)
+            return reconstruct(capture, config, folder, self.output.resume, hooks)
 
     def _reconstruct_many(self) -> str:
         from digs_warp.engines.task import RESULTS

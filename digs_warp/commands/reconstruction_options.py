@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from digs_warp.data.capture import Capture
     from digs_warp.pipeline.reconstruct import ReconstructConfig
     from digs_warp.pipeline.reconstruction import Reconstruction
-    from digs_warp.train.session import Watch
+    from digs_warp.train.session import Hooks
 
 T = TypeVar("T")
 
@@ -146,15 +146,17 @@ def _plain(options: Any, kind: type[T], **changes: Any) -> T:
 
 
 @contextmanager
-def watched_training(view: bool) -> "Iterator[Watch | None]":
-    """Yield what the training calls every few iterations; None without ``view``."""
+def watched_training(view: bool) -> "Iterator[Hooks]":
+    """Yield what the training calls every few iterations; nothing without ``view``."""
+    from digs_warp.train.session import NO_HOOKS, Hooks
+
     if not view:
-        yield None
+        yield NO_HOOKS
         return
     from digs_warp.show.view.server import live_page
 
     with live_page(_say) as watch:
-        yield watch
+        yield Hooks(watch)
 
 
 def _say(address: str) -> None:

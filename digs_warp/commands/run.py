@@ -106,11 +106,11 @@ class Run(ReconstructionOptions, _Recording):
         with (
             log.saved(record),
             log.stage("reconstruct"),
-            watched_training(self.view) as watch,
+            watched_training(self.view) as hooks,
             # A resumed run may need no frame at all.
             reading_ahead(() if self.output.resume else capture.frames),
         ):
-            result = reconstruct(capture, config, reconstruction, self.output.resume, watch)
+            result = reconstruct(capture, config, reconstruction, self.output.resume, hooks)
         other_sizes = result.scores.other_sizes
         log.results = {
             "gaussians": len(result.gaussians),

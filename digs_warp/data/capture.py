@@ -8,6 +8,7 @@ keys. Pixels are loaded on demand. The layout is described in docs/formats.md;
 import logging
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +18,8 @@ from digs_warp.checks import CaptureError, DigsError, require_folder
 from digs_warp.data.about import About
 from digs_warp.data.frame import Frame
 from digs_warp.data.frame_reader import path_inside, read_frame
+from digs_warp.data.gaussians import CARDS
+from digs_warp.data.images import to_uint8
 from digs_warp.data.index_rules import (
     INDEX_NAME,
     POINTS_KEY,
@@ -27,6 +30,7 @@ from digs_warp.data.index_rules import (
 from digs_warp.data.layers import Layer
 from digs_warp.data.point_cloud import PointCloud, read_points
 from digs_warp.data.rig import Rig
+from digs_warp.geometry.camera import Camera, Intrinsics
 from digs_warp.geometry.rigid import far_offset, rigid
 from digs_warp.record import layout
 from digs_warp.record.fields import Fields
@@ -71,29 +75,100 @@ UNKNOWN_SCALE = MetricScale(
 )
 
 
+# Frames per second where nobody gives times.
+FRAME_RATE = 30.0
+
+# Floats of an image may overshoot 1 by this: filters and compression do.
+FLOAT_SLACK = 0.1
+
 OF_A_CAMERA = "'digs-warp convert FOLDER --from FORM --out CAPTURE' makes one of a real recording."
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Capture:
     """A recording: its frames in order of time, the rig (if stereo), and facts about the recording.
 
-    ``stored_in`` is the folder it was read from; None if it was made in memory. ``points`` is the file of the
-    sparse points that came with the recording, in its world; None: there are none. ``held_out`` are the names
-    of the frames that a reconstruction of it held out; None: any frame may be. ``shift`` was taken off the
-    poses as they were read, and is taken off the points [m].
+    ``stored_in`` is the folder it was read from; None if it was made in memory. ``points`` are the sparse
+    points that came with the recording, in its world, or their file; None: there are none. ``held_out`` are
+    the names of the frames that a reconstruction of it held out; None: any frame may be. ``shift`` was taken
+    off the poses as they were read, and is taken off the points [m].
     """
 
     stored_in: Path | None
     frames: tuple[Frame, ...]
     rig: Rig | None
     about: About = field(default_factory=About)
-    points: Path | None = None
+    points: Path | PointCloud | None = None
     held_out: frozenset[str] | None = None
     shift: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
     def __len__(self) -> int:
         return len(self.frames)
+
+    @staticmethod
+    def from_arrays(
+        color: Sequence[np.ndarray] | np.ndarray,
+        depth: Sequence[np.ndarray] | np.ndarray | None,
+        poses: Sequence[np.ndarray] | np.ndarray | None,
+        intrinsics: Intrinsics | Sequence[Intrinsics] | np.ndarray,
+        masks: Sequence[np.ndarray] | np.ndarray | None = None,
+        confidence: Sequence[np.ndarray] | np.ndarray | None = None,
+    ) -> "Capture":
+        """Return a recording in memory; a frame for each image, in order of time.
+
+        Args:
+            color: sRGB images, (height, width, 3): uint8, or floats in 0..1.
+            depth: planar depth [m] in the same pixels, (height, width), floats; 0, negative and not finite:
+                unknown. None: photographs only.
+            poses: ``world_from_cam`` [m], (4, 4), OpenCV axes (x right, y down, z forward). None: unknown.
+            intrinsics: of all images, or one for each; or K, (3, 3), with the first pixel center at
+                (0.5, 0.5), else see `Intrinsics.from_matrix`.
+            masks: the object, (height, width): bool, uint8 of 0..255, or floats in 0..1.
+            confidence: of the depth, (height, width), as masks.
+
+        Raises:
+            CaptureError: arrays that do not belong together, or values in another unit; names the frame.
+        """
+        count = len(color)
+        if not count:
+            raise CaptureError("arrays: no images")
+        given = {"depth": depth, "poses": poses, "masks": masks, "confidence": confidence}
+        if isinstance(intrinsics, np.ndarray):
+            height, width = np.shape(color[0])[:2]
+            intrinsics = Intrinsics.from_matrix(intrinsics, width, height)
+        cameras = [intrinsics] * count if isinstance(intrinsics, Intrinsics) else intrinsics
+        for name, values in {**given, "intrinsics": cameras}.items():
+            if values is not None and len(values) != count:
+                raise CaptureError(f"arrays: {len(values)} of {name}, expected {count} as of color")
+        images = {Layer.IMAGE: color, Layer.DEPTH: depth, Layer.MASK: masks}
+        images[Layer.CONFIDENCE] = confidence
+        frames = []
+        for number, k in enumerate(cameras):
+            where = f"arrays: frame {number}"
+            layers = {
+                layer: _pixels(layer, np.asarray(values[number]), k, where)
+                for layer, values in images.items()
+                if values is not None
+            }
+            try:
+                camera = Camera(k, np.eye(4) if poses is None else np.asarray(poses[number]))
+            except DigsError as error:
+                raise CaptureError(f"{where}: {error}") from None
+            frames.append(Frame(f"{number:04d}", camera, number / FRAME_RATE, layers))
+        known = poses is not None
+        moved, shift = near_origin(tuple(frames))
+        offset = shift if any(shift) else None
+        about = About(poses_known=known, poses_in_metres=known, world_offset=offset)
+        return Capture(None, moved, None, about)
+
+    def __repr__(self) -> str:
+        sizes = {(f.camera.intrinsics.width, f.camera.intrinsics.height) for f in self.frames}
+        size = "x".join(map(str, sizes.pop())) if len(sizes) == 1 else "several sizes"
+        layers = {layer.label for frame in self.frames for layer in frame.layers}
+        return f"<{self}: {counted(len(self), 'frame')} of {size}, {', '.join(sorted(layers))}>"
+
+    def _repr_html_(self) -> str:
+        return import_module(CARDS).capture_card(self)
 
     def __str__(self) -> str:
         return "capture in memory" if self.stored_in is None else f"capture '{self.stored_in}'"
@@ -138,7 +213,9 @@ class Capture:
         Raises:
             DigsError: the file cannot be read.
         """
-        return None if self.points is None else read_points(self.points, np.array(self.shift))
+        if not isinstance(self.points, Path):
+            return self.points
+        return read_points(self.points, np.array(self.shift))
 
     @property
     def readout_time(self) -> float:
@@ -157,6 +234,29 @@ class Capture:
             tests = i % test_every == 0 if self.held_out is None else frame.name in self.held_out
             groups[tests].append(frame)
         return groups[False], groups[True]
+
+
+def _pixels(layer: Layer, values: np.ndarray, k: Intrinsics, where: str) -> np.ndarray:
+    """Return an array as its file would hold it: 8 bits, or metres."""
+    where = f"{where}, {layer.label}"
+    shape = (k.height, k.width, 3) if layer is Layer.IMAGE else (k.height, k.width)
+    if values.shape != shape:
+        raise CaptureError(f"{where}: shape {values.shape}, expected {shape} as its camera says")
+    if layer is Layer.DEPTH:
+        if values.dtype.kind != "f":
+            raise CaptureError(
+                f"{where}: {values.dtype}, expected floats in metres; millimetres become them by / 1000.0"
+            )
+        return values.astype(np.float32)
+    if values.dtype.kind == "f" and np.nanmax(values, initial=0.0) > 1 + FLOAT_SLACK:
+        raise CaptureError(
+            f"{where}: floats up to {np.nanmax(values):g}, expected 0 to 1; give 0 to 255 as uint8"
+        )
+    if values.dtype.kind in "fb":
+        return to_uint8(values.astype(np.float32))
+    if values.dtype != np.uint8:
+        raise CaptureError(f"{where}: {values.dtype}, expected uint8, or floats in 0 to 1")
+    return values
 
 
 def object_alone(capture: Capture) -> Capture:

@@ -10,6 +10,7 @@ import numpy as np
 from digs_warp.checks import DigsError, check_shape
 from digs_warp.geometry.sh import C0, degree_from_count
 from digs_warp.record.arrays import open_arrays, write_arrays
+from digs_warp.words import counted
 
 FIELDS = ("means", "log_scales", "quats", "opacity_logits", "sh")
 
@@ -30,8 +31,9 @@ TOP_OF_ONE, LEAST_SPREAD = 0.7311, 0.01
 COLOR_MARGIN = 1.0
 _HASH = np.array([0x9E3779B97F4A7C15, 0xC2B2AE3D27D4EB4F, 0x165667B19E3779F9], np.uint64)
 
-# Other formats are floors above, and are loaded by name when they are asked for.
+# Other formats and pictures are floors above, and are loaded by name when they are asked for.
 OTHER_FORMATS = "digs_warp.pipeline.scene_files"
+CARDS = "digs_warp.api.cards"
 
 
 @dataclass(frozen=True)
@@ -64,7 +66,7 @@ CLASSIC = ScreenFilter(0.3)
 ANTIALIASED = ScreenFilter(0.3, antialias=True)
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Gaussians:
     """Raw, optimized parameters of n Gaussians, all float32.
 
@@ -101,6 +103,14 @@ class Gaussians:
 
     def __len__(self) -> int:
         return len(self.means)
+
+    def __repr__(self) -> str:
+        sides = np.ptp(self.means, axis=0) if len(self) else np.zeros(3)
+        extent = " x ".join(f"{side:.3g}" for side in sides)
+        return f"<{counted(len(self), 'Gaussian')} of degree {self.sh_degree}, {extent} m>"
+
+    def _repr_html_(self) -> str:
+        return import_module(CARDS).gaussians_card(self)
 
     @property
     def sh_degree(self) -> int:
@@ -147,7 +157,7 @@ class Gaussians:
         """
         path = Path(path)
         if path.suffix.lower() != ".npz":
-            import_module(OTHER_FORMATS).save_gaussians(path, self)
+            import_module(OTHER_FORMATS).save_file(path, self)
             return
         arrays = {name: getattr(self, name) for name in FIELDS}
         note = np.array([self.screen_filter.dilation, self.screen_filter.antialias])

@@ -67,6 +67,15 @@ class ImagePlanes:
         x0, y0, x1, y1 = (PADDING + edge for edge in box)
         return np.moveaxis(planes[:, y0:y1, x0:x1], 0, 2)
 
+    def add(self, box: tuple[int, int, int, int], pixels: np.ndarray) -> None:
+        """Add pixels, (height, width, channels), to those in a box (x0, y0, x1, y1)."""
+        planes = self.data.numpy()  # on a CPU no copy
+        x0, y0, x1, y1 = (PADDING + edge for edge in box)
+        part = planes.reshape(self.channels, -1, self.pitch)[:, y0:y1, x0:x1]
+        part += np.moveaxis(pixels, 2, 0)
+        if self.data.device.is_cuda:
+            self.data.assign(planes)
+
     def resize(self, width: int, height: int) -> None:
         """Change the image size; the area outside becomes border.
 

@@ -12,6 +12,9 @@ from digs_warp.checks import DigsError
 from digs_warp.geometry.reproject import is_inside, project, unproject
 from digs_warp.geometry.rigid import invert_rigid, is_rigid, transform_points
 
+# Of the focal length: the lines of more would be off by a pixel.
+MOST_SKEW = 1e-3
+
 
 @dataclass(frozen=True)
 class Intrinsics:
@@ -38,6 +41,31 @@ class Intrinsics:
         """Return a centered camera with square pixels and the given horizontal field of view."""
         focal = 0.5 * width / np.tan(0.5 * np.deg2rad(horizontal_fov_deg))
         return Intrinsics(width, height, float(focal), float(focal), width / 2, height / 2)
+
+    @staticmethod
+    def from_matrix(
+        matrix: np.ndarray, width: int, height: int, first_center: float = 0.5
+    ) -> "Intrinsics":
+        """Return the camera of a matrix K, [[fx, 0, cx], [0, fy, cy], ...], shape (3, 3) or larger.
+
+        Args:
+            matrix: K.
+            width: of the image [px].
+            height: of the image [px].
+            first_center: where K has the center of the first pixel: at 0.5, as here, or at 0, as calibrations
+                with OpenCV, ROS and Open3D have it.
+
+        Raises:
+            DigsError: not finite, no focal length, or a skew.
+        """
+        k = np.asarray(matrix, dtype=np.float64)
+        if k.ndim != 2 or min(k.shape) < 3 or abs(k[0, 1]) > MOST_SKEW * abs(k[0, 0]):
+            raise DigsError(
+                f"camera: expected a matrix [[fx, 0, cx], [0, fy, cy], [0, 0, 1]], found\n{matrix}"
+            )
+        shift = 0.5 - first_center
+        focal, center = (k[0, 0], k[1, 1]), (k[0, 2] + shift, k[1, 2] + shift)
+        return Intrinsics(width, height, *map(float, (*focal, *center)))
 
     @property
     def matrix(self) -> np.ndarray:

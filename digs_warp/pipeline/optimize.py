@@ -24,10 +24,11 @@ from digs_warp.record.run_log import RunLog, RunRecord
 from digs_warp.record.typed import to_json
 from digs_warp.train.config import TrainConfig
 from digs_warp.train.evaluate import TestViews, load_test_views
+from digs_warp.train.objective import OwnLoss
 from digs_warp.train.session import (
+    Hooks,
     Trained,
     TrainingData,
-    Watch,
     load_trained_poses,
     open_data,
     plan_training,
@@ -61,7 +62,7 @@ def optimize(
     folder: Path,
     log: RunLog,
     before: RunRecord | None,
-    watch: Watch | None,
+    hooks: Hooks,
 ) -> Optimized:
     """Train Gaussians from ``start``, or take over a finished training.
 
@@ -73,7 +74,7 @@ def optimize(
         folder: of the reconstruction.
         log: receives times.
         before: the record of the run that goes on in ``folder``; None: it starts.
-        watch: looks on; None: nobody does.
+        hooks: what the caller adds to the training.
 
     Raises:
         DigsError: bad views, a broken checkpoint, or a training that diverged.
@@ -89,7 +90,7 @@ def optimize(
         assert seeds is not None
         plan = stored(Training, before, folder).plan
         if config.train.stop.time_budget is not None and plan is None:
-            plan = _plan(seeds, views, config.train, log)
+            plan = _plan(seeds, views, config.train, log, hooks.loss)
             log.results["training"] = to_json(Training(plan=plan))
             log.save(folder / RUN_RECORD)
         if plan is not None:
@@ -99,7 +100,7 @@ def optimize(
         train = config.train
         if views.color is not None:
             train = replace(train, sh_degree=views.color.degree)
-        trained = _train(seeds, views, poses.refinement, train, folder, log, watch, plan)
+        trained = _train(seeds, views, poses.refinement, train, folder, log, hooks, plan)
     record = replace(
         trained.record,
         rolling_shutter=shutter,
@@ -190,11 +191,17 @@ def _load_views(
         return _LoadedViews(data, held_out, judging.result() if judging else None, points)
 
 
-def _plan(seeds: Gaussians, views: _LoadedViews, config: TrainConfig, log: RunLog) -> TimePlan:
+def _plan(
+    seeds: Gaussians,
+    views: _LoadedViews,
+    config: TrainConfig,
+    log: RunLog,
+    loss: OwnLoss | None,
+) -> TimePlan:
     assert views.data is not None
     with log.stage("plan"):
         colored = with_colors(seeds, views.points.colors, config.usual_sh_degree)
-        return plan_training(colored, views.data, config, views.points.hidden)
+        return plan_training(colored, views.data, config, views.points.hidden, loss)
 
 
 def _train(
@@ -204,13 +211,13 @@ def _train(
     config: TrainConfig,
     folder: Path,
     log: RunLog,
-    watch: Watch | None,
+    hooks: Hooks,
     plan: TimePlan | None,
 ) -> Trained:
     seeds = with_colors(seeds, views.points.colors, config.usual_sh_degree)
     assert views.data is not None
     return train_gaussians(
-        *(seeds, views.data, views.held_out, config, folder, log, watch),
+        *(seeds, views.data, views.held_out, config, folder, log, hooks),
         held=views.points.hidden,
         train_poses=pose_training(refinement, config),
         plan=plan,

@@ -43,9 +43,7 @@ from digs_warp.surface.rendered import surface_error
 from digs_warp.surface.true_surface import read_true_surface
 from digs_warp.train.evaluate import measure_views
 from digs_warp.train.other_sizes import measure_other_sizes
-from digs_warp.train.session import (
-    Watch,
-)
+from digs_warp.train.session import NO_HOOKS, Hooks
 
 logger = logging.getLogger(__name__)
 
@@ -55,7 +53,7 @@ def reconstruct(
     config: ReconstructConfig,
     folder: Path,
     resume: bool = False,
-    watch: Watch | None = None,
+    hooks: Hooks = NO_HOOKS,
 ) -> Reconstruction:
     """Reconstruct a capture and save each part of the result to ``folder`` as soon as it is finished.
 
@@ -64,7 +62,7 @@ def reconstruct(
         config: settings; with ``resume`` they must be those of the interrupted run.
         folder: where results go; created when missing.
         resume: keep finished stages, and continue from the last checkpoint, bit for bit.
-        watch: looks on while the Gaussians are trained; None: nobody does.
+        hooks: what the caller adds to the training.
 
     Raises:
         DigsError: no such device or library, too few frames, nothing to initialize from, settings that
@@ -79,7 +77,7 @@ def reconstruct(
         before = log.continue_from(folder / RUN_RECORD) if resume else None
         with recorded_files(folder, resume) as manifest:
             _drop_what_follows(manifest.drop_damaged(), folder)
-            return _reconstruct(capture, config, folder, log, before, watch)
+            return _reconstruct(capture, config, folder, log, before, hooks)
 
 
 def check_machine(config: ReconstructConfig) -> None:
@@ -112,14 +110,14 @@ def _reconstruct(
     folder: Path,
     log: RunLog,
     before: RunRecord | None,
-    watch: Watch | None,
+    hooks: Hooks,
 ) -> Reconstruction:
     path = folder / RUN_RECORD
     log.results = before.results if before else {}
     log.save(path)
     with decoded_once(), log.saved(path):
         poses, start = front_end(capture, config, folder, log, resume=before is not None)
-        found = optimize(capture, poses, start, config, folder, log, before, watch)
+        found = optimize(capture, poses, start, config, folder, log, before, hooks)
         result = Reconstruction(
             gaussians=found.trained.gaussians,
             poses=found.poses,

@@ -4,6 +4,7 @@ No other code reads or names the files of that folder that describe a result, bu
 """
 
 from dataclasses import dataclass, field, replace
+from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -11,7 +12,7 @@ import numpy as np
 
 from digs_warp.checks import DigsError
 from digs_warp.data.capture import Capture, read_capture
-from digs_warp.data.gaussians import Gaussians
+from digs_warp.data.gaussians import CARDS, OTHER_FORMATS, Gaussians
 from digs_warp.data.point_cloud import PointCloud
 from digs_warp.data.posed_frames import PosedFrames
 from digs_warp.geometry.camera import Camera
@@ -44,13 +45,14 @@ from digs_warp.record.layout import (
 from digs_warp.record.results import figures
 from digs_warp.record.run_log import RunRecord
 from digs_warp.train.training import CourseRow, Training, load_snapshots, read_course, write_course
+from digs_warp.words import counted
 
 if TYPE_CHECKING:
     from digs_warp.pipeline.usd_scene import SceneResult
     from digs_warp.splat.render import RenderOutput
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
+@dataclass(frozen=True, eq=False, kw_only=True, repr=False)
 class Reconstruction:
     """Gaussians, and what is known of how they were made.
 
@@ -78,6 +80,14 @@ class Reconstruction:
     run: RunRecord = field(default_factory=lambda: RunRecord("", {}, {}))
     folder: Path | None = None
     capture: Path | None = None
+
+    def __repr__(self) -> str:
+        where = "in memory" if self.folder is None else f"'{self.folder}'"
+        known = f", {self.quality}" if self.scores.views else ""
+        return f"<reconstruction {where}: {counted(len(self.gaussians), 'Gaussian')}{known}>"
+
+    def _repr_html_(self) -> str:
+        return import_module(CARDS).reconstruction_card(self)
 
     @property
     def frames(self) -> PosedFrames | None:
@@ -213,12 +223,23 @@ class Reconstruction:
         """
         return load_snapshots(self.folder) if self.folder else ()
 
-    def save(self, folder: Path) -> "Reconstruction":
-        """Write a folder that `load` reads; return the reconstruction with it as its folder.
+    def save(self, path: Path | str) -> "Reconstruction":
+        """Write the splats into a file, by its suffix, or all into a folder that `load` reads.
+
+            result.save("scene.usdz"); result.save("scene.ply"); result.save("out/result")
 
         Renders, snapshots and masks of the folder that it was loaded from are copied.
+
+        Returns:
+            The reconstruction, with a folder that was written as its folder.
+
+        Raises:
+            DigsError: another suffix, or the file or folder cannot be written.
         """
-        folder = Path(folder)
+        folder = Path(path)
+        if folder.suffix and not folder.is_dir():
+            import_module(OTHER_FORMATS).save_file(folder, self)
+            return self
         frames = self.frames
         if self.folder is not None and self.folder.resolve() != folder.resolve():
             for name in (RENDERS, COURSE, MASKS):

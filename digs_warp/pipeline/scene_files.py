@@ -94,10 +94,12 @@ def check_target(target: Path) -> None:
         )
 
 
-def save_gaussians(path: Path, gaussians: Gaussians) -> None:
-    """Write Gaussians of no known origin; see `digs_warp.data.gaussians.Gaussians.save`."""
+def save_file(path: Path, result: Reconstruction | Gaussians) -> None:
+    """Write a reconstruction, or Gaussians of no known origin, into a file of any format."""
     check_target(path)
-    write_scene_file(path, Reconstruction(gaussians=gaussians), Path("memory"))
+    if isinstance(result, Gaussians):
+        result = Reconstruction(gaussians=result)
+    write_scene_file(path, result, result.folder or Path("memory"))
 
 
 def write_scene_file(

@@ -1,16 +1,19 @@
 # torch is an extra that type checking need not have:
 # pyright: reportMissingImports=false, reportAttributeAccessIssue=false
-"""`digs_warp.render` for PyTorch: tensors in, tensors out, differentiated by `torch.autograd`.
+"""PyTorch: `digs_warp.render` under `torch.autograd`, and recordings as data sets.
 
     import digs_warp.torch
 
     view = digs_warp.torch.render(means, log_scales, quats, opacity_logits, sh, camera)
     ((view.image - target) ** 2).mean().backward()
 
+    loader = torch.utils.data.DataLoader(digs_warp.torch.CaptureDataset(capture), num_workers=2)
+
 The kernels compute in float32 on the CPU; tensors of other types and devices are converted, and so are
 their gradients. Gradients of gradients are not available.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -21,18 +24,21 @@ try:
 except ModuleNotFoundError as error:
     raise ModuleNotFoundError("digs_warp.torch needs PyTorch: pip install torch") from error
 
+from digs_warp.data.capture import Capture
+from digs_warp.data.frame import Frame
 from digs_warp.data.gaussians import FIELDS, Gaussians
+from digs_warp.data.layers import Layer
 from digs_warp.geometry.camera import Camera
 from digs_warp.splat.camera_gradient import moved_camera, pose_gradient
 from digs_warp.splat.config import DEFAULT_OPTIONS, RasterOptions
 from digs_warp.splat.render import render as render_numpy
 from digs_warp.splat.renderer import WHITE
 
-__all__ = ["TorchView", "render"]
+__all__ = ["CaptureDataset", "TorchView", "render"]
 
 
 class TorchView(NamedTuple):
-    """A rendered view; see `digs_warp.splat.render.RenderOutput`.
+    """A rendered view; see `digs_warp.splat.render.RenderOutput`. Of several cameras, (cameras, height, ...).
 
     Attributes:
         image: sRGB, shape (height, width, 3).
@@ -61,14 +67,14 @@ def render(
     quats: torch.Tensor,
     opacity_logits: torch.Tensor,
     sh: torch.Tensor,
-    camera: Camera,
+    camera: Camera | Sequence[Camera],
     *,
     pose: torch.Tensor | None = None,
     near: float | None = None,
     background: tuple[float, float, float] | np.ndarray = WHITE,
     options: RasterOptions = DEFAULT_OPTIONS,
 ) -> TorchView:
-    """Render one view of Gaussians.
+    """Render one view of Gaussians, or one for each of several cameras.
 
     Args:
         means: centers [m], shape (n, 3); this and the next four as in `digs_warp.data.gaussians.Gaussians`.
@@ -76,8 +82,8 @@ def render(
         quats: xyzw, shape (n, 4).
         opacity_logits: shape (n,).
         sh: shape (n, K, 3).
-        camera: from where.
-        pose: a motion of the camera to optimize, shape (6,), see `moved_camera`.
+        camera: from where; several need images of one size.
+        pose: a motion of the camera to optimize, shape (6,), see `moved_camera`; of several, (cameras, 6).
         near: near plane [m]; default: a share of the distance to the middle of the Gaussians.
         background: sRGB color, or image of shape (height, width, 3), behind the Gaussians; a constant.
         options: how splats are drawn, and whether depth and normals are wanted. Tensors do not say what they
@@ -86,9 +92,64 @@ def render(
     Raises:
         DigsError: tensors of other shapes, or values that are not finite.
     """
-    settings = _Settings(camera, near, background, options)
     parameters = means, log_scales, quats, opacity_logits, sh
-    return TorchView(*_Render.apply(settings, pose, *parameters))
+    if isinstance(camera, Camera):
+        settings = _Settings(camera, near, background, options)
+        return TorchView(*_Render.apply(settings, pose, *parameters))
+    poses = [None] * len(camera) if pose is None else pose
+    views = [
+        _Render.apply(_Settings(each, near, background, options), motion, *parameters)
+        for each, motion in zip(camera, poses, strict=True)
+    ]
+    layers = zip(*views, strict=True)
+    return TorchView(*(None if each[0] is None else torch.stack(each) for each in layers))
+
+
+class CaptureDataset(torch.utils.data.Dataset):
+    """The frames of a recording as tensors, for a `DataLoader` with any number of workers.
+
+    An item is a dictionary of what all frames have: ``image`` (height, width, 3) in 0..1, ``depth`` [m] with
+    NaN where unknown, ``mask`` and ``confidence`` in 0..1, (height, width), ``K`` (3, 3) with the first pixel
+    center at (0.5, 0.5), ``world_from_cam`` (4, 4), OpenCV axes; all float32; ``name`` is text. Frames of one
+    size can be stacked to batches.
+
+    Args:
+        capture: a recording.
+        frames: of it, such as the first of `Capture.split`; None: all.
+    """
+
+    def __init__(self, capture: Capture, frames: Sequence[Frame] | None = None) -> None:
+        self.frames = tuple(capture.frames if frames is None else frames)
+        load = {
+            Layer.DEPTH: Frame.load_depth,
+            Layer.MASK: Frame.load_mask,
+            Layer.CONFIDENCE: Frame.load_confidence,
+        }
+        self._load = {
+            layer: loader
+            for layer, loader in load.items()
+            if all(frame.has(layer) for frame in self.frames)
+        }
+
+    def __len__(self) -> int:
+        return len(self.frames)
+
+    def __getitem__(self, index: int) -> dict[str, Any]:
+        frame = self.frames[index]
+        layers = {"image": frame.load_image()}
+        layers |= {layer.name.lower(): load(frame) for layer, load in self._load.items()}
+        scaled = {
+            name: pixels / np.float32(255) if pixels.dtype == np.uint8 else pixels
+            for name, pixels in layers.items()
+        }
+        camera = {
+            "K": frame.camera.intrinsics.matrix,
+            "world_from_cam": frame.camera.world_from_cam,
+        }
+        tensors = {
+            name: torch.from_numpy(np.float32(each)) for name, each in (scaled | camera).items()
+        }
+        return {"name": frame.name, **tensors}
 
 
 class _Render(torch.autograd.Function):

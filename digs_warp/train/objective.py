@@ -4,12 +4,17 @@ To add a term: write it in `digs_warp.losses`, give it a weight in `digs_warp.tr
 and sum it here. The logged loss is the sum of these terms, and Adam sees their gradients only.
 """
 
+from collections.abc import Callable
+from typing import TypeAlias
+
 import numpy as np
 
+from digs_warp.checks import check_shape
+from digs_warp.data.frame import Frame
 from digs_warp.geometry.rigid import PixelBox
 from digs_warp.losses.depth import DepthLoss
 from digs_warp.losses.photometric import PhotometricLoss
-from digs_warp.losses.regions import loss_blocks, read_region
+from digs_warp.losses.regions import loss_blocks, read_region, union
 from digs_warp.losses.target import Target
 from digs_warp.losses.unknown import LeftOut
 from digs_warp.measure.color_gain import ColorGain
@@ -19,6 +24,10 @@ from digs_warp.splat.surface_depth import covered_depth
 from digs_warp.train.config import TrainConfig
 from digs_warp.train.depth_errors import NO_ERRORS, DepthErrors
 from digs_warp.train.views import View
+
+# A term of the user's: of a training frame and its rendered image, sRGB, (height, width, 3), float32, the
+# value, and its derivative by the image, of the image's shape.
+OwnLoss: TypeAlias = Callable[[Frame, np.ndarray], tuple[float, np.ndarray]]
 
 
 class Objective:
@@ -47,6 +56,7 @@ class Objective:
             self._left_out = LeftOut(
                 r.image, r.transmittance, self._target.image, self._target.mask, r.adj_image
             )
+        self._own_value = 0.0
         self._depth = None
         if r.middle.options.has_depth:  # depth is measured in the middle of the exposure
             m = r.middle
@@ -92,6 +102,30 @@ class Objective:
         if left_out and view.unknown:
             left_out.erase(view.unknown)
 
+    def add(self, loss: OwnLoss, frame: Frame, view: View, background: np.ndarray) -> None:
+        """Add a term of the user's for the last rendered image; call it after `compare`.
+
+        Args:
+            loss: the term.
+            frame: of ``view``.
+            view: what the image shows.
+            background: that it was rendered over.
+
+        Raises:
+            DigsError: a derivative of another shape.
+        """
+        renderer = self._renderer
+        width, height = view.size
+        image = np.empty((height, width, 3), np.float32)
+        image[:] = background  # which is all that there is elsewhere
+        drawn = renderer.drawn_box()
+        x0, y0, x1, y1 = union(drawn, view.box)
+        image[y0:y1, x0:x1] = renderer.image.part((x0, y0, x1, y1))
+        self._own_value, derivative = loss(frame, image)
+        gradient = check_shape("loss: the derivative", np.asarray(derivative), image.shape)
+        x0, y0, x1, y1 = drawn
+        renderer.adj_image.add(drawn, gradient[y0:y1, x0:x1])
+
     def images(self, box: PixelBox) -> tuple[np.ndarray, np.ndarray]:
         """Return a part of the last image, and of what it was compared with, (height, width, 3) each."""
         return self._renderer.image.part(box), self._target.image.part(box)
@@ -103,11 +137,12 @@ class Objective:
 
     @property
     def is_finite(self) -> bool:
-        """Whether the loss of the last `compare` is finite; waits for the device."""
+        """Whether the loss of the last image is finite; waits for the device."""
         sums = [self._photometric.sums, *([self._depth.sums] if self._depth else [])]
-        return all(np.isfinite(array.numpy()).all() for array in sums)
+        own = bool(np.isfinite(self._own_value))
+        return own and all(np.isfinite(array.numpy()).all() for array in sums)
 
     def value(self) -> float:
-        """Return the loss of the last `compare`; waits for the device."""
+        """Return the loss of the last image; waits for the device."""
         depth = self._depth.value() if self._depth else 0.0
-        return self._photometric.value()[0] + depth
+        return self._photometric.value()[0] + depth + float(self._own_value)

@@ -24,6 +24,7 @@ from digs_warp.train.adherence import MeasuredView, load_measured_views
 from digs_warp.train.checkpoint import checkpoint_step, load_checkpoint, save_checkpoint
 from digs_warp.train.config import TrainConfig
 from digs_warp.train.evaluate import MeasuredViews, TestViews, moved_views
+from digs_warp.train.objective import OwnLoss
 from digs_warp.train.recorder import LOG_EVERY, CourseRecorder
 from digs_warp.train.shutter import NO_SHUTTER, ShutterPlan
 from digs_warp.train.time_plan import MOST_DENSE_STEPS, Clock, TimePlan, plan_time
@@ -48,6 +49,23 @@ TARGET_EVERY = 100
 
 # Called every few iterations with their number and the Gaussians, which it must not change or keep.
 Watch: TypeAlias = Callable[[int, DeviceGaussians], None]
+
+
+@dataclass(frozen=True)
+class Hooks:
+    """What a caller adds to a training.
+
+    Attributes:
+        watch: looks on.
+        loss: a further term, see `digs_warp.train.objective.OwnLoss`; a training that is resumed needs the
+            same.
+    """
+
+    watch: Watch | None = None
+    loss: OwnLoss | None = None
+
+
+NO_HOOKS = Hooks()
 
 
 @dataclass(frozen=True, eq=False)
@@ -115,7 +133,7 @@ def train_gaussians(
     config: TrainConfig,
     folder: Path,
     log: RunLog,
-    watch: Watch | None = None,
+    hooks: Hooks = NO_HOOKS,
     held: np.ndarray | None = None,
     train_poses: PoseTraining = "held",
     plan: TimePlan | None = None,
@@ -131,7 +149,7 @@ def train_gaussians(
         config: settings.
         folder: where gaussians.npz, training.jsonl and checkpoint.npz go; must exist.
         log: receives the times of the stages.
-        watch: looks on; None: nobody does.
+        hooks: what the caller adds.
         held: which seeds stay as they are, shape (n,), bool; None: none.
         train_poses: what the cameras do until their photographs fit, held-out ones at the end.
         plan: for the time budget; ``config`` has its iterations.
@@ -147,6 +165,7 @@ def train_gaussians(
             trainer = Trainer(
                 *(seeds, data.views, config, held, train_poses),
                 constant_exposure=data.constant_exposure,
+                loss=hooks.loss,
             )
         if plan is not None:
             trainer.progress.most = plan.most
@@ -155,7 +174,7 @@ def train_gaussians(
         course = CourseRecorder(folder / TRAINING, trainer, test_views, data.measured)
         try:
             with log.stage("train"):
-                stopped = _run_steps(trainer, course, checkpoint, watch)
+                stopped = _run_steps(trainer, course, checkpoint, hooks)
         finally:
             log.seconds["train"] -= course.seconds
             log.seconds["measure course"] = log.seconds.get("measure course", 0.0) + course.seconds
@@ -220,7 +239,7 @@ def _run_steps(
     trainer: Trainer,
     course: CourseRecorder,
     checkpoint: Path,
-    watch: Watch | None,
+    hooks: Hooks,
 ) -> str:
     """Take the remaining steps; return what ended the run."""
     budget = trainer.config.stop.time_budget
@@ -243,8 +262,8 @@ def _run_steps(
             measure = _measures(trainer, clock)
             if measure or step % LOG_EVERY == 0:
                 bar.set_postfix_str(course.record(measure), refresh=False)
-                if watch is not None:
-                    watch(step, trainer.gaussians)
+                if hooks.watch is not None:
+                    hooks.watch(step, trainer.gaussians)
             if interruption.asked is not None:
                 save_checkpoint(checkpoint, trainer)
                 interruption.end()
@@ -276,7 +295,11 @@ def _reason_to_stop(trainer: Trainer, course: CourseRecorder, clock: Clock | Non
 
 
 def plan_training(
-    seeds: Gaussians, data: TrainingData, config: TrainConfig, held: np.ndarray | None = None
+    seeds: Gaussians,
+    data: TrainingData,
+    config: TrainConfig,
+    held: np.ndarray | None = None,
+    loss: OwnLoss | None = None,
 ) -> TimePlan:
     """Choose the steps that fit into the time budget by how long a few steps of a copy take.
 
@@ -285,10 +308,12 @@ def plan_training(
         data: of the frames to train on.
         config: settings with a time budget; not more than its iterations are planned.
         held: as of `train_gaussians`.
+        loss: as of `Hooks`.
     """
     budget = config.stop.time_budget
     assert budget is not None
-    copy = Trainer(seeds, data.views, config, held, constant_exposure=data.constant_exposure)
+    constant = data.constant_exposure
+    copy = Trainer(seeds, data.views, config, held, constant_exposure=constant, loss=loss)
     copy.step()  # may compile kernels: not timed
     copy.seconds, steps = 0.0, 0
     while steps < PLANNING_STEPS or copy.seconds < PLANNING_SHARE * budget:

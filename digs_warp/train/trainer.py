@@ -26,7 +26,7 @@ from digs_warp.train.depth_errors import (
     rendered_depths,
 )
 from digs_warp.train.exposure import Exposures, rendered_samples
-from digs_warp.train.objective import Objective
+from digs_warp.train.objective import Objective, OwnLoss
 from digs_warp.train.optimizer import Adam, non_finite_rows
 from digs_warp.train.smoothing import SmoothingFilter
 from digs_warp.train.time_plan import Progress
@@ -49,6 +49,7 @@ class Trainer:
         held: which of them stay as they are, shape (n,), bool; None: none.
         train_poses: what the cameras do until their photographs fit.
         constant_exposure: whether the exposure of the views is known to be constant.
+        loss: a further term of the loss; None: there is none.
 
     Attributes:
         gaussians: the parameters on the device, with effective scales; `DeviceGaussians.to_numpy` gives a
@@ -72,6 +73,7 @@ class Trainer:
         train_poses: PoseTraining = "held",
         *,
         constant_exposure: bool = False,
+        loss: OwnLoss | None = None,
     ) -> None:
         if len(gaussians) == 0:
             raise DigsError("no Gaussians to train; the initialization found no points")
@@ -95,6 +97,7 @@ class Trainer:
         self.progress = Progress(config.stop.iterations)
         self._extent = scene_extent(views.cameras)
         self.objective = Objective(self.renderer, config, depth_weight)
+        self._loss = loss
         self._center = gaussians.means.mean(axis=0)
         self.control = density_control(len(gaussians), config, self._extent)
         self.exposures: Exposures | None = None
@@ -129,6 +132,9 @@ class Trainer:
             blur=view.blur,
         )
         self.objective.compare(view, background, self._gain(view), self._depth_errors(view))
+        if self._loss is not None:
+            frame = self.views.frame(self.optimizer.step)
+            self.objective.add(self._loss, frame, view, background)
         self.renderer.backward()
         if self.poses is not None:
             self._move_camera(self.poses, view)

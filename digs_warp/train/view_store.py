@@ -107,6 +107,10 @@ class ViewStore:
     def __len__(self) -> int:
         return len(self._frames)
 
+    def frame(self, step: int) -> Frame:
+        """Return the frame that a step uses."""
+        return self._frames[self._index_of(step)]
+
     @property
     def cameras(self) -> list[Camera]:
         """The cameras of all views."""

@@ -176,7 +176,7 @@ def write_noisy(recording: OwnRecording, strength: float, folder: Path) -> Captu
 def content_of(capture: Capture) -> str:
     """Return a hash of all that `write_noisy` reads of a capture."""
     files = [frame.path(each) for frame in capture.frames for each in CARRIED if frame.has(each)]
-    if capture.points is not None:
+    if isinstance(capture.points, Path):
         files.append(capture.points)
     digest = hashlib.sha256()
     for path in (capture.folder / INDEX_NAME, *files):

@@ -4,16 +4,23 @@ import os
 import shlex
 import subprocess
 import sys
+from collections.abc import Iterator
+from dataclasses import is_dataclass
 from pathlib import Path
+from typing import Any, get_type_hints
 
 import pytest
 import warp as wp
 
+from digs_warp.api.keywords import ReconstructSettings, SimulateSettings
 from digs_warp.cli import EXIT_BAD_INPUT, EXIT_INTERRUPTED, EXIT_OK, EXIT_WRONG_USAGE, main
 from digs_warp.commands.command import COMMANDS, Places
 from digs_warp.commands.parse import about
+from digs_warp.commands.reconstruction_options import ReconstructionOptions
+from digs_warp.commands.settings_file import alternatives, settings_of
 from digs_warp.commands.simulate import Simulate
 from digs_warp.record.run_log import RunLog
+from digs_warp.sim.config import SimulateConfig
 from reference.splat_scenes import random_gaussians
 
 
@@ -25,6 +32,34 @@ def our_folder(path: Path) -> Path:
 
 
 # Usage
+
+
+@pytest.mark.parametrize(
+    ("typed", "options", "arguments"),
+    [
+        (ReconstructSettings, ReconstructionOptions, {"strategy", "iterations"}),
+        (SimulateSettings, SimulateConfig, {"mesh", "frames"}),
+    ],
+)
+def test_editors_know_the_keywords_and_their_types(
+    typed: type, options: type, arguments: set[str]
+) -> None:
+    """Of the settings, but those that the functions of digs_warp/api/keywords.py name themselves."""
+    wanted = {name: set(map(str, alternatives(hint))) for name, hint in flat_settings(options)}
+    for name in arguments:
+        del wanted[name]
+    found = {
+        name: set(map(str, alternatives(hint))) - {"<class 'str'>"}
+        | wanted[name] & {"<class 'str'>"}
+        for name, hint in get_type_hints(typed).items()
+    }
+    assert found == wanted
+
+
+def flat_settings(kind: type) -> Iterator[tuple[str, Any]]:
+    for name, _, hint in settings_of(kind):
+        inner = next((each for each in alternatives(hint) if is_dataclass(each)), None)
+        yield from flat_settings(inner) if isinstance(inner, type) else [(name, hint)]
 
 
 @pytest.mark.parametrize(

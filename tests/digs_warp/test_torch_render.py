@@ -2,12 +2,14 @@
 # pyright: reportMissingImports=false, reportOptionalMemberAccess=false
 """Rendering under autograd, where PyTorch is installed: the twin's gradients, and `gradcheck`."""
 
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
 from digs_warp.checks import DigsError
+from digs_warp.data.capture import read_capture
 from digs_warp.data.gaussians import FIELDS
 from digs_warp.splat.camera_gradient import moved_camera
 from digs_warp.splat.config import RasterOptions
@@ -16,7 +18,7 @@ from reference.splat_scenes import BACKGROUND, NEAR, camera, random_gaussians
 from reference.splat_twin import Adjoints, Parameters, render_twin, twin_gradients
 
 torch = pytest.importorskip("torch", reason="torch is not installed")
-from digs_warp.torch import TorchView, render  # noqa: E402 (after the check for torch)
+from digs_warp.torch import CaptureDataset, TorchView, render  # noqa: E402 (after the check for torch)
 
 ALL = RasterOptions(outputs="normals")
 SCENE = random_gaussians(12, seed=4)
@@ -34,6 +36,36 @@ def test_the_view_is_that_of_render() -> None:
         np.testing.assert_array_equal(getattr(view, name).detach(), getattr(wanted, name))
     plain = render(*tensors(), camera=VIEW)
     assert plain.depth is None and plain.normals is None
+
+
+def test_several_cameras_are_a_batch() -> None:
+    cameras = [VIEW, VIEW.shifted_right(0.1), VIEW.shifted_right(-0.1)]
+    poses = torch.zeros(3, 6, requires_grad=True)
+    inputs = tensors()
+    views = render(*inputs, camera=cameras, pose=poses, near=NEAR, options=ALL)
+    assert views.depth.shape == (3, 27, 33) and views.normals.shape == (3, 27, 33, 3)
+    for number, each in enumerate(cameras):
+        alone = render(*tensors(), camera=each, near=NEAR).image
+        np.testing.assert_array_equal(views.image[number].detach(), alone.detach())
+    views.image[1].sum().backward()
+    assert poses.grad[1].abs().min() > 0 and not poses.grad[[0, 2]].any()
+    assert all(tensor.grad is not None for tensor in inputs)
+    assert render(*inputs, camera=cameras).depth is None
+
+
+@pytest.mark.parametrize("workers", [0, 2])
+def test_a_recording_is_a_data_set(capture_folder: Path, workers: int) -> None:
+    capture = read_capture(capture_folder)
+    loader = torch.utils.data.DataLoader(CaptureDataset(capture), 2, num_workers=workers)
+    names = ("name", "image", "depth")
+    items = [item for batch in loader for item in zip(*map(batch.get, names), strict=True)]
+    for frame, (name, image, depth) in zip(capture.frames, items, strict=True):
+        assert name == frame.name
+        np.testing.assert_array_equal(image, frame.load_image() / np.float32(255))
+        np.testing.assert_array_equal(depth, frame.load_depth())
+    first = CaptureDataset(capture, capture.split()[1])[0]
+    np.testing.assert_allclose(first["K"], capture.frames[0].camera.intrinsics.matrix, rtol=1e-6)
+    assert set(first) >= {"mask", "world_from_cam"} and first["mask"].max() == 1
 
 
 @pytest.mark.parametrize("dtype", [torch.float32, torch.float64])

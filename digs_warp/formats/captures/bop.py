@@ -38,7 +38,8 @@ from digs_warp.formats.captures.frames import (
     object_mask,
     warn_of_lost_depth,
 )
-from digs_warp.formats.captures.recording import NumberedFiles, Recording, integer_centered_camera
+from digs_warp.formats.captures.recording import NumberedFiles, Recording
+from digs_warp.geometry.camera import Intrinsics
 from digs_warp.geometry.rigid import invert_rigid, rigid
 from digs_warp.record.fields import ABOVE_ZERO, Fields
 from digs_warp.record.files import read_json, to_json, write_atomically
@@ -74,7 +75,7 @@ def read_bop(folder: Path) -> Recording:
         seen = objects.sections(str(number), []) if objects else []
         poses[number] = _world_from_cam(camera, seen)
         units[number] = MM_PER_METRE / camera.number("depth_scale", ABOVE_ZERO, default=1.0)
-        cameras[number] = integer_centered_camera(matrix, files.image_size)
+        cameras[number] = Intrinsics.from_matrix(matrix, *files.image_size, first_center=0)
         for kind in ("mask", "mask_visib"):  # the second is preferred
             if (mask := scene / kind / f"{number:06d}_000000.png").is_file():
                 masks[number] = mask

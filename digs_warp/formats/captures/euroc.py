@@ -22,10 +22,10 @@ from digs_warp.formats.captures.recording import (
     RecordedFrame,
     Recording,
     expecting,
-    integer_centered_camera,
     numbered_files,
 )
 from digs_warp.formats.captures.to_capture import nearly_rigid
+from digs_warp.geometry.camera import Intrinsics
 from digs_warp.geometry.rigid import invert_rigid, matrix_from_quat_xyzw, rigid
 from digs_warp.record.fields import Fields
 from digs_warp.record.files import read_text, read_yaml
@@ -125,7 +125,7 @@ def _eye(base: Path, name: str, size: tuple[int, int]) -> Eye:
     if model != "pinhole":
         raise CaptureError(f"'{path}': camera_model is '{model}', expected 'pinhole'")
     fx, fy, cx, cy = sensor.array("intrinsics", (4,)).tolist()
-    k = integer_centered_camera(np.array([[fx, 0, cx], [0, fy, cy], [0, 0, 1]]), size)
+    k = Intrinsics(*size, fx, fy, cx + 0.5, cy + 0.5)
     resolution = sensor.array("resolution", (2,), default=np.array(size)).tolist()
     if tuple(resolution) != size:
         raise CaptureError(

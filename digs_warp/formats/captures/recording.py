@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from digs_warp.checks import CaptureError, DigsError
+from digs_warp.data.capture import FRAME_RATE
 from digs_warp.data.file_names import folder_named, masks_in
 from digs_warp.data.images import MM_PER_METRE, image_size
 from digs_warp.data.point_cloud import PointCloud
@@ -23,9 +24,6 @@ from digs_warp.record.files import read_text
 from digs_warp.words import counted, first_few
 
 logger = logging.getLogger(__name__)
-
-# For formats without times: the cameras that write such folders take 30 frames per second.
-FRAME_RATE = 30.0
 
 # Kinds of files that are not read and named at once.
 MOST_UNREAD = 8
@@ -365,16 +363,3 @@ def numbered_files(folder: Path, start: str, suffixes: Sequence[str]) -> dict[in
             if path.suffix.lower() == suffix and digits.isdecimal():
                 found[int(digits)] = path
     return dict(sorted(found.items()))
-
-
-def integer_centered_camera(matrix: np.ndarray, size: tuple[int, int]) -> Intrinsics:
-    """Return the camera of a matrix that counts the center of the first pixel as (0, 0).
-
-    Args:
-        matrix: K, [[fx, 0, cx], [0, fy, cy], ...], (3, 3) or larger.
-        size: (width, height).
-    """
-    k = Intrinsics(
-        *size, float(matrix[0, 0]), float(matrix[1, 1]), float(matrix[0, 2]), float(matrix[1, 2])
-    )
-    return replace(k, cx=k.cx + 0.5, cy=k.cy + 0.5)

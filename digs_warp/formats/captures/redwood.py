@@ -23,10 +23,10 @@ from digs_warp.formats.captures.frames import (
 from digs_warp.formats.captures.recording import (
     NumberedFiles,
     Recording,
-    integer_centered_camera,
     known_pose,
     read_numbers,
 )
+from digs_warp.geometry.camera import Intrinsics
 from digs_warp.record.fields import Fields
 from digs_warp.record.files import read_json, to_json, write_atomically
 
@@ -45,7 +45,7 @@ def read_redwood(folder: Path) -> Recording:
     matrix = camera.array("intrinsic_matrix", (3, 3)).T
     size = camera.whole("width", 1), camera.whole("height", 1)
     return files.recording(
-        integer_centered_camera(matrix, size),
+        Intrinsics.from_matrix(matrix, *size, first_center=0),
         # Entry i belongs to the i-th image; the numbers in its head differ from program to program.
         dict(zip(files.images, _read_log(folder / TRAJECTORY), strict=False)),
     )

@@ -25,14 +25,13 @@ from pathlib import Path
 import numpy as np
 
 from digs_warp.checks import CaptureError
+from digs_warp.data.capture import FRAME_RATE
 from digs_warp.data.images import MM_PER_METRE, image_size
 from digs_warp.formats.captures.recording import (
-    FRAME_RATE,
     IMAGE_SUFFIXES,
     DepthCamera,
     NumberedFiles,
     Recording,
-    integer_centered_camera,
     known_pose,
     numbered_files,
     placed,
@@ -103,10 +102,10 @@ def read_scannet(folder: Path) -> Recording:
     if files.depths:
         depth_k = read_numbers(folder / "intrinsic/intrinsic_depth.txt", (4, 4), "depth camera")
         size = image_size(next(iter(files.depths.values())))
-        depth_camera = DepthCamera(integer_centered_camera(depth_k, size))
+        depth_camera = DepthCamera(Intrinsics.from_matrix(depth_k, *size, first_center=0))
     poses = numbered_files(folder, "pose/", (".txt",))
     return files.recording(
-        integer_centered_camera(color_k, files.image_size),
+        Intrinsics.from_matrix(color_k, *files.image_size, first_center=0),
         {number: known_pose(read_numbers(path, (4, 4), "pose")) for number, path in poses.items()},
         depth_camera=depth_camera,
     )

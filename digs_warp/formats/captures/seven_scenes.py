@@ -25,7 +25,6 @@ from digs_warp.formats.captures.recording import (
     NumberedFiles,
     Recording,
     expecting,
-    integer_centered_camera,
     known_pose,
     read_numbers,
 )
@@ -108,7 +107,9 @@ def _rig(folder: Path, size: tuple[int, int], depth_size: tuple[int, int]) -> _R
     """Return the cameras that a file gives, or those of the Kinect of 7-Scenes."""
     for place in (folder, folder.parent):
         if (path := place / CALIBRATION).is_file():
-            color = integer_centered_camera(read_numbers(path, (3, 3), "calibration"), size)
+            color = Intrinsics.from_matrix(
+                read_numbers(path, (3, 3), "calibration"), *size, first_center=0
+            )
             return _Rig(color)
         for name in INFOS:
             if (path := place / name).is_file():
@@ -118,8 +119,10 @@ def _rig(folder: Path, size: tuple[int, int], depth_size: tuple[int, int]) -> _R
             f"recording '{folder}': images of {size[0]}x{size[1]} pixels and no {CALIBRATION}; write "
             "fx 0 cx, 0 fy cy, 0 0 1 into that file (first pixel center at 0, 0)"
         )
-    depth = DepthCamera(integer_centered_camera(DEPTH_MATRIX, size), COLOR_FROM_DEPTH)
-    return _Rig(integer_centered_camera(COLOR_MATRIX, size), depth)
+    depth = DepthCamera(
+        Intrinsics.from_matrix(DEPTH_MATRIX, *size, first_center=0), COLOR_FROM_DEPTH
+    )
+    return _Rig(Intrinsics.from_matrix(COLOR_MATRIX, *size, first_center=0), depth)
 
 
 def _rig_of_info(path: Path, size: tuple[int, int], depth_size: tuple[int, int]) -> _Rig:
@@ -136,8 +139,8 @@ def _rig_of_info(path: Path, size: tuple[int, int], depth_size: tuple[int, int])
         units = float(values.get("m_depthShift", [MM_PER_METRE])[0])
     if not units > 0:
         raise CaptureError(f"'{path}': m_depthShift is {units}, expected units per metre above 0")
-    camera = DepthCamera(integer_centered_camera(depth, depth_size))
-    return _Rig(integer_centered_camera(color, size), camera, units)
+    camera = DepthCamera(Intrinsics.from_matrix(depth, *depth_size, first_center=0))
+    return _Rig(Intrinsics.from_matrix(color, *size, first_center=0), camera, units)
 
 
 def _color_pose(path: Path, rig: _Rig) -> np.ndarray | None:

@@ -28,7 +28,6 @@ from digs_warp.formats.captures.recording import (
     Recording,
     expecting,
     in_seconds,
-    integer_centered_camera,
     placed,
     read_numbers,
 )
@@ -155,7 +154,7 @@ def _intrinsics(folder: Path, size: tuple[int, int]) -> Intrinsics:
         values = np.array(known[0])
     fx, fy, cx, cy = values
     matrix = np.array([[fx, 0, cx], [0, fy, cy], [0, 0, 1]])
-    return integer_centered_camera(matrix, size)
+    return Intrinsics.from_matrix(matrix, *size, first_center=0)
 
 
 def write_tum(capture: Capture, folder: Path) -> None:

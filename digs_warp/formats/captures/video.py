@@ -15,9 +15,10 @@ import numpy as np
 
 from digs_warp.bounds import IMAGE
 from digs_warp.checks import CaptureError, require_file
+from digs_warp.data.capture import FRAME_RATE
 from digs_warp.data.images import write_image
 from digs_warp.data.sharpness import REPEATED, Sharpness
-from digs_warp.formats.captures.recording import FRAME_RATE, RecordedFrame, Recording
+from digs_warp.formats.captures.recording import RecordedFrame, Recording
 from digs_warp.geometry.camera import Intrinsics
 from digs_warp.record.progress import progress
 from digs_warp.words import counted

@@ -115,4 +115,4 @@ def test_the_stream_is_the_recording(recording: dw.Capture) -> None:
 def test_wrong_settings_fail_at_once() -> None:
     for begin in (dw.simulate, dw.stream):
         with pytest.raises(dw.DigsError, match="tier: 'best', expected one of truth, law"):
-            begin(tier="best")
+            begin(tier="best")  # pyright: ignore[reportArgumentType]

@@ -160,3 +160,16 @@ def test_a_principal_point_outside_the_image_is_fine():
     px, depth = random_pixels(10)
     camera = random_camera(6, outside)
     assert_allclose(camera.project(camera.unproject(px, depth))[0], px, atol=1e-9)
+
+
+def test_a_matrix_says_where_its_first_pixel_center_is():
+    assert (
+        Intrinsics.from_matrix(INTRINSICS.matrix, INTRINSICS.width, INTRINSICS.height) == INTRINSICS
+    )
+    shifted = INTRINSICS.matrix - np.array([[0, 0, 0.5], [0, 0, 0.5], [0, 0, 0]])
+    size = INTRINSICS.width, INTRINSICS.height
+    assert Intrinsics.from_matrix(shifted, *size, first_center=0) == INTRINSICS
+    skewed = shifted + np.array([[0, 3.0, 0], [0, 0, 0], [0, 0, 0]])
+    for broken in (skewed, np.eye(2)):
+        with pytest.raises(DigsError, match=r"expected a matrix \[\[fx, 0, cx\]"):
+            Intrinsics.from_matrix(broken, *size)
