@@ -139,9 +139,7 @@ def test_the_readme_maps_every_room() -> None:
     assert len(mapped) == len(set(mapped))
 
 
-def test_the_examples_of_the_api_page_run(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_the_examples_of_the_api_page_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     page = REPOSITORY / "docs" / "api.md"
     names: dict[str, Any] = {}
