@@ -22,7 +22,7 @@ class ReconstructSettings(TypedDict, total=False):
     voxel_size: float | None
     target_points: int | None
     time_budget: float | None
-    density: Literal["auto", "fixed", "adaptive", "absgrad", "mcmc"]
+    density: Literal["auto", "fixed", "adaptive", "absgrad"]
     max_splats: int
     sh_degree: int | None
     background: Literal["random", "white", "black"]
