@@ -37,17 +37,17 @@ LINE_BUDGETS = {
     "api": 440,
     "check": 2_080,
     "commands": 3_290,
-    "data": 3_470,
+    "data": 3_490,
     "device": 920,
     "engines": 1_010,
     "files at the top": 800,
     "formats": 5_400,
     "geometry": 625,
-    "init": 4_900,
+    "init": 4_905,
     "losses": 860,
-    "masks": 1_300,
-    "measure": 1_610,
-    "pipeline": 2_525,
+    "masks": 1_380,
+    "measure": 1_635,
+    "pipeline": 2_530,
     "poses": 5_220,
     "record": 2_130,
     "show": 4_110,
@@ -62,10 +62,10 @@ LINE_BUDGETS = {
     "study": 2_360,
     "surface": 660,
     "torch": 200,
-    "train": 3_940,
+    "train": 4_000,
     "usd": 4_300,
 }
-MOST_LINES, MOST_FILES = 80_990, 523  # of the product; 65,000 in 500 files are the goal
+MOST_LINES, MOST_FILES = 81_230, 523  # of the product; 65,000 in 500 files are the goal
 # A shorter file with a single client in its folder belongs into that client.
 CRUMB = 60
 

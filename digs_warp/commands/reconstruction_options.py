@@ -97,7 +97,7 @@ class ReconstructionOptions(Settings):
     the recording has masks or --masks makes some, else the scene."""
 
     test_every: Annotated[int, TEST_EVERY] = 8
-    """Every n-th view, from the first on, is held out: it trains nothing and measures the result. 2 or more,
+    """The middle one of every n views is held out: it trains nothing and measures the result. 2 or more,
     so that some views train."""
 
     scale_from: str | None = None

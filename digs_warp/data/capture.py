@@ -223,17 +223,21 @@ class Capture:
         return self.about.readout_time or 0.0
 
     def split(self, test_every: int = 8) -> tuple[list[Frame], list[Frame]]:
-        """Return (training, test) frames: ``held_out``, or every ``test_every``-th from the first on, tests.
+        """Return (training, test) frames: ``held_out``, or the middle one of every ``test_every`` frames.
+
+        The middle lies between others that are trained on. What only the first or last frames of a walk see
+        is therefore seen in the training.
 
         Raises:
             DigsError: ``test_every`` is below 2, which would leave nothing to train on.
         """
         TEST_EVERY.check("--test-every", test_every)
-        groups: dict[bool, list[Frame]] = {False: [], True: []}
-        for i, frame in enumerate(self.frames):
-            tests = i % test_every == 0 if self.held_out is None else frame.name in self.held_out
-            groups[tests].append(frame)
-        return groups[False], groups[True]
+        count = -(-len(self) // test_every)
+        aside = {int((group + 0.5) * len(self) / count) for group in range(count)}
+        if self.held_out is not None:
+            aside = {i for i, frame in enumerate(self.frames) if frame.name in self.held_out}
+        training = [frame for i, frame in enumerate(self.frames) if i not in aside]
+        return training, [self.frames[i] for i in sorted(aside)]
 
 
 def _pixels(layer: Layer, values: np.ndarray, k: Intrinsics, where: str) -> np.ndarray:

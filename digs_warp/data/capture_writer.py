@@ -38,6 +38,7 @@ class FrameImages:
     image: np.ndarray
     depth: np.ndarray | None = None
     mask: np.ndarray | None = None
+    unknown: np.ndarray | None = None
     right: np.ndarray | None = None
     depth_true: np.ndarray | None = None
     cause: np.ndarray | None = None

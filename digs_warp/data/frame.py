@@ -71,7 +71,10 @@ class Frame:
 
     def load_depth(self) -> np.ndarray:
         """Return the sensed planar depth [m], shape (height, width), float32, NaN where unknown."""
-        return self._of_object(self._load_depth(Layer.DEPTH), np.nan)
+        depth = self._of_object(self._load_depth(Layer.DEPTH), np.nan)
+        if self.has(Layer.UNKNOWN):
+            depth[self._load_gray(Layer.UNKNOWN) > 0] = np.nan
+        return depth
 
     def load_depth_true(self) -> np.ndarray:
         """Return the true planar depth [m], shape (height, width), float32, NaN where unknown."""
@@ -102,14 +105,24 @@ class Frame:
         return self._load_gray(Layer.INSTANCES)
 
     def load_unknown(self) -> np.ndarray | None:
-        """Return where the mask tells nothing, because another object may hide this one.
+        """Return where image and mask tell nothing of what is reconstructed, (height, width), bool.
 
-        Shape (height, width), bool; None: the mask is right everywhere.
+        There is no scene, such as in the black border of an undistorted photograph, or another object may
+        hide the one that is wanted. None: they tell something everywhere.
         """
+        unknown = self._load_gray(Layer.UNKNOWN) > 0 if self.has(Layer.UNKNOWN) else None
         if self.instance is None:
-            return None
+            return unknown
         numbers = self.load_instances()
-        return (numbers != 0) & (numbers != self.instance)
+        hidden = (numbers != 0) & (numbers != self.instance)
+        return hidden if unknown is None else hidden | unknown
+
+    def load_shown(self) -> np.ndarray:
+        """Return the mask, 255 in a frame without one, and 0 where nothing is known."""
+        k, unknown = self.camera.intrinsics, self.load_unknown()
+        has_mask = self.has(Layer.MASK)
+        mask = self.load_mask() if has_mask else np.full((k.height, k.width), 255, np.uint8)
+        return mask if unknown is None else np.where(unknown, np.uint8(0), mask)
 
     def load_normals(self) -> np.ndarray:
         """Return true unit normals in the world, toward the viewer, (height, width, 3), float32."""

@@ -19,6 +19,7 @@ class Layer(Enum):
     DEPTH = "depth_file_path", "depth", "depth/{:04d}.exr"
     DEPTH_TRUE = "depth_true_file_path", "true depth", "depth_true/{:04d}.exr"
     MASK = "mask_path", "mask", "masks/{:04d}.png"
+    UNKNOWN = "unknown_path", "what is no scene", "unknown/{:04d}.png"
     CAUSE = "cause_file_path", "cause", "cause/{:04d}.png"
     CONFIDENCE = "confidence_file_path", "confidence", "confidence/{:04d}.png"
     INFRARED_LEFT = "infrared_left_file_path", "left infrared image", "infrared_left/{:04d}.png"

@@ -13,8 +13,8 @@ import numpy as np
 
 from digs_warp.checks import DigsError
 from digs_warp.data.capture import Capture
-from digs_warp.data.frame import Frame
-from digs_warp.data.images import write_image
+from digs_warp.data.frame import Frame, PixelSource
+from digs_warp.data.images import read_image, write_image
 from digs_warp.data.layers import Layer
 from digs_warp.data.sfm_model import SfmModel, scaled_pose
 from digs_warp.record.fields import ABOVE_ZERO, Fields
@@ -23,6 +23,8 @@ from digs_warp.words import counted
 
 CAMERAS = "cameras.json"
 MASKS = "masks"
+# Layers that we may have made: their keys in cameras.json, and their folders.
+_OURS = {Layer.MASK: ("mask", MASKS), Layer.UNKNOWN: ("no_scene", f"{MASKS}/no_scene")}
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,32 +86,27 @@ class PosedFrames:
 
     def moved(self, old: Path, new: Path) -> "PosedFrames":
         """Return the frames with masks in folder ``old`` taken from the same places in ``new``."""
-
-        def moved(frame: Frame, mask: Path) -> Frame:
-            return frame.with_layer(Layer.MASK, new / mask.relative_to(old))
-
-        return self._with_masks_of(old, moved)
+        return self._with_masks_of(old, lambda mask: new / mask.relative_to(old))
 
     def with_masks_loaded(self, folder: Path) -> "PosedFrames":
         """Return the frames with masks in ``folder`` held in memory."""
-        return self._with_masks_of(
-            folder, lambda frame, _: frame.with_layer(Layer.MASK, frame.load_mask())
-        )
+        return self._with_masks_of(folder, lambda mask: read_image(mask)[..., 0])
 
-    def _with_masks_of(self, folder: Path, change: Callable[[Frame, Path], Frame]) -> "PosedFrames":
-        """Return the frames, those with a mask in ``folder`` changed."""
+    def _with_masks_of(self, folder: Path, change: Callable[[Path], PixelSource]) -> "PosedFrames":
+        """Return the frames, masks and what is no scene changed where they are in ``folder``."""
 
         def changed(frame: Frame) -> Frame:
-            mask = frame.layers.get(Layer.MASK)
-            if isinstance(mask, Path) and mask.is_relative_to(folder):
-                return change(frame, mask)
+            for layer in _OURS:
+                mask = frame.layers.get(layer)
+                if isinstance(mask, Path) and mask.is_relative_to(folder):
+                    frame = frame.with_layer(layer, change(mask))
             return frame
 
         return self.changed(changed)
 
     @staticmethod
     def split(capture: Capture, test_every: int) -> "PosedFrames":
-        """Return the frames as recorded, every ``test_every``-th one held out.
+        """Return the frames as recorded, the middle one of every ``test_every`` held out.
 
         Raises:
             DigsError: none is left to train on.
@@ -166,14 +163,15 @@ def _entry(frame: Frame, folder: Path, held_out: bool) -> dict[str, Any]:
     if frame.instance is not None:
         entry["instance"] = frame.instance
     # The recording's masks stay where they are; only masks that we made are in the reconstruction's folder.
-    mask = frame.layers.get(Layer.MASK)
-    if isinstance(mask, np.ndarray):  # not stored anywhere else
-        mask = Path(folder) / MASKS / f"{frame.name}.png"
-        write_image(mask, frame.load_mask())
-    if mask is None:
-        entry["mask"] = None  # also where the recording has one
-    elif mask.resolve().is_relative_to(Path(folder).resolve()):
-        entry["mask"] = str(mask.resolve().relative_to(Path(folder).resolve()))
+    for layer, (key, place) in _OURS.items():
+        mask = frame.layers.get(layer)
+        if isinstance(mask, np.ndarray):  # not stored anywhere else
+            pixels, mask = mask, Path(folder) / place / f"{frame.name}.png"
+            write_image(mask, pixels)
+        if mask is None and layer is Layer.MASK:
+            entry[key] = None  # also where the recording has one
+        elif mask is not None and mask.resolve().is_relative_to(Path(folder).resolve()):
+            entry[key] = str(mask.resolve().relative_to(Path(folder).resolve()))
     return entry
 
 
@@ -187,9 +185,9 @@ def _posed(frame: Frame, entry: Fields, folder: Path) -> Frame:
         )
     except DigsError as error:
         raise DigsError(f"{entry.where}: {error}; reconstruct again") from error
-    if "mask" not in entry.values:
-        return posed
-    mask = entry.text("mask", None)
-    if mask is None:
-        return posed.without_layer(Layer.MASK)
-    return posed.with_layer(Layer.MASK, folder / mask)
+    for layer, (key, _) in _OURS.items():
+        if key in entry.values:
+            mask = entry.text(key, None)
+            posed = posed.without_layer(layer)
+            posed = posed if mask is None else posed.with_layer(layer, folder / mask)
+    return posed

@@ -30,6 +30,7 @@ from digs_warp.init.plane_sweep import (
     SweptView,
     sweep_kernel,
 )
+from digs_warp.init.scene_view import nearest_known
 from digs_warp.record.progress import progress
 
 wp.set_module_options({"enable_backward": False})
@@ -166,7 +167,10 @@ def _levels(frames: Sequence[Frame]) -> list[_Level]:
     import cv2
 
     def gray(frame: Frame) -> np.ndarray:
-        return cv2.cvtColor(frame.load_image(), cv2.COLOR_RGB2GRAY)
+        found, unknown = cv2.cvtColor(frame.load_image(), cv2.COLOR_RGB2GRAY), frame.load_unknown()
+        if unknown is None:  # else windows would match its rim
+            return found
+        return nearest_known(np.where(unknown, np.nan, found)).astype(np.uint8)
 
     finest = [_reduced(image, FINEST) for image in over_items(frames, gray)]
     longest = max(max(image.shape) for image in finest)

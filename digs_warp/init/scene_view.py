@@ -141,7 +141,9 @@ def scene_view(frame: Frame, config: InitConfig, levels: Levels) -> SceneView:
     measured = _on_levels(frame.camera, image, depth, keep, levels, 0, normals)
     blank = None if normals is None else np.zeros_like(normals)
     guess = nearest_known(depth)
-    guessed = _on_levels(frame.camera, image, guess, ~known, levels, GUESS_COARSER, blank)
+    unknown = frame.load_unknown()
+    unmeasured = ~known if unknown is None else ~(known | unknown)
+    guessed = _on_levels(frame.camera, image, guess, unmeasured, levels, GUESS_COARSER, blank)
     counts = (depth.size, int(np.count_nonzero(known)), int(np.count_nonzero(keep)))
     pixels: dict[str, int] = dict(zip(SCENE_FILTERS, counts, strict=True))
     seconds = {"views": time.thread_time() - start}

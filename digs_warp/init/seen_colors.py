@@ -118,7 +118,8 @@ def colors_in(points_world: np.ndarray, frame: Frame, threads: int = 0) -> np.nd
         threads: CPU threads; 0 means all cores.
     """
     image = frame.load_image()
-    mask = frame.load_mask() if frame.has(Layer.MASK) else np.zeros((0, 0), np.uint8)
+    has_mask = frame.has(Layer.MASK) or frame.has(Layer.UNKNOWN)
+    mask = frame.load_shown() if has_mask else np.zeros((0, 0), np.uint8)
     depth = frame.load_depth() if frame.has(Layer.DEPTH) else np.zeros((0, 0), np.float32)
     found = wp.full(len(points_world), wp.vec3d(*[np.nan] * 3), dtype=wp.vec3d, device="cpu")
     inputs = [

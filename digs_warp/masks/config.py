@@ -33,6 +33,11 @@ class SegmentConfig(Settings):
     mask_folder: Path | None = None
     """For folder: PNG files named like the frames (0000.png); 255 on the object, or cut-outs with alpha."""
 
+    ignore_mask: Path | None = None
+    """What is no scene in any image, such as a gripper that moves with the camera: an image of their size,
+    255 there. It is neither trained nor scored. Black borders of undistorted photographs are found by
+    themselves."""
+
     mask_model: Path | None = None
     """For isnet and isnet+depth: the network as an ONNX file. Default: isnet-general-use.onnx in ~/.u2net,
     where rembg keeps it."""

@@ -113,6 +113,27 @@ class OtherSizes:
 
 
 @dataclass(frozen=True)
+class UnseenPart:
+    """What held-out views of a scene show that no training view does: there is nothing to learn it from.
+
+    Attributes:
+        share: of their pixels, 0 to 1.
+        psnr_unseen: of these, the mean over the views that have some [dB].
+        psnr_seen: of the others, the same [dB]; NaN: there are none.
+    """
+
+    share: float
+    psnr_unseen: float
+    psnr_seen: float = math.nan
+
+    def __str__(self) -> str:
+        return (
+            f"{self.share:.1%} of their pixels, {self.psnr_unseen:.2f} dB; "
+            f"{self.psnr_seen:.2f} dB on the others"
+        )
+
+
+@dataclass(frozen=True)
 class Scores:
     """The record of the evaluation; empty if nothing was measured.
 
@@ -121,21 +142,24 @@ class Scores:
         mean: of each metric over the views where it is defined.
         surface: how far the surface is from the true one; None where that is not known.
         other_sizes: how some of the views look from other distances; None where that was not measured.
+        unseen: of a scene; None where training views see all that held-out ones show.
     """
 
     views: Annotated[tuple[ViewScore, ...], NOT_STORED] = ()
     mean: Score = Score()
     surface: Annotated[SurfaceError | None, Figure("surface")] = None
     other_sizes: Annotated[OtherSizes | None, Figure("PSNR from other distances")] = None
+    unseen: Annotated[UnseenPart | None, Figure("seen by no training view")] = None
 
     @staticmethod
     def of(
         views: Sequence[ViewScore],
         surface: SurfaceError | None = None,
         other_sizes: OtherSizes | None = None,
+        unseen: UnseenPart | None = None,
     ) -> "Scores":
         """Return the record of some views."""
-        return Scores(tuple(views), mean_score(views), surface, other_sizes)
+        return Scores(tuple(views), mean_score(views), surface, other_sizes, unseen)
 
     def __str__(self) -> str:
         """Return one phrase for summaries, of an object."""
@@ -150,7 +174,10 @@ class Scores:
         mean = self.mean
         if not has_object:
             figures = _figures(mean.psnr_frame, mean.ssim_frame, mean.psnr_frame_aligned)
-            return f"{figures} over the frame in {counted(len(self.views), 'held-out view')}"
+            views, seen = counted(len(self.views), "held-out view"), ""
+            if self.unseen and self.unseen.psnr_seen > mean.psnr_frame + OTHER_EXPOSURE:
+                seen = f" ({self.unseen.psnr_seen:.2f} dB where training views see)"
+            return f"{figures} over the frame in {views}{seen}"
         figures = _figures(mean.psnr_object, mean.ssim_object, mean.psnr_object_aligned)
         on_object = f"{figures} on the object"
         frame = "" if math.isnan(mean.psnr_frame) else f" ({mean.psnr_frame:.2f} dB over the frame)"

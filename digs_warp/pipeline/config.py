@@ -61,7 +61,7 @@ class FrontEndConfig:
     """What is reconstructed. object: what lies in the masks; scene: everything in view; auto: the object if
     the recording has masks or --masks makes some, else the scene."""
     test_every: int = 8
-    """Every n-th view, from the first on, is held out for the evaluation."""
+    """The middle one of every n views is held out for the evaluation."""
     scale_from: str | None = None
     """Without depth: two frames and the distance of their cameras, such as 0000,0031=0.30m."""
 

@@ -25,6 +25,7 @@ from digs_warp.init.start import Start, Subject
 from digs_warp.masks.agreed import agreed_masks
 from digs_warp.masks.config import SegmentConfig
 from digs_warp.masks.masks import masked
+from digs_warp.masks.no_scene import without_no_scene
 from digs_warp.pipeline.config import FrontEndConfig, say_subject, subject_of
 from digs_warp.pipeline.poses import (
     MetricModel,
@@ -89,6 +90,7 @@ def front_end(
         return load_front_end(capture, folder)
     stored_in = capture.stored_in
     config = replace(config, sfm=config.sfm.for_capture(capture))
+    capture = without_no_scene(capture, config.segment.ignore_mask, folder / MASKS)
     capture, config = _alone_if_still(capture, config, folder)
     capture, sfm_config, tracking = _with_poses(capture, config, folder, log)
     config = replace(config, sfm=sfm_config)

@@ -41,7 +41,7 @@ from digs_warp.record.run_log import RunLog, RunRecord
 from digs_warp.splat.device import DeviceGaussians
 from digs_warp.surface.rendered import surface_error
 from digs_warp.surface.true_surface import read_true_surface
-from digs_warp.train.evaluate import measure_views
+from digs_warp.train.evaluate import measure_views, unseen_part
 from digs_warp.train.other_sizes import measure_other_sizes
 from digs_warp.train.session import NO_HOOKS, Hooks
 
@@ -152,9 +152,13 @@ def _evaluate(result: Reconstruction, found: Optimized, config: ReconstructConfi
         ]
         sizes = measure_other_sizes(gaussians, found.test_views, measured.scores)
         surface = _surface_error(result, truth.result(), config)
+        unseen = None
+        if result.frames is not None and result.poses.subject == "scene":
+            views = found.test_views, measured.images
+            unseen = unseen_part(gaussians, result.frames, *views)
         for write in writes:
             write.result()
-        scores = Scores.of(measured.scores, surface, sizes)
+        scores = Scores.of(measured.scores, surface, sizes, unseen)
         write_scores(folder, scores)
     return scores
 

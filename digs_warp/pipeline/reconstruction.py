@@ -294,7 +294,7 @@ class Reconstruction:
             start=start,
             training=stored(Training, run, folder, course=course),
             verdict=stored(Verdict, run, folder),
-            scores=replace(scores, surface=measured.surface, other_sizes=measured.other_sizes),
+            scores=replace(measured, views=scores.views, mean=scores.mean),
             run=run or RunRecord("", {}, {}),
             folder=folder,
             capture=place,

@@ -41,7 +41,7 @@ def with_held_out(frames: PosedFrames, capture: Capture, test_every: int) -> Pos
     Args:
         frames: what is left.
         capture: the recording. Frames that are now held out take its masks: the evaluation must not use ours.
-        test_every: every n-th frame is held out.
+        test_every: the middle one of so many frames is held out.
     """
     left = tuple(frame for frame, _ in frames.by_time)
     wanted = capture.split(test_every)[1]

@@ -15,12 +15,15 @@ import numpy as np
 from digs_warp.data.frame import Frame
 from digs_warp.data.images import to_uint8
 from digs_warp.data.layers import Layer
+from digs_warp.data.posed_frames import PosedFrames
 from digs_warp.device.threads import default_threads
 from digs_warp.geometry.camera import Camera
-from digs_warp.geometry.rigid import mask_box
+from digs_warp.geometry.reproject import unproject_pixels
+from digs_warp.geometry.rigid import mask_box, transform_points
 from digs_warp.measure.color_gain import OFFSET, ColorGain, fit_color_gain
 from digs_warp.measure.metrics import mean_over, psnr, ssim_map
-from digs_warp.measure.scores import ViewScore
+from digs_warp.measure.scores import UnseenPart, ViewScore
+from digs_warp.measure.thumbnails import SmallDepth, pixels_showing, small_depths
 from digs_warp.poses.in_training import filled_depth, motion_between, moved
 from digs_warp.splat.blur_renderer import BlurRenderer
 from digs_warp.splat.camera_motion import Blur, RowMotion
@@ -40,7 +43,8 @@ MASK_THRESHOLD = 20
 class TestView:
     """A held-out photograph, composited over white (values in 0..1), its mask (0..1) and object pixels.
 
-    ``unknown``: pixels at which something may hide the object, (height, width), bool; None: nothing does.
+    ``unknown``: pixels that show no scene, or at which something may hide the object, (height, width), bool;
+    None: there are none.
     ``rows``: how its camera moves while the rows are read; None: not at all. ``blur``: how it moves while the
     shutter is open; None: not at all.
     """
@@ -124,10 +128,7 @@ def load_test_views(frames: Sequence[Frame], shutter: ShutterPlan = NO_SHUTTER) 
 
 
 def _test_view(frame: Frame, shutter: ShutterPlan) -> TestView:
-    photo = frame.load_image()
-    mask = np.full(photo.shape[:2], 255, np.uint8)
-    if frame.has(Layer.MASK):
-        mask = frame.load_mask()
+    photo, mask = frame.load_image(), frame.load_shown()
     image = without_surround(photo, mask).astype(np.float32) / 255.0
     share = mask[..., None].astype(np.float32) / 255.0
     target = image * share + (1.0 - share)
@@ -213,6 +214,70 @@ def measure_views(gaussians: DeviceGaussians, views: Sequence[TestView]) -> Meas
                 found.append(waiting.popleft().result())
         found += [each.result() for each in waiting]
     return MeasuredViews([image for image, _ in found], [score for _, score in found])
+
+
+# Pixels are asked whether training views see them at this distance from each other [px]. A view with depth
+# sees a point unless it measured something nearer by this share.
+UNSEEN_STEP, NEARER = 4, 0.1
+# A smaller share of unseen pixels is not worth a word.
+LEAST_UNSEEN = 0.005
+
+
+def unseen_part(
+    gaussians: DeviceGaussians,
+    frames: PosedFrames,
+    views: Sequence[TestView],
+    images: Sequence[np.ndarray],
+) -> UnseenPart | None:
+    """Return what held-out views show that no training view sees; None: next to nothing.
+
+    Args:
+        gaussians: they tell the depth of photographs without depth.
+        frames: held-out and training ones; where these have depth, what is hidden counts as unseen.
+        views: the held-out ones.
+        images: as the Gaussians show them, sRGB, uint8.
+    """
+    seen = [*small_depths(frames.training, range(len(frames.training))).values()]
+    cameras = [f.camera for f in frames.training if not f.has(Layer.DEPTH)]
+    shares, unseen, others = [], [], []
+    drawn = drawn_views(gaussians, views, with_depth=True)
+    for frame, view, image, rendering in zip(frames.held_out, views, images, drawn, strict=True):
+        assert rendering.depth is not None
+        depth = frame.load_depth() if frame.has(Layer.DEPTH) else rendering.depth
+        hidden = _unseen(view.camera, depth, seen, cameras) & view.object_pixels
+        values = image.astype(np.float32) / 255.0
+        shares.append(np.count_nonzero(hidden) / max(np.count_nonzero(view.object_pixels), 1))
+        unseen.append(psnr(values, view.target, hidden))
+        others.append(psnr(values, view.target, view.object_pixels & ~hidden))
+    if not shares or np.mean(shares) < LEAST_UNSEEN:
+        return None
+    means = [float(np.mean(dB)) for each in (unseen, others) if (dB := [v for v in each if v == v])]
+    return UnseenPart(float(np.mean(shares)), *means)
+
+
+def _unseen(
+    camera: Camera, depth: np.ndarray, seen: Sequence[SmallDepth], cameras: Sequence[Camera]
+) -> np.ndarray:
+    """Return which pixels show what none of the views sees, (height, width), bool."""
+    height, width = depth.shape
+    rows, columns = (
+        n.reshape(-1) for n in np.indices(depth.shape)[:, ::UNSEEN_STEP, ::UNSEEN_STEP]
+    )
+    z = depth[rows, columns].astype(np.float64)
+    points = unproject_pixels(rows, columns, z, camera.intrinsics)
+    points = transform_points(camera.world_from_cam, points)
+    # The nearest views come first: they see most, and what they see needs no other.
+    views = sorted(
+        [*((each.camera, each.depth.reshape(-1)) for each in seen), *((c, None) for c in cameras)],
+        key=lambda view: float(np.linalg.norm(view[0].center_world - camera.center_world)),
+    )
+    left = np.flatnonzero(z > 0)
+    for other, measured in views:
+        pixel, there = pixels_showing(other, points[left])
+        hidden = measured is not None and measured[pixel] < (1 - NEARER) * there
+        left = left[(pixel < 0) | hidden]
+    unseen = np.isin(np.arange(len(z)), left).reshape(-(-height // UNSEEN_STEP), -1)
+    return unseen[np.arange(height)[:, None] // UNSEEN_STEP, np.arange(width) // UNSEEN_STEP]
 
 
 def score_views(renderings: Sequence[Rendering], views: Sequence[TestView]) -> list[ViewScore]:

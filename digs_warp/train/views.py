@@ -93,9 +93,7 @@ def load_view(
         CaptureError: a file is missing, broken, or its size differs from the index.
     """
     image = frame.load_image()
-    has_mask = frame.has(Layer.MASK)
-    mask = frame.load_mask() if has_mask else np.full(image.shape[:2], 255, np.uint8)
-    unknown = frame.load_unknown()
+    mask, unknown = frame.load_shown(), frame.load_unknown()
     photo = without_surround(image, mask) if on_background else image
     view = packed_view(frame.name, frame.camera, photo, mask, device, unknown)
     view = replace(view, rows=rows, blur=blur)

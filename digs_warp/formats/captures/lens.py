@@ -135,18 +135,15 @@ class PinholeView:
             pixels, across, down, how, borderMode=cv2.BORDER_CONSTANT, borderValue=outside
         )
 
-    def share_seen(self) -> float:
-        """Return the share of the pinhole image that the recorded one shows, 0 to 1."""
+    def outside(self) -> np.ndarray:
+        """Return where the recorded image shows nothing, (height, width), bool; there `apply` gives black."""
         across, down = _maps(self)
         k = self.source
-        inside = (
-            (across > -0.5) & (across < k.width - 0.5) & (down > -0.5) & (down < k.height - 0.5)
-        )
-        return float(inside.mean())
+        return (across < 0) | (across > k.width - 1) | (down < 0) | (down > k.height - 1)
 
 
 def undistorted(k: Intrinsics, lens: Lens | None) -> PinholeView | None:
-    """Return the pinhole view with the same ``k``: as sharp in the center, and without black corners.
+    """Return the pinhole view with the same ``k``: as sharp in the center.
 
     None: there is no lens.
     """

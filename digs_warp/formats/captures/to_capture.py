@@ -143,10 +143,13 @@ def load_frame(frame: RecordedFrame, recording: Recording) -> FrameImages:
         rgb = frame.view.apply(rgb)
         mask = None if mask is None else frame.view.apply(mask)
         depth = None if depth is None else frame.view.apply(depth, nearest=True)
+    outside = None if frame.view is None else frame.view.outside()
+    unknown = outside.astype(np.uint8) * 255 if outside is not None and outside.any() else None
     confidence = None
     if depth is None and right is not None and recording.baseline is not None:
         depth, confidence = matched_depth(rgb, right, frame.intrinsics, recording.baseline)
-    return FrameImages(image=rgb, depth=depth, mask=mask, right=right, confidence=confidence)
+    layers = {"depth": depth, "mask": mask, "right": right, "confidence": confidence}
+    return FrameImages(image=rgb, unknown=unknown, **layers)
 
 
 def load_color(path: Path, what: str, k: Intrinsics) -> tuple[np.ndarray, np.ndarray | None]:
@@ -275,7 +278,7 @@ def _with_sound_poses(folder: Path, posed: Sequence[RecordedFrame]) -> list[Reco
 def _check_views(folder: Path, frames: Sequence[RecordedFrame]) -> None:
     """Check that the recorded images fill the pinhole images that are made from them."""
     views = {each for frame in frames for each in (frame.view, frame.right_view) if each}
-    seen = min((view.share_seen() for view in views), default=1.0)
+    seen = 1.0 - max((float(view.outside().mean()) for view in views), default=0.0)
     if seen < LEAST_SEEN:
         raise CaptureError(
             f"recording '{folder}': the recorded images show {seen:.0%} of the pinhole images that are made "
@@ -284,8 +287,8 @@ def _check_views(folder: Path, frames: Sequence[RecordedFrame]) -> None:
         )
     if seen < NEARLY_ALL:
         logger.warning(
-            "recording '%s': %.0f%% of the pinhole images lie outside of what the lens shows, and are black; "
-            "a smaller --fov-deg avoids it",
+            "recording '%s': %.0f%% of the pinhole images lie outside of what the lens shows, are black, and "
+            "are neither trained nor scored. A smaller --fov-deg avoids it",
             *(folder, 100 * (1 - seen)),
         )
 

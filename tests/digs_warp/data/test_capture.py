@@ -170,10 +170,16 @@ def test_sensor_codes_survive_in_the_file_and_read_as_unknown(tmp_path: Path) ->
     assert np.isnan(frame.load_depth()[0, :3]).all()
 
 
-def test_every_eighth_frame_is_held_out(tmp_path: Path) -> None:
-    capture = write_capture(tmp_path, 10, stereo=False)
-    train, test = capture.split(test_every=8)
-    assert [frame.name for frame in test] == ["0000", "0008"]
+@pytest.mark.parametrize(
+    ("count", "every", "held_out"),
+    [(16, 8, [4, 12]), (10, 8, [2, 7]), (25, 8, [3, 9, 15, 21]), (2, 8, [1]), (3, 2, [0, 2])],
+)
+def test_the_middle_of_every_eight_frames_is_held_out(
+    tmp_path: Path, count: int, every: int, held_out: list[int]
+) -> None:
+    capture = write_capture(tmp_path, count, stereo=False)
+    train, test = capture.split(every)
+    assert [int(frame.name) for frame in test] == held_out
     assert sorted(f.name for f in [*train, *test]) == [f.name for f in capture.frames]
 
 

@@ -26,18 +26,20 @@ from reference.sfm_views import arc, record
 from reference.trained_ball import assert_same_bits, interrupt
 
 FRAMES = 12
-# So the first frame is the only one that is held out.
+# So one frame is held out; without it, the one before it is the middle of the others.
 EVERY = FRAMES
+MIDDLE = FRAMES // 2
 
 
 @pytest.fixture(scope="module")
 def mirrored(tmp_path_factory: pytest.TempPathFactory) -> Capture:
-    """Half a turn around the built-in object; no camera sees what the first frame shows."""
+    """Half a turn around the built-in object; no camera sees what the middle frame shows."""
     settings = {"width": 320, "tier": "law", "camera_path": "arc", "seed": 3}
     folder = tmp_path_factory.mktemp("mirrored") / "capture"
-    first = dw.simulate(frames=FRAMES, elevations=(20.0,), out=folder, **settings).frames[0]
-    for layer, values in ((Layer.IMAGE, first.load_image()), (Layer.DEPTH, first.load_depth())):
-        write_image(first.path(layer), np.ascontiguousarray(values[:, ::-1]))
+    frames = dw.simulate(frames=FRAMES, elevations=(20.0,), out=folder, **settings).frames
+    odd = frames[MIDDLE]
+    for layer, values in ((Layer.IMAGE, odd.load_image()), (Layer.DEPTH, odd.load_depth())):
+        write_image(odd.path(layer), np.ascontiguousarray(values[:, ::-1]))
     return read_capture(folder)
 
 
@@ -58,19 +60,21 @@ def test_another_frame_measures_the_result_also_after_a_resumed_run(
     whole = reconstruct(mirrored, config, tmp_path / "whole")
     names = names_of(mirrored.frames)
     assert whole.frames is not None and whole.poses.refinement is not None
-    assert f"left out: {names[0]}" in whole.poses.refinement.because
-    assert names_of(whole.frames.held_out) == names[1:2]
-    assert names_of(whole.frames.training) == names[2:]
-    assert [view.name for view in whole.scores.views] == names[1:2]
+    assert f"left out: {names[MIDDLE]}" in whole.poses.refinement.because
+    assert names_of(whole.frames.held_out) == [names[MIDDLE - 1]]
+    assert names_of(whole.frames.training) == names[: MIDDLE - 1] + names[MIDDLE + 1 :]
+    assert [view.name for view in whole.scores.views] == [names[MIDDLE - 1]]
     # The evaluation uses the mask of the recording, the training ours.
-    masks = [frame.path(Layer.MASK) for frame in (*whole.frames.held_out, mirrored.frames[1])]
+    masks = [
+        frame.path(Layer.MASK) for frame in (*whole.frames.held_out, mirrored.frames[MIDDLE - 1])
+    ]
     assert masks[0] == masks[1]
     assert whole.frames.training[0].path(Layer.MASK).is_relative_to(tmp_path)
 
     interrupt(lambda: reconstruct(mirrored, config, tmp_path / "resumed"), 3, monkeypatch)
     resumed = reconstruct(mirrored, config, tmp_path / "resumed", resume=True)
     assert resumed.frames is not None
-    assert names_of(resumed.frames.held_out) == names[1:2]
+    assert names_of(resumed.frames.held_out) == [names[MIDDLE - 1]]
     assert resumed.scores == whole.scores
     assert_same_bits(resumed.gaussians, whole.gaussians)
 
@@ -79,8 +83,8 @@ def test_structure_from_motion_may_lose_the_only_held_out_frame(
     tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
     capture = record(arc(8, 60.0), tmp_path / "capture")
-    noise = np.random.default_rng(0).integers(0, 256, capture.frames[0].load_image().shape)
-    write_image(capture.frames[0].path(Layer.IMAGE), noise.astype(np.uint8))
+    noise = np.random.default_rng(0).integers(0, 256, capture.frames[4].load_image().shape)
+    write_image(capture.frames[4].path(Layer.IMAGE), noise.astype(np.uint8))
     sfm = SfmConfig(
         double_size=True,
         features=1500,
@@ -92,9 +96,9 @@ def test_structure_from_motion_may_lose_the_only_held_out_frame(
     config = FrontEndConfig(sfm=sfm, test_every=8, init=InitConfig(voxel_size=0.01))
     prepared = front_end(capture, config, tmp_path / "result", RunLog("test", config))
     names = names_of(capture.frames)
-    assert f"not registered and left out: 1 frame ({names[0]})" in caplog.text
-    assert names_of(prepared.poses.posed.held_out) == names[1:2]
-    assert names_of(prepared.poses.posed.training) == names[2:]
+    assert f"not registered and left out: 1 frame ({names[4]})" in caplog.text
+    assert names_of(prepared.poses.posed.held_out) == names[3:4]
+    assert names_of(prepared.poses.posed.training) == names[:3] + names[5:]
 
 
 def left_of(capture: Capture, test_every: int, lost: Sequence[int]) -> PosedFrames:
@@ -108,25 +112,25 @@ def left_of(capture: Capture, test_every: int, lost: Sequence[int]) -> PosedFram
 
 
 def test_frames_that_are_still_held_out_stay(mirrored: Capture) -> None:
-    left = left_of(mirrored, 8, [0, 3])  # the ninth frame is another one
+    left = left_of(mirrored, 8, [0, 3])  # the tenth frame is another one
     assert with_held_out(left, mirrored, 8) is left
 
 
 def test_what_holds_out_nothing_stays_without(mirrored: Capture) -> None:
     nothing = replace(mirrored, held_out=frozenset())
-    left = left_of(nothing, 8, [0])
+    left = left_of(nothing, 8, [3])
     assert with_held_out(left, nothing, 8) is left
 
 
 def test_the_last_frame_is_for_the_training(mirrored: Capture) -> None:
-    left = left_of(mirrored, EVERY, range(FRAMES - 1))
+    left = left_of(mirrored, EVERY, range(1, FRAMES))
     assert with_held_out(left, mirrored, EVERY) is left
 
 
 def test_where_all_others_are_left_out_some_train(mirrored: Capture) -> None:
-    left = left_of(mirrored, 2, [1, 3, 5, 7, 9, 11])
+    left = left_of(mirrored, 2, [0, 2, 4, 6, 8, 10])
     assert not left.training
     found = with_held_out(left, mirrored, 2)
     names = names_of(mirrored.frames)
-    assert names_of(found.held_out) == names[0:12:4]
-    assert names_of(found.training) == names[2:12:4]
+    assert names_of(found.held_out) == names[3:12:4]
+    assert names_of(found.training) == names[1:12:4]

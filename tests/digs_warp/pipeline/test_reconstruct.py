@@ -46,7 +46,7 @@ def test_held_out_views_get_better(result: Path) -> None:
     measured = {line["iteration"]: line for line in lines if "psnr_frame" in line}
     assert list(measured) == [0, 30, 60]
     assert measured[60]["psnr_frame"] > measured[30]["psnr_frame"] > measured[0]["psnr_frame"] + 3
-    assert measured[60]["psnr_frame"] > 22
+    assert measured[60]["psnr_frame"] > 19
     assert measured[60]["psnr_object"] < measured[60]["psnr_frame"]
     assert [line["iteration"] for line in lines] == list(range(0, 61, 10))
     seconds = [line["seconds"] for line in lines]
@@ -56,7 +56,7 @@ def test_held_out_views_get_better(result: Path) -> None:
 def test_the_folder_holds_what_the_documents_promise(result: Path, capture: Capture) -> None:
     evaluation = json.loads((result / "evaluation.json").read_text())
     names = [view["name"] for view in evaluation["views"]]
-    assert names == [frame.name for frame in capture.frames[::8]]
+    assert names == [frame.name for frame in capture.split()[1]]
     mean = np.mean([view["psnr_frame"] for view in evaluation["views"]])
     assert evaluation["mean"]["psnr_frame"] == pytest.approx(mean)
     for name in names:
@@ -93,7 +93,7 @@ def test_resuming_with_other_settings_is_refused(capture: Capture, result: Path)
 def test_held_out_views_do_not_serve_the_training(capture: Capture, tmp_path: Path) -> None:
     """Spoiling the held-out photographs changes the metrics, not the Gaussians."""
     spoiled = read_capture(copied(capture, tmp_path / "capture"))
-    for frame in spoiled.frames[::8]:
+    for frame in spoiled.split()[1]:
         write_image(frame.path(Layer.IMAGE), np.zeros((54, 72, 3), np.uint8))
         write_image(frame.path(Layer.DEPTH), np.full((54, 72), 0.5, np.float32))
     short = replace(CONFIG, train=replace(CONFIG.train, stop=Stop(iterations=5)))
@@ -111,7 +111,7 @@ def test_held_out_views_do_not_serve_the_training(capture: Capture, tmp_path: Pa
 def test_a_view_without_foreground_is_tolerated(capture: Capture, tmp_path: Path) -> None:
     """In training and among the held-out views."""
     empty = read_capture(copied(capture, tmp_path / "capture"))
-    for number in (0, 3):
+    for number in (3, 4):
         write_image(empty.frames[number].path(Layer.MASK), np.zeros((54, 72), np.uint8))
     gaussians = reconstruct(empty, CONFIG, tmp_path / "out").gaussians
     assert all(np.isfinite(getattr(gaussians, name)).all() for name in FIELDS)

@@ -47,12 +47,12 @@ def test_an_evaluation_of_another_form_is_named(
 
 
 def test_another_capture_or_other_renders_are_refused(run: tuple[Capture, Path, Path]) -> None:
-    (run[1] / "renders/0018.png").unlink()
-    with pytest.raises(DigsError, match=r"rendered view '.*0018\.png': no such file"):
+    (run[1] / "renders/0019.png").unlink()
+    with pytest.raises(DigsError, match=r"rendered view '.*0019\.png': no such file"):
         report_on(run)
-    write_image(run[1] / "renders/0018.png", np.zeros((8, 8, 3), np.uint8))
+    write_image(run[1] / "renders/0019.png", np.zeros((8, 8, 3), np.uint8))
     with pytest.raises(
-        DigsError, match=r"0018\.png': \(8, 8, 3\) of uint8, expected \(32, 48, 3\)"
+        DigsError, match=r"0019\.png': \(8, 8, 3\) of uint8, expected \(32, 48, 3\)"
     ):
         report_on(run)
     evaluation = json.loads((run[1] / "evaluation.json").read_text())

@@ -183,7 +183,7 @@ def test_six_views_are_shown_from_worst_to_best_beside_the_truth(
     assert names[::3] == names[1::3] == names[2::3]
     # PSNR ascends with the frame in this folder: 10 views, ranks 0, 2, 4, 5, 7, 9.
     # Three of the six are in sight, the others fold away.
-    assert names[::3] == ["0000", "0010", "0018", "0004", "0008", "0014"]
+    assert names[::3] == ["0001", "0011", "0019", "0005", "0009", "0015"]
     truth, rendered, difference = (decoded(image, tmp_path) for image in shown[:3])
     np.testing.assert_array_equal(truth, rendered)
     assert difference.max() <= 8  # nothing differs: the dark end of the color map
@@ -194,12 +194,12 @@ def test_six_views_are_shown_from_worst_to_best_beside_the_truth(
 def test_a_difference_is_where_the_render_is_wrong(
     run: tuple[Capture, Path, Path], tmp_path: Path
 ) -> None:
-    path = run[1] / "renders/0000.png"
+    path = run[1] / "renders/0001.png"
     pixels = read_image(path)
     pixels[4:12, 30:40] ^= 0x80
     write_image(path, pixels)
     page = write_and_parse(run)
-    alt = "View 0000: absolute difference in colors"
+    alt = "View 0001: absolute difference in colors"
     (image,) = [image for image in page.images if image["alt"] == alt]
     bright = decoded(image, tmp_path).min(axis=2) > 100
     assert bright[5:11, 31:39].all()

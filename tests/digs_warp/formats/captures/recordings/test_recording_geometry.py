@@ -24,7 +24,7 @@ def test_distortion_is_taken_out() -> None:
     centers = pixel_centers(200, 150)
     ramp = np.clip(4 * centers[..., 0], 0, 255).astype(np.uint8)
     view = undistorted(k, Lens(coefficients))
-    assert view is not None and view.target == k and view.share_seen() == 1
+    assert view is not None and view.target == k and not view.outside().any()
     found = view.apply(ramp)
     x, y = (centers[..., 0] - k.cx) / k.fx, (centers[..., 1] - k.cy) / k.fy
     r2 = x**2 + y**2
@@ -62,7 +62,10 @@ def test_rays_that_a_lens_does_not_show_are_black_and_without_depth() -> None:
     far = np.hypot(*np.moveaxis(centers, -1, 0)) > 1 / np.sqrt(0.9)
     assert (seen[far] == 0).all() and np.isnan(found[far]).all()
     assert (seen[18:22, 28:32] == 200).all() and (found[18:22, 28:32] == 2).all()
-    assert 0 < folding.share_seen() < 0.5
+    outside = folding.outside()
+    assert (
+        0.5 < outside.mean() < 1 and outside[far].all() and not outside[seen[..., 0] == 200].any()
+    )
 
 
 def test_depth_of_a_camera_beside_is_seen_from_the_color_camera() -> None:
