@@ -65,7 +65,7 @@ LINE_BUDGETS = {
     "train": 4_000,
     "usd": 4_300,
 }
-MOST_LINES, MOST_FILES = 81_230, 523  # of the product; 65,000 in 500 files are the goal
+MOST_LINES, MOST_FILES = 81_230, 524  # of the product; 65,000 in 500 files are the goal
 # A shorter file with a single client in its folder belongs into that client.
 CRUMB = 60
 
