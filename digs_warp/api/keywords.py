@@ -18,6 +18,7 @@ class ReconstructSettings(TypedDict, total=False):
     masks: Literal["capture", "folder", "isnet", "isnet+depth", "depth"]
     instance: int | None
     mask_folder: Path | str | None
+    ignore_mask: Path | str | None
     mask_model: Path | str | None
     voxel_size: float | None
     target_points: int | None
