@@ -43,7 +43,7 @@ LINE_BUDGETS = {
     "files at the top": 800,
     "formats": 5_400,
     "geometry": 625,
-    "init": 4_905,
+    "init": 4_620,
     "losses": 860,
     "masks": 1_380,
     "measure": 1_635,
@@ -58,14 +58,14 @@ LINE_BUDGETS = {
     "sim.scene": 4_760,
     "sim.sensor": 6_000,
     "sim.testing": 970,
-    "splat": 5_620,
+    "splat": 5_540,
     "study": 2_360,
     "surface": 660,
     "torch": 200,
-    "train": 4_000,
-    "usd": 4_300,
+    "train": 3_950,
+    "usd": 4_190,
 }
-MOST_LINES, MOST_FILES = 81_230, 524  # of the product; 65,000 in 500 files are the goal
+MOST_LINES, MOST_FILES = 80_670, 521  # of the product; 65,000 in 500 files are the goal
 # A shorter file with a single client in its folder belongs into that client.
 CRUMB = 60
 

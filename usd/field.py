@@ -231,15 +231,18 @@ def read_arrays(prim: "Usd.Prim", what: str, time: float | None = None) -> Splat
         UsdError: an attribute has another type than the schema gives it.
     """
     count = splat_count(prim, time)
-    positions = _array(prim, names.POSITIONS, count, 3, what, time)
-    quats = _array(prim, names.ORIENTATIONS, count, 4, what, time)
-    scales = _array(prim, names.SCALES, count, 3, what, time)
-    opacities = _array(prim, names.OPACITIES, count, None, what, time)
+    of_splats = (names.POSITIONS, names.ORIENTATIONS, names.SCALES, names.OPACITIES)
+    found = {name: _counted(prim, name, count, what, time) for name in of_splats}
+
+    def or_default(name: str, value: float, *shape: int) -> np.ndarray:
+        values = found[name]
+        return np.full(shape, value, dtype=np.float32) if values is None else values
+
     return SplatArrays(
-        positions=np.zeros((0, 3), dtype=np.float32) if positions is None else positions,
-        orientations=np.zeros((count, 4), dtype=np.float32) if quats is None else quats,
-        scales=np.ones((count, 3), dtype=np.float32) if scales is None else scales,
-        opacities=np.ones(count, dtype=np.float32) if opacities is None else opacities,
+        positions=or_default(names.POSITIONS, 0.0, 0, 3),
+        orientations=or_default(names.ORIENTATIONS, 0.0, count, 4),
+        scales=or_default(names.SCALES, 1.0, count, 3),
+        opacities=or_default(names.OPACITIES, 1.0, count),
         sh=_read_sh(prim, count, what, time),
     )
 
@@ -251,28 +254,41 @@ def _read_sh(prim: "Usd.Prim", count: int, what: str, time: float | None) -> np.
         return np.zeros((count, coefficient_count(degree), 3), dtype=np.float32)
     if stored > MAX_DEGREE:
         _log.warning("%s: SH degree %d is reduced to %d", what, stored, MAX_DEGREE)
-    rows = _array(prim, names.SH_COEFFICIENTS, count * (stored + 1) ** 2, 3, what, time)
+    rows = _counted(prim, names.SH_COEFFICIENTS, count * (stored + 1) ** 2, what, time)
     assert rows is not None  # stored_sh_degree has seen the array
     return rows.reshape(count, -1, 3)[:, : coefficient_count(degree)]
 
 
-def _array(
-    prim: "Usd.Prim", name: str, count: int, width: int | None, what: str, time: float | None
+def _counted(
+    prim: "Usd.Prim", name: str, count: int, what: str, time: float | None
 ) -> np.ndarray | None:
     """Return ``count`` rows, or None where the default applies (absent or too short)."""
-    value = value_of(prim, name, time)
-    if value is None or count == 0:
-        return None
-    array = np.asarray(value)
-    if array.shape[1:] != (() if width is None else (width,)) or array.dtype.kind != "f":
-        raise UsdError(
-            f"{what}: attribute '{name}' holds {type(value).__name__}, expected floating-point "
-            + ("numbers" if width is None else f"vectors of {width}")
-        )
-    if len(array) != count:
+    try:
+        array = array_of(prim, name, time) if count else None
+    except UsdError as error:
+        raise UsdError(f"{what}: {error}") from None
+    if array is not None and len(array) != count:
         remedy = "the default is used" if len(array) < count else "the rest is ignored"
         _log.warning("%s: %d %s for %d splats; %s", what, len(array), name, count, remedy)
-    return array[:count] if len(array) >= count else None
+    return array[:count] if array is not None and len(array) >= count else None
+
+
+def array_of(prim: "Usd.Prim", name: str, time: float | None = None) -> np.ndarray | None:
+    """Return an array of `names.WIDTHS` as it is authored; None: not at all.
+
+    Raises:
+        UsdError: it has another type than the schema gives it.
+    """
+    value = value_of(prim, name, time)
+    if value is None:
+        return None
+    array, width = np.asarray(value), names.WIDTHS[name]
+    if array.dtype.kind != "f" or array.shape[1:] != (() if width is None else (width,)):
+        raise UsdError(
+            f"attribute '{name}' holds {type(value).__name__}, expected floating-point "
+            + ("numbers" if width is None else f"vectors of {width}")
+        )
+    return array
 
 
 def value_of(prim: "Usd.Prim", name: str, time: float | None = None) -> Any:

@@ -37,6 +37,8 @@ OPACITIES = "opacities"  # float[], 0..1
 SH_DEGREE = "radiance:sphericalHarmonicsDegree"
 SH_COEFFICIENTS = "radiance:sphericalHarmonicsCoefficients"  # float3[], splat after splat
 HALF_SUFFIX = "h"
+# The arrays, with the length of their rows; None: plain numbers. Reading, writing and checking go by it.
+WIDTHS = {POSITIONS: 3, ORIENTATIONS: 4, SCALES: 3, OPACITIES: None, SH_COEFFICIENTS: 3}
 PROJECTION_HINT = "projectionModeHint"
 SORTING_HINT = "sortingModeHint"
 EXTENT = "extent"

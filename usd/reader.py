@@ -27,14 +27,13 @@ from digs_warp.usd.field import (
     color_space,
     extent_of,
     find_field,
-    find_fields,
     read_arrays,
     select_variants,
     splat_count,
     stored_sh_degree,
     variant_sets,
 )
-from digs_warp.usd.files import HINT, opened_stage
+from digs_warp.usd.files import opened_stage
 from digs_warp.usd.frames import (
     metres_per_unit,
     similarity_from_matrix,
@@ -165,21 +164,6 @@ def read_scene(
     with opened_stage(path) as stage:
         select_variants(stage, options.variants, path)
         return _read(stage, find_field(stage, path, prim_path), path, options)
-
-
-def read_fields(path: Path, options: ReadOptions | None = None) -> list[UsdScene]:
-    """Read every field of splats of a scene, in the order of the stage; see `read_scene`.
-
-    Raises:
-        UsdError: as `read_scene`, but several fields are allowed.
-    """
-    options = options or ReadOptions()
-    with opened_stage(path) as stage:
-        select_variants(stage, options.variants, path)
-        prims = find_fields(stage)
-        if not prims:
-            raise UsdError(f"USD scene '{path}': holds no Gaussian splats. {HINT}")
-        return [_read(stage, prim, path, options) for prim in prims]
 
 
 def read_metadata(stage: "Usd.Stage") -> dict[str, Any]:

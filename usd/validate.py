@@ -1,7 +1,4 @@
-"""Checks a USD scene: our rules for splats, the validators of OpenUSD, NVIDIA's rule where it is installed.
-
-`register` gives the same rules to everything else that validates scenes in this process.
-"""
+"""Checks a USD scene: our rules for splats, OpenUSD's validators, NVIDIA's rule where it is installed."""
 
 from collections.abc import Iterator
 from dataclasses import replace
@@ -9,19 +6,15 @@ from itertools import islice
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from digs_warp.checks import UsdError
 from digs_warp.usd.field import find_fields, is_field, variant_combinations
-from digs_warp.usd.field_rules import check_field, check_stage, sample_times
 from digs_warp.usd.files import opened_stage
 from digs_warp.usd.findings import Check, Finding, Report
 from digs_warp.usd.package import check_package
+from digs_warp.usd.rules import check_field, check_stage, sample_times
 
 if TYPE_CHECKING:
-    from pxr import Sdf, Usd, UsdValidation
+    from pxr import Usd, UsdValidation
 
-
-# Names of our validators begin so.
-OURS = "digs_warp:"
 
 # At most this many combinations of variants are checked; the report says so.
 MAX_COMBINATIONS = 256
@@ -112,8 +105,7 @@ def _stock_context() -> "UsdValidation.ValidationContext":
     from pxr import UsdValidation
 
     validators = UsdValidation.ValidationRegistry().GetOrLoadAllValidators()
-    stock = [each for each in validators if not each.GetMetadata().name.startswith(OURS)]
-    return UsdValidation.ValidationContext(stock)
+    return UsdValidation.ValidationContext(validators)
 
 
 def _check_of(name: str, findings: list[Finding], note: str = "") -> Check:
@@ -152,70 +144,3 @@ def _run_nvidia(path: Path) -> tuple[Check, list[Finding]]:
         for issue in issues
     ]
     return _check_of(name, findings, f"version {nvidia.__version__}"), findings
-
-
-FIELD_CHECKER = f"{OURS}GaussianSplatChecker"
-STAGE_CHECKER = f"{OURS}SceneChecker"
-
-
-def register() -> None:
-    """Register our rules with UsdValidation; a second call does nothing.
-
-    Raises:
-        UsdError: this version of OpenUSD takes no validators from Python.
-    """
-    from pxr import Usd, UsdValidation
-
-    registry = UsdValidation.ValidationRegistry()
-    if not hasattr(registry, "RegisterPrimValidator"):
-        version = ".".join(map(str, Usd.GetVersion()))
-        raise UsdError(
-            f"OpenUSD {version} takes no validators from Python; install usd-core 26.11, or call "
-            "digs_warp.usd.validate.validate, which needs no registration"
-        )
-    if registry.HasValidator(FIELD_CHECKER):
-        return
-    registry.RegisterPrimValidator(
-        UsdValidation.ValidatorMetadata(
-            name=FIELD_CHECKER,
-            keywords=["digs_warp", "GaussianSplats"],
-            doc="Values, metadata, color space and extent of Gaussian splats.",
-            isTimeDependent=True,
-        ),
-        _validate_prim,
-    )
-    registry.RegisterStageValidator(
-        UsdValidation.ValidatorMetadata(
-            name=STAGE_CHECKER,
-            keywords=["digs_warp", "GaussianSplats"],
-            doc="One field of splats, no paths that leave the scene.",
-        ),
-        _validate_stage,
-    )
-
-
-def _validate_prim(prim: "Usd.Prim", _times: object) -> "list[UsdValidation.ValidationError]":
-    if not is_field(prim):
-        return []
-    return [_error(finding, prim.GetStage(), prim.GetPath()) for finding in check_field(prim)]
-
-
-def _validate_stage(stage: "Usd.Stage", _times: object) -> "list[UsdValidation.ValidationError]":
-    from pxr import Sdf
-
-    root = Sdf.Path.absoluteRootPath
-    return [_error(finding, stage, root) for finding in check_stage(stage)]
-
-
-def _error(
-    finding: Finding, stage: "Usd.Stage", place: "Sdf.Path"
-) -> "UsdValidation.ValidationError":
-    from pxr import UsdValidation
-
-    kinds = UsdValidation.ValidationErrorType
-    return UsdValidation.ValidationError(
-        finding.rule,
-        kinds.Error if finding.severity == "error" else kinds.Warn,
-        [UsdValidation.ValidationErrorSite(stage, place)],
-        f"{finding.where}: {finding.message}",  # where may name a time
-    )

@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeVar
 
 import tyro
 
-from digs_warp.init.config import InitConfig, Shape
+from digs_warp.init.config import InitConfig
 from digs_warp.init.strategies import STRATEGIES, StrategyChoice, chosen_strategy
 from digs_warp.masks.config import SegmentConfig
 from digs_warp.poses.from_images.config import SfmConfig
-from digs_warp.settings import NO_FLAG, TEST_EVERY, Settings
+from digs_warp.settings import TEST_EVERY, Settings
 from digs_warp.train.config import Density, DensityStrategy, Stop, TrainConfig
 from digs_warp.words import counted
 
@@ -48,8 +48,6 @@ class _InitOptions(InitConfig):
     depth: in coarse voxels; mvs: depth by matching photographs, or where that fails hull (objects) or default
     (scenes); hull: where all masks agree; default: the paper's name for sparse points, recorded or matched;
     fusion: depth and sparse points, for fine texture; random: random points, for comparison."""
-
-    shape: Annotated[Shape, NO_FLAG] = "round"
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -17,11 +17,10 @@ from digs_warp.words import cut, first_few
 logger = logging.getLogger(__name__)
 
 FIELDS = ("points_world", "colors")
-AXIS_FIELDS = ("axes_world", "axis_deviations")
 # Which points are special; None: none of them.
 MARKS = ("guessed", "hidden")
 AGREEMENT = "agreement"
-OPTIONAL_FIELDS = (*AXIS_FIELDS, *MARKS, AGREEMENT)
+OPTIONAL_FIELDS = (*MARKS, AGREEMENT)
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,9 +30,6 @@ class PointCloud:
     Attributes:
         points_world: positions [m], shape (n, 3), float32.
         colors: sRGB values in 0..1, shape (n, 3), float32.
-        axes_world: unit directions along which the Gaussians of the points are thinner or longer than
-            across, shape (n, 3), float32; None: they are round.
-        axis_deviations: their standard deviations [m] along these axes, shape (n,), float32; None as well.
         guessed: which points were put where no view measured anything, shape (n,), bool; None: none.
         hidden: which points no view can see, behind what all of them measured, shape (n,), bool; None: none.
         agreement: which share of the views near a point agree with it, in 0..1, shape (n,), float32; None:
@@ -42,23 +38,13 @@ class PointCloud:
 
     points_world: np.ndarray
     colors: np.ndarray
-    axes_world: np.ndarray | None = None
-    axis_deviations: np.ndarray | None = None
     guessed: np.ndarray | None = None
     hidden: np.ndarray | None = None
     agreement: np.ndarray | None = None
 
     def __post_init__(self) -> None:
         count = len(self.points_world)
-        if (self.axes_world is None) != (self.axis_deviations is None):
-            raise DigsError("points: axes and deviations along them belong together; give both")
-        shapes = {
-            "points_world": (None, 3),
-            "colors": (count, 3),
-            "axes_world": (count, 3),
-            "axis_deviations": (count,),
-            AGREEMENT: (count,),
-        }
+        shapes = {"points_world": (None, 3), "colors": (count, 3), AGREEMENT: (count,)}
         for name, shape in shapes.items():
             value = getattr(self, name)
             if value is not None:
@@ -86,15 +72,14 @@ class PointCloud:
 
     @staticmethod
     def joined(clouds: "Sequence[PointCloud]") -> "PointCloud":
-        """Return the points of one or more clouds; all of them have axes, or none."""
+        """Return the points of one or more clouds."""
 
         def all_of(name: str) -> np.ndarray:
             return np.concatenate([getattr(cloud, name) for cloud in clouds])
 
-        fields = FIELDS if clouds[0].axes_world is None else (*FIELDS, *AXIS_FIELDS)
         marks: dict[str, Any] = {name: _joined(name, clouds, False) for name in MARKS}
         marks[AGREEMENT] = _joined(AGREEMENT, clouds, 1.0)
-        return PointCloud(**{name: all_of(name) for name in fields}, **marks)
+        return PointCloud(**{name: all_of(name) for name in FIELDS}, **marks)
 
     def save(self, path: Path) -> None:
         """Write an ``.npz`` with one array per field, or a PLY file of positions and colors, complete."""

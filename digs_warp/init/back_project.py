@@ -16,7 +16,7 @@ from digs_warp.device.kernel_options import unfused_module_options
 from digs_warp.device.parallel import launch_here, packed
 from digs_warp.geometry.camera import Camera
 from digs_warp.init.edges import on_device
-from digs_warp.init.voxel import BITS, COLOR, EXTRA, MAX_INDEX, VoxelSums
+from digs_warp.init.voxel import BITS, COLOR, MAX_INDEX, VALUES, VoxelSums
 
 # Fused multiply-adds would change bits.
 wp.set_module_options(unfused_module_options())
@@ -50,7 +50,6 @@ class PixelValues:
     depth: wp.array[float]  # [height * width]
     image: wp.array[wp.uint8]  # [height * width * 3] sRGB
     keep: wp.array[wp.bool]  # [height * width]
-    extra: wp.array2d[float]  # [height * width, k] further values to sum
 
 
 @wp.struct
@@ -70,7 +69,7 @@ class VoxelTable:
     slot_bits: int  # the table has 2^slot_bits slots
     slots: wp.array[int]  # [2^slot_bits] index of a voxel + 1; 0: free
     keys: wp.array[wp.int64]  # [capacity]
-    sums: wp.array2d[wp.float64]  # [capacity, 1 + 6 + k] number of pixels, position, color, extra
+    sums: wp.array2d[wp.float64]  # [capacity, 1 + 6] number of pixels, position, color
     report: wp.array[int]  # [2]
 
 
@@ -102,7 +101,6 @@ def accumulate_kernel(
     depth = pixels.depth
     image = pixels.image
     keep = pixels.keep
-    extra = pixels.extra
     slots = table.slots
     keys = table.keys
     sums = table.sums
@@ -166,9 +164,6 @@ def accumulate_kernel(
                 count += wp.float64(1.0)
                 point_sum += point
                 color_sum += color
-                for channel in range(extra.shape[1]):
-                    value = wp.float64(extra[pixel, channel])
-                    sums[voxel, 7 + channel] = sums[voxel, 7 + channel] + value
     if voxel >= 0:
         add_to(sums, voxel, count, point_sum, color_sum)
     report[1] = found
@@ -183,7 +178,6 @@ def back_project(
     depth: np.ndarray,
     keep: np.ndarray,
     voxel_size: float,
-    extra: np.ndarray | None = None,
 ) -> VoxelSums:
     """Back-project the kept pixels and sum them per voxel of the world's grid.
 
@@ -193,14 +187,11 @@ def back_project(
         depth: planar depth [m], shape (height, width); finite in the kept pixels.
         keep: which pixels, shape (height, width), bool.
         voxel_size: edge length [m].
-        extra: further values per pixel to sum, shape (height, width, k).
 
     Raises:
         DigsError: the voxel size is not positive, or so small that voxel indices overflow.
     """
     check_positive("voxel size", voxel_size)
-    channels = 0 if extra is None else extra.shape[2]
-    flat_extra = np.zeros((0, 0)) if extra is None else extra.reshape(-1, channels)
     pixels = packed(
         PixelValues,
         height=depth.shape[0],
@@ -208,12 +199,11 @@ def back_project(
         depth=_flat(depth, np.float32),
         image=_flat(image, np.uint8),
         keep=_flat(keep, np.bool_),
-        extra=on_device(np.ascontiguousarray(flat_extra, dtype=np.float32)),
     )
     inputs = [pixels, _pixel_rays(camera), 1.0 / voxel_size]
     slot_bits = FIRST_SLOT_BITS
     while True:
-        table = _empty_table(slot_bits, channels)
+        table = _empty_table(slot_bits)
         arrays = {name: on_device(array) for name, array in table.items()}
         output = packed(VoxelTable, slot_bits=slot_bits, **arrays)
         launch_here(accumulate_kernel, 1, [*inputs, output])
@@ -237,13 +227,13 @@ def _pixel_rays(camera: Camera) -> Any:
     )
 
 
-def _empty_table(slot_bits: int, channels: int) -> dict[str, np.ndarray]:
+def _empty_table(slot_bits: int) -> dict[str, np.ndarray]:
     """Return the arrays of a `VoxelTable` that holds half as many voxels as it has slots."""
     capacity = 1 << (slot_bits - 1)
     return {
         "slots": np.zeros(1 << slot_bits, np.int32),
         "keys": np.zeros(capacity, np.int64),
-        "sums": np.zeros((capacity, 1 + EXTRA + channels)),
+        "sums": np.zeros((capacity, 1 + VALUES)),
         "report": np.zeros(2, np.int32),
     }
 
@@ -254,7 +244,7 @@ def _sums_of(table: dict[str, np.ndarray]) -> VoxelSums:
     keys = table["keys"][:found]
     order = np.argsort(keys)
     sums = table["sums"][:found][order]
-    sums[:, 1 + COLOR : 1 + EXTRA] /= 255.0
+    sums[:, 1 + COLOR :] /= 255.0
     return VoxelSums(keys[order], sums)
 
 

@@ -5,10 +5,10 @@ from typing import Annotated, Literal
 
 from digs_warp.checks import DigsError
 from digs_warp.init.strategies import STRATEGIES, StrategyName, VoxelUnit
-from digs_warp.settings import MANY, NO_FLAG, SPLATS, VOXEL, Range, Settings
+from digs_warp.settings import NO_FLAG, SPLATS, VOXEL, Range, Settings
 
-Shape = Literal["round", "flat"]
-ScaleStatistic = Literal["mode", "mean"]
+# A pixel belongs to the object if its mask value (0 to 255) is above this (paper section 4.1, tau).
+MASK_THRESHOLD = 20
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -34,20 +34,9 @@ class InitConfig(Settings):
     target_points: Annotated[int | None, SPLATS] = None
     """Choose the voxel size that gives about this many points. Default: use --voxel-size."""
 
-    max_points: Annotated[int | None, SPLATS, NO_FLAG] = None
-    """Keep at most this many points from depth, chosen at random. This limits the time of a training step
-    without a coarser grid. Default: keep all."""
-
-    scale: Annotated[ScaleStatistic, NO_FLAG] = "mode"
-    """How to combine the ratios of depth in structure from motion to measured depth: mode (paper eq. 7), or
-    for comparison mean, which every mismatch affects."""
-
     mask_filter: Annotated[bool, NO_FLAG] = True
     """Drop depth outside the object's mask (paper eq. 9). Without it, only the other filters separate the
     object from its background; training uses the masks in any case."""
-
-    mask_threshold: Annotated[int, Range(0, 254), NO_FLAG] = 20
-    """A pixel belongs to the object if its mask value (0 to 255) is above this (paper section 4.1)."""
 
     edge_filter: Annotated[bool, NO_FLAG] = True
     """Drop depth at jumps, where stereo is least reliable (paper eq. 9)."""
@@ -56,10 +45,6 @@ class InitConfig(Settings):
     """Split the depth into two clusters and drop the far one: background inside a mask that leaks (paper
     eq. 9)."""
 
-    background_weight: Annotated[float, Range(1, MANY), NO_FLAG] = 3.0
-    """A pixel is background if its depth is this many times closer to the background's mean than to the
-    foreground's (paper section 4.1)."""
-
     visibility_check: Annotated[bool, NO_FLAG] = True
     """Drop points that more views see through than confirm: floaters around the object."""
 
@@ -67,18 +52,10 @@ class InitConfig(Settings):
     """Close the object where no view has seen it, in the colors around: without a back, views from there look
     into a shell. auto: with at most 6 views to train on, and masks."""
 
-    shape: Shape = "round"
-    """Shape of the Gaussians at the start. round; flat: along the surface, from the normals of the depth
-    maps."""
-
     opacity: Annotated[float | None, Range(1e-6, 1 - 1e-6), NO_FLAG] = None
     """Opacity of every Gaussian at the start, above 0 and below 1; where views disagree about depth, it is
     less (docs/training.md). Default: 0.8 for points from depth, which lie on the surface, 0.5 in a scene;
     0.1 (3DGS) for sparse or random ones."""
-
-    splat_width: Annotated[float | None, Range(1e-3, 1000), NO_FLAG] = None
-    """Standard deviation of every Gaussian at the start, as a fraction of the distance to its neighbors.
-    Default: 0.6 for points from depth, which already cover the surface; 1 (3DGS) for the others."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -103,13 +80,13 @@ class InitConfig(Settings):
 
     @property
     def seed_width(self) -> float:
-        """The width at the start, default resolved."""
-        return STRATEGIES[self.strategy].width if self.splat_width is None else self.splat_width
+        """Standard deviation at the start, as a fraction of the distance to the neighbors."""
+        return STRATEGIES[self.strategy].width
 
     @property
     def mask_level(self) -> int:
         """Mask values above this belong to the object; without the filter, all values do."""
-        return self.mask_threshold if self.mask_filter else -1
+        return MASK_THRESHOLD if self.mask_filter else -1
 
     @property
     def voxel_edge(self) -> float | None:

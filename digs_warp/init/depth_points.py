@@ -6,14 +6,11 @@ from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
 
-import numpy as np
-
 from digs_warp.checks import DigsError
 from digs_warp.data.frame import Frame
 from digs_warp.data.layers import Layer
 from digs_warp.data.point_cloud import PointCloud
-from digs_warp.init.config import InitConfig
-from digs_warp.init.normals import flat_points
+from digs_warp.init.config import MASK_THRESHOLD, InitConfig
 from digs_warp.init.start import DepthReport
 from digs_warp.init.view_points import FILTERS, ViewPoints, map_frames, view_points
 from digs_warp.init.visibility import (
@@ -84,7 +81,7 @@ def depth_points(
     grid = GrowingGrid()
     seen = []
     for view in map_frames(frames, partial(view_points, config=config, voxel_size=size)):
-        _warn_of_odd_masks(view, config)
+        _warn_of_odd_masks(view)
         with timed(report.seconds, "merge", time.thread_time):
             grid.add(view.voxels)
         report.add(view)
@@ -93,7 +90,7 @@ def depth_points(
     with timed(report.seconds, "merge", time.thread_time):
         voxels = grid.merged()
     if len(voxels) == 0:
-        raise _no_points_error(len(frames), report.pixels, config)
+        raise _no_points_error(len(frames), report.pixels)
     report.voxels["occupied"] = len(voxels)
     if config.visibility_check:
         with timed(report.seconds, "visibility", time.process_time):
@@ -112,10 +109,7 @@ def depth_points(
     with timed(report.seconds, "strays", time.process_time):
         voxels = voxels.select(not_isolated(voxels.points_world, report.voxel_size))
     report.voxels["not alone"] = len(voxels)
-    if config.max_points is not None and len(voxels) > config.max_points:
-        voxels = voxels.select(drawn(len(voxels), config.max_points))
-        report.voxels["drawn"] = len(voxels)
-    points = points_of(voxels, config, report.voxel_size)
+    points = PointCloud(voxels.points_world, voxels.colors)
     if config.visibility_check:
         with timed(report.seconds, "visibility", time.process_time):
             agreement = agreement_of_views(voxels.points_world, views, report.voxel_size)
@@ -140,26 +134,10 @@ def _thinned(voxels: VoxelSums, views: DepthViews, voxel_size: float) -> VoxelSu
     return voxels
 
 
-def points_of(voxels: VoxelSums, config: InitConfig, voxel_size: float) -> PointCloud:
-    """Return one point per voxel, with an axis unless the Gaussians are round."""
-    if config.shape == "flat":
-        return flat_points(voxels, voxel_size)
-    return PointCloud(voxels.points_world, voxels.colors)
-
-
-def drawn(count: int, wanted: int) -> np.ndarray:
-    """Return a mask, shape (count,), of ``wanted`` places chosen at random; always the same ones."""
-    keep = np.zeros(count, dtype=bool)
-    keep[np.random.default_rng(0).choice(count, size=wanted, replace=False)] = True
-    return keep
-
-
-def _warn_of_odd_masks(view: ViewPoints, config: InitConfig) -> None:
+def _warn_of_odd_masks(view: ViewPoints) -> None:
     in_mask, _, smooth, foreground = (view.pixels[name] for name in FILTERS)
     if in_mask == 0:
-        logger.warning(
-            "frame '%s': no mask pixel above %d, skipped", view.name, config.mask_threshold
-        )
+        logger.warning("frame '%s': no mask pixel above %d, skipped", view.name, MASK_THRESHOLD)
     elif foreground < (1 - DISAGREEMENT) * smooth:
         logger.warning(
             "frame '%s': its depth puts %.0f%% of its mask in the background; check the mask",
@@ -185,10 +163,10 @@ def require_layers(frames: Sequence[Frame], layers: Sequence[Layer]) -> None:
             )
 
 
-def _no_points_error(frames: int, pixels: dict[str, int], config: InitConfig) -> NoPointsError:
+def _no_points_error(frames: int, pixels: dict[str, int]) -> NoPointsError:
     in_mask, with_depth, smooth, _ = (pixels[name] for name in FILTERS)
     if in_mask == 0:
-        hint = f"check the masks: 255 marks the object, values up to {config.mask_threshold} do not"
+        hint = f"check the masks: 255 marks the object, values up to {MASK_THRESHOLD} do not"
     elif with_depth == 0:
         hint = CHECK_DEPTH
     elif smooth == 0:

@@ -28,6 +28,10 @@ import numpy as np
 SAMPLE_PIXELS = 50_000
 # Share of the votes dropped at either end, so that a few outliers do not become a cluster.
 TRIMMED = 0.01
+# w_background / w_foreground (paper section 4.1): 1 instead makes no difference, docs/research/studies.md.
+BACKGROUND_WEIGHT = 3.0
+# Where that puts the border, on the way from one centroid to the other.
+BORDER = BACKGROUND_WEIGHT / (1.0 + BACKGROUND_WEIGHT)
 # A mask that covers at least this share of the image carries no information.
 FULL_MASK = 0.99
 
@@ -49,15 +53,12 @@ class DepthRange:
 EVERYTHING = DepthRange()
 
 
-def foreground_range(
-    depth: np.ndarray, in_mask: np.ndarray, background_weight: float = 3.0
-) -> DepthRange:
+def foreground_range(depth: np.ndarray, in_mask: np.ndarray) -> DepthRange:
     """Return the depths of the foreground cluster C_foreground.
 
     Args:
         depth: planar depth [m] of the whole view, shape (height, width), NaN where unknown.
         in_mask: the object according to the mask, shape (height, width), bool.
-        background_weight: w_background / w_foreground, 1 or more.
     """
     stride = int(np.ceil(np.sqrt(depth.size / SAMPLE_PIXELS)))
     depth, in_mask = depth[::stride, ::stride], in_mask[::stride, ::stride]
@@ -68,18 +69,17 @@ def foreground_range(
         return EVERYTHING
     near_center, far_center = centers
     if np.mean(in_mask) > FULL_MASK:
-        return _up_to_border(near_center, far_center, background_weight)
+        return _up_to_border(near_center, far_center)
     is_near = values < 0.5 * (near_center + far_center)
     near_in_mask = np.count_nonzero(votes_mask & is_near)
     far_in_mask = np.count_nonzero(votes_mask & ~is_near)
     if near_in_mask >= far_in_mask:
         if far_in_mask > 0.5 * np.count_nonzero(~is_near):
             return EVERYTHING
-        return _up_to_border(near_center, far_center, background_weight)
+        return _up_to_border(near_center, far_center)
     if near_in_mask > 0.5 * np.count_nonzero(is_near):
         return EVERYTHING
-    share = background_weight / (1.0 + background_weight)
-    return DepthRange(near=far_center + share * (near_center - far_center))
+    return DepthRange(near=far_center + BORDER * (near_center - far_center))
 
 
 def two_means(ascending: np.ndarray) -> tuple[float, float] | None:
@@ -101,6 +101,5 @@ def two_means(ascending: np.ndarray) -> tuple[float, float] | None:
     return float(lower[best]), float(upper[best])
 
 
-def _up_to_border(near_center: float, far_center: float, background_weight: float) -> DepthRange:
-    share = background_weight / (1.0 + background_weight)
-    return DepthRange(far=near_center + share * (far_center - near_center))
+def _up_to_border(near_center: float, far_center: float) -> DepthRange:
+    return DepthRange(far=near_center + BORDER * (far_center - near_center))

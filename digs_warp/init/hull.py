@@ -19,7 +19,7 @@ from digs_warp.device.threads import default_threads
 from digs_warp.geometry.camera import Camera
 from digs_warp.geometry.rigid import grown
 from digs_warp.init.config import InitConfig
-from digs_warp.init.depth_points import NoPointsError, drawn, require_layers
+from digs_warp.init.depth_points import NoPointsError, require_layers
 from digs_warp.init.local_scales import pixels_at
 from digs_warp.init.random_points import SEED, cube_looked_at
 from digs_warp.init.view_points import map_frames
@@ -88,7 +88,7 @@ def hull_points(frames: Sequence[Frame], config: InitConfig) -> PointCloud:
     Args:
         frames: with image and mask, at least two that look from different directions.
         config: the edge of a cell: its voxel size, by default two pixels at the object's distance; and
-            how many points at most.
+            how many points at most, chosen at random, always the same ones.
 
     Raises:
         DigsError: a frame without mask, or cameras that all look in the same direction.
@@ -96,8 +96,11 @@ def hull_points(frames: Sequence[Frame], config: InitConfig) -> PointCloud:
     """
     points, normals = visual_hull(frames, config).skin()
     cloud = PointCloud(points, _colors(points, normals, frames))
-    most = config.target_points or config.max_points
-    return cloud if most is None or len(cloud) <= most else cloud.select(drawn(len(cloud), most))
+    most = config.target_points
+    if most is None or len(cloud) <= most:
+        return cloud
+    drawn = np.random.default_rng(0).choice(len(cloud), size=most, replace=False)
+    return cloud.select(np.sort(drawn))
 
 
 def random_points_in_hull(frames: Sequence[Frame], config: InitConfig, count: int) -> PointCloud:

@@ -173,11 +173,11 @@ def _from_depth(
         from_sfm = _unmasked_points_in_box(
             _needed(sfm, config), frames, config.mask_level, from_depth.bounds
         )
-        points, sources["sfm"] = _union(points, from_sfm, report.voxel_size), len(from_sfm)
+        points, sources["sfm"] = PointCloud.joined([points, from_sfm]), len(from_sfm)
     if subject == "object" and fills_unseen(config, frames):
         unseen = unseen_points(frames, from_depth, report.voxel_size, config)
         if len(unseen):
-            points, sources["unseen"] = _union(points, unseen, report.voxel_size), len(unseen)
+            points, sources["unseen"] = PointCloud.joined([points, unseen]), len(unseen)
     return Start(points, sources, report)
 
 
@@ -246,15 +246,6 @@ def _unmasked_points_in_box(
     in_box = np.all((positions >= box[0]) & (positions <= box[1]), axis=1)
     keep = seen & ~rejected & in_box
     return PointCloud(positions[keep], sfm.points.colors[keep])
-
-
-def _union(from_depth: PointCloud, others: PointCloud, voxel_size: float) -> PointCloud:
-    """Merge both clouds; the other points have no axis and stay round."""
-    if from_depth.axes_world is not None:
-        axes = np.tile(np.array([0.0, 0.0, 1.0], np.float32), (len(others), 1))
-        deviations = np.full(len(others), voxel_size, dtype=np.float32)
-        others = replace(others, axes_world=axes, axis_deviations=deviations)
-    return PointCloud.joined([from_depth, others])
 
 
 def _needed(sfm: SfmModel | None, config: InitConfig) -> SfmModel:

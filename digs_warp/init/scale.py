@@ -16,7 +16,6 @@ the peak's width at half its height.
 
 import logging
 from dataclasses import dataclass
-from typing import Literal
 
 import numpy as np
 
@@ -53,7 +52,7 @@ class ScaleEstimate:
     """The factor between the units of structure from motion and metres.
 
     Attributes:
-        sfm_per_metre: the most probable ratio, sigma* of eq. 7; or the mean, if that was requested.
+        sfm_per_metre: the most probable ratio, sigma* of eq. 7.
         width: standard deviation of the peak around it [sfm / m].
         values: number of ratios used.
         modes: number of distinct peaks of the density.
@@ -76,9 +75,7 @@ class ScaleEstimate:
         return f"{known} over {counted(self.values, 'measurement')}, {peaks}{warning}"
 
 
-def estimate_scale(
-    ratios: np.ndarray, statistic: Literal["mode", "mean"] = "mode"
-) -> ScaleEstimate:
+def estimate_scale(ratios: np.ndarray) -> ScaleEstimate:
     """Return the mode of the ratios d*/d (eq. 7), with a warning if a second mode is nearly as high.
 
     With 10^6 ratios the relative error of the mode is below 10^-3, whatever the share of outliers, as long as
@@ -86,7 +83,6 @@ def estimate_scale(
 
     Args:
         ratios: local scales [sfm / m], any shape; NaN, infinite, zero and negative ones are ignored.
-        statistic: the mode, or for comparison the arithmetic mean of the same ratios.
 
     Raises:
         DigsError: no usable ratio.
@@ -104,8 +100,7 @@ def estimate_scale(
     warning = _rival_warning(modes, heights)
     if warning:
         logger.warning(warning)
-    found = float(modes[0]) if statistic == "mode" else float(values.mean())
-    return ScaleEstimate(found, width, len(values), len(modes), bandwidth, warning)
+    return ScaleEstimate(float(modes[0]), width, len(values), len(modes), bandwidth, warning)
 
 
 def log_density(values: np.ndarray, at: np.ndarray, bandwidth: float) -> np.ndarray:

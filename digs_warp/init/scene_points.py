@@ -20,7 +20,7 @@ from digs_warp.data.frame import Frame
 from digs_warp.data.layers import Layer
 from digs_warp.data.point_cloud import PointCloud
 from digs_warp.init.config import InitConfig
-from digs_warp.init.depth_points import CHECK_DEPTH, NoPointsError, drawn, points_of, require_layers
+from digs_warp.init.depth_points import CHECK_DEPTH, NoPointsError, require_layers
 from digs_warp.init.scene_view import (
     SCENE_FILTERS,
     Grid,
@@ -93,15 +93,12 @@ def scene_points(frames: Sequence[Frame], config: InitConfig) -> tuple[PointClou
     report.voxels["not alone"] = count(surfaces)
     report.voxels["guessed"] = count(guesses)
     report.voxel_size = factor * levels.finest
-    made = [[points_of(g.voxels, config, g.edge) for g in some] for some in (surfaces, guesses)]
+    made = [[g.points for g in some] for some in (surfaces, guesses)]
     guessed = [replace(cloud, guessed=np.ones(len(cloud), dtype=bool)) for cloud in made[1]]
     if config.visibility_check:
         with timed(report.seconds, "visibility"):
             made[0] = [_agreed(*each, views) for each in zip(made[0], surfaces, strict=True)]
     points = PointCloud.joined([*made[0], *guessed])
-    if config.max_points is not None and len(points) > config.max_points:
-        points = points.select(drawn(len(points), config.max_points))
-        report.voxels["drawn"] = len(points)
     return points, report
 
 
@@ -126,7 +123,7 @@ def _levels(frames: Sequence[Frame], config: InitConfig) -> Levels:
 def _within_budget(grids: Sequence[Grid], config: InitConfig) -> tuple[float, list[Grid]]:
     """Return the factor on all edges that leaves about the wanted number of voxels, and those voxels."""
     wanted = config.target_points
-    if wanted is None and config.voxel_edge is None and config.max_points is None:
+    if wanted is None and config.voxel_edge is None:
         wanted = MOST_POINTS
 
     def kept(factor: float) -> list[Grid]:

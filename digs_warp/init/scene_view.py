@@ -8,11 +8,11 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from digs_warp.data.frame import Frame
+from digs_warp.data.point_cloud import PointCloud
 from digs_warp.geometry.camera import Camera
 from digs_warp.init.back_project import back_project
 from digs_warp.init.config import InitConfig
 from digs_warp.init.edges import smooth_depth
-from digs_warp.init.normals import normals_from_depth
 from digs_warp.init.view_points import thinned
 from digs_warp.init.voxel import GrowingGrid, VoxelSums, voxel_keys
 
@@ -59,6 +59,11 @@ class Grid:
 
     edge: float
     voxels: VoxelSums
+
+    @property
+    def points(self) -> PointCloud:
+        """One point per voxel."""
+        return PointCloud(self.voxels.points_world, self.voxels.colors)
 
     def coarser(self, factor: float) -> "Grid":
         """Return the sums on a grid whose edges are ``factor`` >= 1 times as long."""
@@ -130,20 +135,18 @@ def scene_view(frame: Frame, config: InitConfig, levels: Levels) -> SceneView:
 
     Args:
         frame: with image and depth.
-        config: which filters, and the shape of the Gaussians.
+        config: which filters.
         levels: which grid for which distance.
     """
     start = time.thread_time()
     image, depth = frame.load_image(), frame.load_depth()
     known = ~np.isnan(depth)
     keep = known & smooth_depth(1.0 / depth) if config.edge_filter else known
-    normals = normals_from_depth(frame.camera, depth, keep) if config.shape == "flat" else None
-    measured = _on_levels(frame.camera, image, depth, keep, levels, 0, normals)
-    blank = None if normals is None else np.zeros_like(normals)
+    measured = _on_levels(frame.camera, image, depth, keep, levels, 0)
     guess = nearest_known(depth)
     unknown = frame.load_unknown()
     unmeasured = ~known if unknown is None else ~(known | unknown)
-    guessed = _on_levels(frame.camera, image, guess, unmeasured, levels, GUESS_COARSER, blank)
+    guessed = _on_levels(frame.camera, image, guess, unmeasured, levels, GUESS_COARSER)
     counts = (depth.size, int(np.count_nonzero(known)), int(np.count_nonzero(keep)))
     pixels: dict[str, int] = dict(zip(SCENE_FILTERS, counts, strict=True))
     seconds = {"views": time.thread_time() - start}
@@ -188,14 +191,11 @@ def _on_levels(
     keep: np.ndarray,
     levels: Levels,
     coarser: int,
-    normals: np.ndarray | None,
 ) -> dict[int, VoxelSums]:
     keep = keep & ~np.isnan(depth)
     level = levels.of_depth(depth, camera.intrinsics.fx) + coarser
     found = np.flatnonzero(np.bincount(level[keep]))
     return {
-        int(n): back_project(
-            camera, image, depth, keep & (level == n), levels.edge(int(n)), normals
-        )
+        int(n): back_project(camera, image, depth, keep & (level == n), levels.edge(int(n)))
         for n in found
     }

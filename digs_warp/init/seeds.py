@@ -42,10 +42,9 @@ def seed_gaussians(
 ) -> Gaussians:
     """Return one Gaussian per point, with the same color from all sides.
 
-    Its standard deviation is ``width`` times the distance to its neighbors. It is round unless the point has
-    an axis; along the axis it has the standard deviation given by the point. Its opacity is at most
-    the share of views that agree with the point: where their depth contradicts each other, opaque Gaussians
-    in front of the surface would hide those on it.
+    It is round, and its standard deviation is ``width`` times the distance to its neighbors. Its opacity is
+    at most the share of views that agree with the point: where their depth contradicts each other, opaque
+    Gaussians in front of the surface would hide those on it.
 
     Args:
         points: any number of points, duplicates allowed.
@@ -62,9 +61,6 @@ def seed_gaussians(
     apart = neighbor_scales(points.points_world, largest)
     scales = np.repeat(width * apart[:, None], 3, axis=1)
     quats = np.tile([0.0, 0.0, 0.0, 1.0], (count, 1))
-    if points.axes_world is not None and points.axis_deviations is not None:
-        scales[:, 2] = points.axis_deviations
-        quats = quats_from_z_to(points.axes_world)
     opacities = np.full(count, opacity)
     if points.agreement is not None:
         opacities = np.minimum(opacity, np.maximum(points.agreement, least))
@@ -88,20 +84,6 @@ def _same_from_all_sides(colors: np.ndarray, sh_degree: int) -> np.ndarray:
     sh = np.zeros((len(colors), coefficient_count(sh_degree), 3))
     sh[:, 0] = sh_from_rgb(colors)
     return sh
-
-
-def quats_from_z_to(axes: np.ndarray) -> np.ndarray:
-    """Return unit quaternions xyzw that rotate z to directions, shape (n, 3), by the smaller angle.
-
-    The rotation by the angle t about z x a has the quaternion (sin(t/2) n, cos(t/2)); with a . z = cos(t)
-    that is (z x a, 1 + a . z) up to its length. For the opposite direction the axis is x.
-    """
-    axes = np.asarray(axes, dtype=np.float64)
-    zero = np.zeros(len(axes))
-    quats = np.stack([-axes[:, 1], axes[:, 0], zero, 1.0 + axes[:, 2]], axis=1)
-    lengths = np.linalg.norm(quats, axis=1, keepdims=True)
-    opposite = lengths < 1e-6
-    return np.where(opposite, [1.0, 0.0, 0.0, 0.0], quats / np.where(opposite, 1.0, lengths))
 
 
 def neighbor_scales(points_world: np.ndarray, largest: float = MAX_SCALE_RATIO) -> np.ndarray:
@@ -147,7 +129,7 @@ def seed_start(config: InitConfig, subject: Subject, steps: int) -> SeedStart:
     """Return how the Gaussians start.
 
     Args:
-        config: strategy, opacity and width.
+        config: strategy and opacity.
         subject: what is reconstructed.
         steps: of the whole run; 0: the Gaussians stay as they start.
     """

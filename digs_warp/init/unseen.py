@@ -47,10 +47,7 @@ def shell_points(points: PointCloud, cameras: Sequence[Camera]) -> PointCloud:
     seen = offsets / np.maximum(distances, 1e-9)[:, None]
     _, nearest = KDTree(seen).query(directions, k=min(SHELL_NEIGHBORS, len(points)))
     colors = points.colors[nearest.reshape(COUNT, -1)].mean(axis=1)
-    axes = deviations = None
-    if points.axes_world is not None:
-        axes, deviations = directions, np.full(COUNT, 0.01 * radius)
-    return PointCloud(center + radius * directions, colors, axes, deviations)
+    return PointCloud(center + radius * directions, colors)
 
 
 def sphere(count: int) -> np.ndarray:

@@ -17,7 +17,6 @@ from digs_warp.init.back_project import back_project
 from digs_warp.init.config import InitConfig
 from digs_warp.init.edges import Box, smooth_depth
 from digs_warp.init.foreground import foreground_range
-from digs_warp.init.normals import REACH, normals_from_depth
 from digs_warp.init.voxel import VoxelSums
 from digs_warp.record.progress import progress
 
@@ -93,7 +92,7 @@ def view_points(frame: Frame, config: InitConfig, voxel_size: float) -> ViewPoin
 
     Args:
         frame: a frame with image, depth and mask.
-        config: which conditions, and the shape of the Gaussians.
+        config: which conditions.
         voxel_size: edge length of the grid [m].
     """
     laps = _Laps()
@@ -112,12 +111,10 @@ def view_points(frame: Frame, config: InitConfig, voxel_size: float) -> ViewPoin
     laps.lap("edge filter")
     if config.foreground_filter:
         votes = depth if unknown is None else np.where(unknown, np.float32(np.nan), depth)
-        keep &= foreground_range(votes, in_mask, config.background_weight).contains(near)
+        keep &= foreground_range(votes, in_mask).contains(near)
     pixels[FILTERS[3]] = int(np.count_nonzero(keep))
     laps.lap("foreground")
-    normals = normals_from_depth(camera, near, keep) if config.shape == "flat" else None
-    laps.lap("normals")
-    voxels = back_project(camera, image[box], near, keep, voxel_size, normals)
+    voxels = back_project(camera, image[box], near, keep, voxel_size)
     laps.lap("back-project")
     kept = thinned_object_depth(depth, in_mask, unknown) if config.visibility_check else None
     return ViewPoints(frame.name, frame.camera, voxels, pixels, kept, laps.seconds)
@@ -153,15 +150,6 @@ def thinned_object_depth(
 
 
 def box_of(in_mask: np.ndarray) -> Box:
-    """Return the rows and columns around all mask pixels, with a margin for the normals.
-
-    For an empty mask it is the first pixel.
-    """
+    """Return the rows and columns around all mask pixels; the first pixel for an empty mask."""
     x0, y0, x1, y1 = mask_box(in_mask)
-    if x0 == x1:
-        return slice(0, 1), slice(0, 1)
-    height, width = in_mask.shape
-    return (
-        slice(max(0, y0 - REACH), min(height, y1 + REACH)),
-        slice(max(0, x0 - REACH), min(width, x1 + REACH)),
-    )
+    return slice(y0, max(y1, 1)), slice(x0, max(x1, 1))

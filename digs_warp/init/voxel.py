@@ -28,7 +28,7 @@ logger = logging.getLogger(__name__)
 BITS = 21
 MAX_INDEX = 2 ** (BITS - 1) - 1
 
-POSITION, COLOR, EXTRA = 0, 3, 6  # where each begins in a row of sums
+POSITION, COLOR, VALUES = 0, 3, 6  # where each begins in a row of sums, and how many they are
 
 # New views are collected until together they have this many times the grid's voxels, then merged.
 MERGE_AT = 3.0
@@ -40,8 +40,8 @@ class VoxelSums:
 
     Attributes:
         keys: packed voxel indices, ascending, shape (n,), int64.
-        sums: number of measurements, summed positions [m], summed colors in 0..1, and k further summed
-            values, shape (n, 1 + 6 + k), float64.
+        sums: number of measurements, summed positions [m] and summed colors in 0..1, shape (n, 1 + 6),
+            float64.
     """
 
     keys: np.ndarray
@@ -52,7 +52,7 @@ class VoxelSums:
 
     @property
     def means(self) -> np.ndarray:
-        """Means of position, color and the further values, shape (n, 6 + k)."""
+        """Means of position and color, shape (n, 6)."""
         return self.sums[:, 1:] / self.sums[:, :1]
 
     @property
@@ -63,12 +63,7 @@ class VoxelSums:
     @property
     def colors(self) -> np.ndarray:
         """Mean colors, shape (n, 3)."""
-        return self.means[:, COLOR:EXTRA]
-
-    @property
-    def extra(self) -> np.ndarray:
-        """Means of the further values, shape (n, k)."""
-        return self.means[:, EXTRA:]
+        return self.means[:, COLOR:]
 
     def select(self, keep: np.ndarray) -> "VoxelSums":
         """Return the voxels at ``keep``, a bool mask."""
@@ -191,9 +186,9 @@ def final_voxel_size(voxels: VoxelSums, size: float, config: InitConfig) -> floa
     """
     if config.target_points is not None:
         return _size_for_count(voxels, size, config.target_points)
-    if config.voxel_edge is None and config.max_points is None:
+    if config.voxel_edge is None:
         return _size_for_most(voxels, size)
-    if config.voxel_unit != "object" or config.voxel_edge is None:
+    if config.voxel_unit != "object":
         return size
     wanted = config.voxel_edge * object_size(voxels)
     if wanted < size:

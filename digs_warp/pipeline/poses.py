@@ -119,7 +119,7 @@ def in_metres(
     if not capture.has_depth:
         return MetricModel(sparse.model.moved(_world(sparse.model, capture)), 1.0)
     ratios = local_scales(sparse.model, frames.training, config)
-    scale = estimate_scale(ratios, config.scale)
+    scale = estimate_scale(ratios)
     sfm = sparse.model.in_metres(scale.sfm_per_metre)
     return MetricModel(sfm.moved(_world(sfm, capture)), scale.sfm_per_metre, scale)
 

@@ -10,6 +10,7 @@ before it end in each tile, so nothing is written twice.
 and the twin that the counting path is tested against. Splats of equal depth keep the order of their index.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -301,6 +302,30 @@ class TileBinner:
 
     def _zeros(self, count: int) -> wp.array:
         return wp.zeros(count, dtype=int, device=self.device)
+
+
+# Tiles around content and splats that are filled with the background: a loss with windows looks there, too.
+# That of training reads one tile, the rest of a block of 64 px and 5 px more.
+FILLED_AROUND = 5
+
+
+def tiles_with_background(boxes: Sequence[PixelBox] | None, columns: int, rows: int) -> np.ndarray:
+    """Return the tile columns first .. end and rows first .. end that show the background, (4,) int32.
+
+    Args:
+        boxes: pixels that are looked at; those around are, too. None: the whole image.
+        columns: of tiles in the image.
+        rows: of tiles in the image.
+    """
+    if boxes is None:
+        return np.array([0, columns, 0, rows], dtype=np.int32)
+    found = np.array(boxes)
+    found = found[(found[:, 0] < found[:, 2]) & (found[:, 1] < found[:, 3])]
+    if not len(found):
+        return np.zeros(4, dtype=np.int32)
+    x0, y0 = found[:, :2].min(axis=0) // TILE_SIZE - FILLED_AROUND
+    x1, y1 = -(-found[:, 2:].max(axis=0) // TILE_SIZE) + FILLED_AROUND
+    return np.array([x0, x1, y0, y1], dtype=np.int32)
 
 
 def pixels_of(tiles: np.ndarray, width: int, height: int) -> PixelBox:

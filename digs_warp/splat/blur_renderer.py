@@ -10,8 +10,7 @@ from digs_warp.device.image_planes import ALIGNMENT, ImagePlanes
 from digs_warp.device.parallel import ParallelLaunch, put, run_together, values_per_thread
 from digs_warp.geometry.camera import Camera
 from digs_warp.geometry.rigid import PixelBox
-from digs_warp.splat.background import tiles_with_background
-from digs_warp.splat.bin_tiles import pixels_of
+from digs_warp.splat.bin_tiles import pixels_of, tiles_with_background
 from digs_warp.splat.camera_motion import Blur, RowMotion
 from digs_warp.splat.config import DEFAULT_OPTIONS, TILE_SIZE, RasterOptions
 from digs_warp.splat.device import DeviceGaussians, SplatStatistics

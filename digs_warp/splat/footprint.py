@@ -16,7 +16,6 @@ import warp as wp
 
 from digs_warp.device.elementary import exp_of, larger, smaller
 from digs_warp.geometry.camera import Camera
-from digs_warp.geometry.rigid import PixelBox
 from digs_warp.splat.camera_motion import STILL, RowMotion
 from digs_warp.splat.config import DEFAULT_OPTIONS, TILE_SIZE, RasterOptions
 
@@ -67,7 +66,7 @@ class ViewParams:
     center_world: wp.vec3
     turn: wp.vec3  # of `digs_warp.splat.camera_motion.RowMotion`
     shift: wp.vec3
-    # The tiles of the view, and those that are drawn: columns and rows first .. end - 1.
+    # The tiles of the view, and those that are drawn, all of them: columns and rows first .. end - 1.
     columns: int
     rows: int
     first_column: int
@@ -100,7 +99,6 @@ def view_params(
     camera: Camera,
     near: float,
     options: RasterOptions,
-    window: PixelBox | None = None,
     rows: RowMotion | None = None,
 ) -> np.ndarray:
     """Return a one-element structured array for `ViewParams`.
@@ -109,7 +107,6 @@ def view_params(
         camera: the camera.
         near: Gaussians whose center is nearer than this [m] are not drawn.
         options: how splats are drawn.
-        window: only tiles that touch these pixels are drawn; default: all.
         rows: how the camera moves while the rows are read; default: not at all.
     """
     k = camera.intrinsics
@@ -120,14 +117,10 @@ def view_params(
     record["rotation"] = camera.cam_from_world[:3, :3]
     record["translation"] = camera.cam_from_world[:3, 3]
     record["center_world"] = camera.center_world
-    record["turn"], record["shift"] = (rows or STILL).turn, (rows or STILL).shift
-    columns, rows = -(-k.width // TILE_SIZE), -(-k.height // TILE_SIZE)
-    x0, y0, x1, y1 = (0, 0, k.width, k.height) if window is None else window
-    record["columns"], record["rows"] = columns, rows
-    record["first_column"] = np.clip(x0 // TILE_SIZE, 0, columns)
-    record["first_row"] = np.clip(y0 // TILE_SIZE, 0, rows)
-    record["end_column"] = np.clip(-(-x1 // TILE_SIZE), 0, columns)
-    record["end_row"] = np.clip(-(-y1 // TILE_SIZE), 0, rows)
+    motion = rows or STILL
+    record["turn"], record["shift"] = motion.turn, motion.shift
+    record["columns"] = record["end_column"] = -(-k.width // TILE_SIZE)
+    record["rows"] = record["end_row"] = -(-k.height // TILE_SIZE)
     for name in ("dilation", "jacobian_margin", "min_alpha", "max_alpha", "min_transmittance"):
         record[name] = getattr(options, name)
     record["antialias"] = options.antialias

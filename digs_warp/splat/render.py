@@ -132,7 +132,7 @@ def render(
     Args:
         gaussians: what to draw.
         camera: from where.
-        background: sRGB color, shape (3,), or image, shape (height, width, 3), behind the Gaussians.
+        background: sRGB color behind the Gaussians, shape (3,).
         near: near plane [m]; default: a share of the distance to the middle of the Gaussians.
         options: how splats are drawn, and whether depth and normals are wanted.
         device: Warp device.
@@ -140,7 +140,7 @@ def render(
         rows: how the camera moves while the rows are read (rolling shutter); default: it does not.
 
     Raises:
-        DigsError: values that are not finite, or a background of another size.
+        DigsError: values that are not finite, or a background that is no color.
     """
     k = camera.intrinsics
     renderer = SplatRenderer(
@@ -153,11 +153,7 @@ def render(
         means = renderer.gaussians.means.numpy()
         center = means.mean(axis=0) if len(means) else np.zeros(3)
         near = near_plane(camera, center, options.near_share)
-    behind: np.ndarray | ImagePlanes = np.asarray(background, dtype=np.float32)
-    if behind.ndim == 3:
-        check_shape("background", behind, (k.height, k.width, 3))
-        behind = ImagePlanes.of(behind, renderer.device)
-    renderer.forward(camera, near=near, background=behind, rows=rows)
+    renderer.forward(camera, near=near, background=background, rows=rows)
     alpha = 1.0 - renderer.transmittance.to_numpy()[..., 0]
     depth = median = None
     if options.has_depth:

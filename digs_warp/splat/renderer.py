@@ -15,8 +15,7 @@ from digs_warp.device.parallel import packed, put
 from digs_warp.geometry.camera import Camera
 from digs_warp.geometry.rigid import PixelBox
 from digs_warp.splat.backend import RasterBackend, RasterJob, backend_for
-from digs_warp.splat.background import add_background, tiles_with_background
-from digs_warp.splat.bin_tiles import TileBinner
+from digs_warp.splat.bin_tiles import TileBinner, tiles_with_background
 from digs_warp.splat.camera_gradient import CameraGradient, CameraShares
 from digs_warp.splat.camera_motion import RowMotion
 from digs_warp.splat.config import DEFAULT_OPTIONS, RasterOptions
@@ -134,9 +133,8 @@ class SplatRenderer:
         camera: Camera,
         *,
         near: float,
-        background: tuple[float, float, float] | np.ndarray | ImagePlanes = WHITE,
+        background: tuple[float, float, float] | np.ndarray = WHITE,
         sh_degree: int | None = None,
-        window: PixelBox | None = None,
         content: PixelBox | None = None,
         rows: RowMotion | None = None,
     ) -> None:
@@ -145,19 +143,17 @@ class SplatRenderer:
         Args:
             camera: its image is at most as large as the renderer's; all planes take its size.
             near: Gaussians whose center is nearer than this [m] are not drawn.
-            background: sRGB color behind the Gaussians, or an image of the renderer's size.
+            background: sRGB color behind the Gaussians, shape (3,).
             sh_degree: bands of the color to use; default: all that the Gaussians have.
-            window: only the tiles that touch these pixels are drawn; the others keep what they held, and
-                splats outside get no gradient. Default: the whole image.
             content: pixels that are looked at although no splat may be there. Tiles without splats that lie
-                more than `FILLED_AROUND` tiles (`digs_warp.splat.background`) outside of the box of these
+                more than `FILLED_AROUND` tiles (`digs_warp.splat.bin_tiles`) outside of the box of these
                 and of all splats keep what they held: most of the image, when a single object is trained.
                 Default: the whole image.
             rows: how the camera moves while the rows are read; ``camera`` is then that of the middle row.
                 Default: it does not.
 
         Raises:
-            ValueError: the camera's or the background's image does not fit the renderer.
+            ValueError: the camera's image does not fit the renderer.
             DigsError: the near plane is not above 0, or the background color is not finite.
         """
         check_positive("near plane", near)
@@ -169,10 +165,8 @@ class SplatRenderer:
             )
         if (k.width, k.height) != (self.image.width, self.image.height):
             self._resize(k.width, k.height)
-        put(self._views, view_params(camera, near, self.options, window, rows))
-        behind = background if isinstance(background, ImagePlanes) else None
-        color = np.zeros(3) if isinstance(background, ImagePlanes) else background
-        color = np.asarray(color, dtype=np.float32)
+        put(self._views, view_params(camera, near, self.options, rows))
+        color = np.asarray(background, dtype=np.float32)
         put(self._background, check_finite("background", check_shape("background", color, (3,))))
         self._record(self._degree_of(sh_degree))
         self._launches.project.run()
@@ -185,8 +179,6 @@ class SplatRenderer:
             filled = tiles_with_background(boxes, self.binner.columns, self.binner.rows)
             put(self._filled, filled)
         self._launches.forward.run()
-        if behind is not None:
-            add_background(behind, self._drawn, self._views, self.device, self.threads)
 
     def backward(self) -> None:
         """Fill ``gradients`` from the ``adj_`` planes for the last `forward`."""

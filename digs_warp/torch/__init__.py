@@ -71,7 +71,7 @@ def render(
     *,
     pose: torch.Tensor | None = None,
     near: float | None = None,
-    background: tuple[float, float, float] | np.ndarray = WHITE,
+    background: tuple[float, float, float] = WHITE,
     options: RasterOptions = DEFAULT_OPTIONS,
 ) -> TorchView:
     """Render one view of Gaussians, or one for each of several cameras.
@@ -85,7 +85,7 @@ def render(
         camera: from where; several need images of one size.
         pose: a motion of the camera to optimize, shape (6,), see `moved_camera`; of several, (cameras, 6).
         near: near plane [m]; default: a share of the distance to the middle of the Gaussians.
-        background: sRGB color, or image of shape (height, width, 3), behind the Gaussians; a constant.
+        background: sRGB color behind the Gaussians; a constant.
         options: how splats are drawn, and whether depth and normals are wanted. Tensors do not say what they
             are made for: scenes of 3D Gaussian splatting want a dilation of 0.3.
 

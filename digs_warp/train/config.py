@@ -87,11 +87,6 @@ class Stop(Settings):
     """Plan the training for this much time, for example 60s, 20min or 2h: after a few steps it chooses how
     many fit, at most --iterations, so that all schedules end with the time. Default: no limit."""
 
-    target_psnr: Annotated[float | None, Range(1e-3, 100), NO_FLAG] = None
-    """Stop as soon as the held-out views reach this PSNR on the object [dB], which is then measured every 100
-    iterations.
-    Default: no target."""
-
 
 @dataclass(frozen=True, kw_only=True)
 class Density(Settings):
@@ -124,9 +119,6 @@ class TrainConfig(Settings):
     mask_role: Literal["object", "ignore"] = "object"
     """What lies outside the masks. object: nothing, so Gaussians there are errors; ignore: unknown, so pixels
     there are not compared."""
-
-    dssim_weight: Annotated[float, Range(0, 1), NO_FLAG] = 0.2
-    """Fraction lambda of D-SSIM in the loss; the rest is L1."""
 
     depth_weight: Annotated[float | None, WEIGHT] = None
     """Weight of the difference between rendered and measured depth: holds the surface where it was measured.

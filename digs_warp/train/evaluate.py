@@ -20,6 +20,7 @@ from digs_warp.device.threads import default_threads
 from digs_warp.geometry.camera import Camera
 from digs_warp.geometry.reproject import unproject_pixels
 from digs_warp.geometry.rigid import mask_box, transform_points
+from digs_warp.init.config import MASK_THRESHOLD
 from digs_warp.measure.color_gain import OFFSET, ColorGain, fit_color_gain
 from digs_warp.measure.metrics import mean_over, psnr, ssim_map
 from digs_warp.measure.scores import UnseenPart, ViewScore
@@ -34,9 +35,6 @@ from digs_warp.splat.surface_depth import covered_depth
 from digs_warp.train.exposure import INSIDE
 from digs_warp.train.shutter import NO_SHUTTER, ShutterPlan
 from digs_warp.train.silhouette import without_surround
-
-# The paper's mask threshold tau (section 4.1): a pixel above it belongs to the object.
-MASK_THRESHOLD = 20
 
 
 @dataclass(frozen=True, eq=False)
@@ -338,48 +336,6 @@ def _score(rendering: Rendering, view: TestView) -> ViewScore:
         ssim_frame=mean_over(similarity, known),
         psnr_frame_aligned=psnr(aligned, target, known),
     )
-
-
-def psnr_by_neighbors(
-    gaussians: DeviceGaussians, training: Sequence[Frame], held_out: Sequence[Frame]
-) -> float:
-    """Return the PSNR on the object, in the exposure between those of the neighbors in time [dB].
-
-    Args:
-        gaussians: trained on ``training``.
-        training: at least one frame; their renderings and photographs tell their exposures.
-        held_out: which are rendered and compared; the result is the mean over them.
-    """
-    views = load_test_views(training)
-    pairs = zip(render_views(gaussians, views), views, strict=True)
-    gains = [photographed_gain([rendering], [view]) for rendering, view in pairs]
-    times = np.array([frame.time for frame in training])
-    tests = load_test_views(held_out)
-    scores = [
-        psnr(
-            with_gain(rendering, interpolated(times, gains, frame.time)),
-            view.target_for(rendering.image),
-            view.object_pixels,
-        )
-        for frame, rendering, view in zip(
-            held_out, render_views(gaussians, tests), tests, strict=True
-        )
-    ]
-    return float(np.mean(scores))
-
-
-def interpolated(times: np.ndarray, gains: Sequence[ColorGain], moment: float) -> ColorGain:
-    """Return the gain at a moment, linear in time between the known ones; outside of them the nearest.
-
-    Args:
-        times: of n photographs [s], (n,), in any order.
-        gains: theirs.
-        moment: [s].
-    """
-    order = np.argsort(times, kind="stable")
-    known = np.stack([gains[n].log_factors for n in order])
-    factors = [np.interp(moment, times[order], values) for values in known.T]
-    return ColorGain(np.array(factors))
 
 
 # Sizes of the blocks of pixels that are compared, one after the other; over single pixels cameras shift, too.

@@ -49,7 +49,7 @@ class Objective:
         self._keeps_color = config.mask_role == "ignore"
         self._target = Target(width, height, device, with_mask=self._keeps_color)
         self._photometric = PhotometricLoss(
-            r.image, self._target.image, self._target.mask, r.adj_image, config.dssim_weight
+            r.image, self._target.image, self._target.mask, r.adj_image
         )
         self._left_out = None
         if not self._keeps_color:  # else the mask weights the pixels, and it is 0 there

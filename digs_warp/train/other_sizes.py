@@ -13,12 +13,12 @@ from dataclasses import replace
 import numpy as np
 
 from digs_warp.data.viewpoints import evenly
+from digs_warp.init.config import MASK_THRESHOLD
 from digs_warp.measure.metrics import psnr
 from digs_warp.measure.scores import OtherSizes, ViewScore, mean_score
 from digs_warp.splat.config import DEFAULT_OPTIONS, RasterOptions
 from digs_warp.splat.device import DeviceGaussians
 from digs_warp.train.evaluate import (
-    MASK_THRESHOLD,
     Rendering,
     TestView,
     color_aligned,

@@ -43,9 +43,6 @@ CHECKPOINT_SECONDS = 30.0
 # To plan for a time budget, at least so many steps are taken, and this share of the budget.
 PLANNING_STEPS, PLANNING_SHARE = 3, 0.02
 
-# With a target quality, the held-out views are measured every this many iterations.
-TARGET_EVERY = 100
-
 
 # Called every few iterations with their number and the Gaussians, which it must not change or keep.
 Watch: TypeAlias = Callable[[int, DeviceGaussians], None]
@@ -253,7 +250,7 @@ def _run_steps(
     ):
         if trainer.optimizer.step == 0:
             bar.set_postfix_str(course.record(measure=True), refresh=False)
-        while not (stop := _reason_to_stop(trainer, course, clock)):
+        while not (stop := _reason_to_stop(trainer, clock)):
             trainer.step()
             step = trainer.optimizer.step
             if clock is not None:
@@ -276,21 +273,18 @@ def _run_steps(
 
 def _measures(trainer: Trainer, clock: Clock | None) -> bool:
     """Whether held-out views are measured after the step just taken."""
-    stop, step = trainer.config.stop, trainer.optimizer.step
+    step = trainer.optimizer.step
     last = step >= trainer.progress.steps or (
         clock is not None and clock.is_over(step, trainer.seconds)
     )
-    for_target = stop.target_psnr is not None and step % TARGET_EVERY == 0
-    return last or for_target or step in trainer.config.evaluate_at
+    return last or step in trainer.config.evaluate_at
 
 
-def _reason_to_stop(trainer: Trainer, course: CourseRecorder, clock: Clock | None) -> str:
+def _reason_to_stop(trainer: Trainer, clock: Clock | None) -> str:
     """Return why the run is over; empty while it still goes on."""
-    stop, progress, step = trainer.config.stop, trainer.progress, trainer.optimizer.step
+    progress, step = trainer.progress, trainer.optimizer.step
     if step >= progress.steps:
         return "time budget" if clock and progress.steps < progress.most else "iterations"
-    if stop.target_psnr is not None and course.psnr >= stop.target_psnr:
-        return "target psnr"
     return "time budget" if clock and clock.is_over(step, trainer.seconds) else ""
 
 

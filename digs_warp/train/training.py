@@ -102,7 +102,7 @@ class Training:
         gaussians: how many there are at the end.
         plan: what was chosen for the time budget, where there is one.
         iterations: steps taken.
-        stopped_by: what ended it: "iterations", "target psnr" or "time budget".
+        stopped_by: what ended it: "iterations" or "time budget".
         training_seconds: of the steps alone [s].
         exposure_stops: root mean square of the photographs' gains [stops]: how much their exposure and white
             balance vary; 0 where they are known to be constant, None if they were not fitted.

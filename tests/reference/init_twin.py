@@ -50,23 +50,6 @@ def back_projected(camera: Camera, depth: np.ndarray, keep: np.ndarray) -> np.nd
     return (np.linalg.inv(camera.cam_from_world) @ homogeneous)[:3].T
 
 
-def normals_of(camera: Camera, depth: np.ndarray, reach: int) -> np.ndarray:
-    """World normals toward the camera from central differences; NaN where a neighbor is unknown."""
-    rows, columns = np.indices(depth.shape)
-    k = camera.intrinsics
-    rays = np.stack(
-        [(columns + 0.5 - k.cx) / k.fx, (rows + 0.5 - k.cy) / k.fy, np.ones(depth.shape)], axis=-1
-    )
-    points = rays * depth.astype(np.float64)[..., None]
-    normals = np.full(points.shape, np.nan)
-    inner = slice(reach, -reach)
-    right = points[inner, 2 * reach :] - points[inner, : -2 * reach]
-    down = points[2 * reach :, inner] - points[: -2 * reach, inner]
-    normals[inner, inner] = np.cross(down, right)
-    normals /= np.linalg.norm(normals, axis=-1, keepdims=True)
-    return normals @ camera.world_from_cam[:3, :3].T
-
-
 def voxel_means(
     points: np.ndarray, values: np.ndarray, voxel_size: float
 ) -> dict[Voxel, tuple[int, np.ndarray]]:

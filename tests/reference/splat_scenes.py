@@ -7,6 +7,7 @@ import numpy as np
 from digs_warp.data.gaussians import Gaussians
 from digs_warp.geometry.camera import Camera, Intrinsics
 from digs_warp.geometry.rigid import look_at
+from digs_warp.splat.backend import CooperativeBackend, RasterBackend, VectorizedBackend
 from digs_warp.splat.camera_motion import STILL, RowMotion
 
 BACKGROUND = np.array([0.2, 0.5, 0.9])
@@ -128,3 +129,11 @@ def hard_cases() -> dict[str, SplatScene]:
             replace(some, means=aside, log_scales=aside_scales, opacity_logits=aside_logits), view
         ),
     }
+
+
+BACKENDS: tuple[RasterBackend, ...] = (VectorizedBackend(), CooperativeBackend())
+
+
+def backend_name(backend: RasterBackend) -> str:
+    """For the names of tests."""
+    return type(backend).__name__.removesuffix("Backend").lower()

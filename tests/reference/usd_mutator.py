@@ -126,13 +126,13 @@ def make_originals(folder: Path) -> list[Path]:
 def work(folder: Path, numbers: list[int]) -> None:
     """Read the mutated files of these numbers; print a line before and after each."""
     from digs_warp.checks import DigsError
-    from digs_warp.usd.reader import describe, read_fields
+    from digs_warp.usd.reader import describe, read_gaussians
     from digs_warp.usd.validate import validate
 
     resource.setrlimit(resource.RLIMIT_AS, (MEMORY, MEMORY))
     originals = make_originals(folder)
     for original in originals:  # what is refused below, is refused for its faults
-        read_fields(original)
+        read_gaussians(original)
         assert validate(original).ok
     for number in numbers:
         original = originals[number % len(originals)]
@@ -142,7 +142,7 @@ def work(folder: Path, numbers: list[int]) -> None:
         Path("/proc/self/clear_refs").write_text("5")  # forget the peak of the files before
         signal.alarm(SECONDS_PER_FILE)
         try:
-            read_fields(path)
+            read_gaussians(path)
             describe(path)
             validate(path)
             outcome = "read"

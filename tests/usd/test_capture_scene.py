@@ -100,11 +100,10 @@ def test_points_and_meshes_are_guides_in_the_frame_of_the_asset(package: Path):
         )
 
 
-@pytest.mark.parametrize("zoom", [0.0, 3.0])
-def test_usd_cameras_see_every_point_where_ours_do(tmp_path: Path, zoom: float):
+def test_usd_cameras_see_every_point_where_ours_do(tmp_path: Path):
     from pxr import UsdGeom
 
-    views = camera_path(zoom=zoom)
+    views = camera_path(zoom=3.0)
     path = tmp_path / "scene.usdz"
     write_capture_scene(path, CaptureScene((SceneVariant("a", splats(5)),), cameras=views))
     stage = open_stage(path)
@@ -184,9 +183,7 @@ def read_scene_at(stage, time: float) -> np.ndarray:
     return np.array(attribute.Get(time))
 
 
-@pytest.mark.parametrize(
-    ("role", "precision"), [("left", "float"), ("right", "mixed"), ("left", "half")]
-)
+@pytest.mark.parametrize(("role", "precision"), [("left", "float"), ("right", "half")])
 def test_an_independent_renderer_draws_the_file_as_ours_draws_the_gaussians(
     tmp_path: Path, role: str, precision
 ):
@@ -207,22 +204,6 @@ def test_an_independent_renderer_draws_the_file_as_ours_draws_the_gaussians(
         assert ours.image.std() > 0.1
         # 74 dB with floats: ours adds 0.01 px^2. Halves round colors and places.
         assert psnr > (70 if precision == "float" else 55)
-
-
-def test_stock_validators_find_nothing_in_any_variant(package: Path):
-    from pxr import UsdValidation
-
-    from digs_warp.usd.field import variant_combinations
-
-    stage = open_stage(package)
-    validators = UsdValidation.ValidationRegistry().GetOrLoadAllValidators()
-    stock = [v for v in validators if not v.GetMetadata().name.startswith("digs_warp")]
-    combinations = 0
-    for _ in variant_combinations(stage):
-        combinations += 1
-        errors = UsdValidation.ValidationContext(stock).Validate(stage)
-        assert [error.GetErrorAsString() for error in errors] == []
-    assert combinations == 9
 
 
 def test_members_are_aligned_and_the_root_comes_first(package: Path):
@@ -271,11 +252,6 @@ def test_scenes_without_splats_are_fine(tmp_path: Path):
     )
     write_capture_scene(path, scene)
     assert len(read_scene(path).gaussians) == 0
-
-
-def test_other_suffixes_are_refused(tmp_path: Path):
-    with pytest.raises(UsdError, match=r"expected \.usdz"):
-        write_capture_scene(tmp_path / "scene.usdc", CaptureScene((SceneVariant("a", splats(1)),)))
 
 
 def test_scenes_that_make_no_sense_are_refused():

@@ -44,28 +44,29 @@ def package(names: list[str], content: bytes = b"#usda 1.0\n", **options) -> byt
     return buffer.getvalue()
 
 
-@pytest.mark.parametrize(
-    ("data", "message"),
-    [
-        (package(["../evil.usda"]), r"'\.\./evil.usda' leads out"),
-        (package(["/etc/evil.usda"]), "leads out"),
-        (package(["C:\\evil.usda"]), "leads out"),
-        (package(["a.usda", "a/../../b.usda"]), "leads out"),
-        (package(["a.usda"], b"#usda 1.0\n" * 99, compression=zipfile.ZIP_DEFLATED), "compressed"),
-        (
-            package(["a.usdc"], b"PXR-USDC" + bytes(200)),
-            "has version 0.0.0, expected 0.4.0 or later",
-        ),
-        (package(["a.usdc"], b"PXR-USDC\0\x08" + bytes(198)), "is at byte 0, expected 88 to 200"),
-        (package(["a.usdc"], b"short"), "fewer than the header"),
-        (package([])[:-4], "no directory"),
-        (package(["a.usda"])[:-22] + b"PK\5\6" + b"\xff" * 18, "64-bit"),
-    ],
-)
-def test_packages_with_a_broken_frame_are_refused(tmp_path: Path, data: bytes, message: str):
-    (tmp_path / "scene.usdz").write_bytes(data)
-    with pytest.raises(UsdError, match=message):
-        read_gaussians(tmp_path / "scene.usdz")
+BROKEN_FRAMES = [
+    (package(["../evil.usda"]), r"'\.\./evil.usda' leads out"),
+    (package(["/etc/evil.usda"]), "leads out"),
+    (package(["C:\\evil.usda"]), "leads out"),
+    (package(["a.usda", "a/../../b.usda"]), "leads out"),
+    (package(["a.usda"], b"#usda 1.0\n" * 99, compression=zipfile.ZIP_DEFLATED), "compressed"),
+    (
+        package(["a.usdc"], b"PXR-USDC" + bytes(200)),
+        "has version 0.0.0, expected 0.4.0 or later",
+    ),
+    (package(["a.usdc"], b"PXR-USDC\0\x08" + bytes(198)), "is at byte 0, expected 88 to 200"),
+    (package(["a.usdc"], b"short"), "fewer than the header"),
+    (package([])[:-4], "no directory"),
+    (package(["a.usda"])[:-22] + b"PK\5\6" + b"\xff" * 18, "64-bit"),
+]
+
+
+def test_packages_with_a_broken_frame_are_refused(tmp_path: Path):
+    path = tmp_path / "scene.usdz"
+    for data, message in BROKEN_FRAMES:
+        path.write_bytes(data)
+        with pytest.raises(UsdError, match=message):
+            read_gaussians(path)
 
 
 def test_a_table_beyond_the_end_of_a_crate_is_refused(tmp_path: Path, random_gaussians):
@@ -100,13 +101,6 @@ def test_memory_is_limited_while_a_file_is_read_and_free_afterwards():
 def test_large_files_may_take_memory_in_proportion():
     with limited_memory(HEADROOM // 8):
         np.empty(2 * HEADROOM, dtype=np.uint8)
-
-
-def test_text_that_is_not_utf8_is_named(tmp_path: Path):
-    path = tmp_path / "scene.usda"
-    path.write_bytes(b'#usda 1.0\ndef "A" { string b = "\xff\xfe" \xff }\n')
-    with pytest.raises(UsdError, match=r"scene\.usda"):
-        read_gaussians(path)
 
 
 @pytest.mark.parametrize("place", ["/proc/self/scene.usdz", "{tmp}/file/scene.usdz"])

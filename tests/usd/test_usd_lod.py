@@ -9,7 +9,6 @@ from digs_warp.geometry.rigid import matrix_from_quat_xyzw
 from digs_warp.splat.render import render
 from digs_warp.usd.lod import (
     KEPT_BEFORE_MERGING,
-    LEVELS,
     MERGED_WIDENING,
     importance,
     level_of_detail,
@@ -19,31 +18,11 @@ from reference.capture_scenes import camera_path, splats
 from reference.usd_files import covariances
 
 
-def test_full_is_everything_and_comes_first():
-    gaussians = splats(20)
-    assert next(iter(LEVELS.values())) == 1.0
-    assert level_of_detail(gaussians, 1.0) is gaussians
-
-
-@pytest.mark.parametrize(("count", "share"), [(2, 0.5), (20, 0.1), (500, 0.5), (3000, 0.1)])
+@pytest.mark.parametrize(("count", "share"), [(1, 0.1), (20, 0.1), (3000, 0.5)])
 def test_levels_hold_at_most_their_share_and_about_as_many(count: int, share: float):
     level = level_of_detail(splats(count), share)
     wanted = max(1, int(share * count))
     assert 0.8 * wanted <= len(level) <= wanted
-
-
-@pytest.mark.parametrize("count", [0, 1])
-def test_none_and_one_splat_stay(count: int):
-    assert len(level_of_detail(splats(count), 0.1)) == count
-
-
-def test_importance_is_opacity_times_the_two_longer_axes():
-    gaussians = replace(
-        splats(2),
-        log_scales=np.log([[0.1, 0.001, 0.4], [0.2, 0.2, 0.2]]),
-        opacity_logits=np.array([0.0, 100.0]),
-    )
-    assert_allclose(importance(gaussians), [0.5 * 0.2, 0.2], rtol=1e-6)
 
 
 def test_what_matters_least_is_dropped_before_anything_is_merged():
@@ -111,8 +90,8 @@ def test_hard_cases_come_out_finite():
             assert np.isfinite(getattr(level, array)).all(), (name, array)
 
 
-@pytest.mark.parametrize("share", [0.5, 0.1])
-def test_a_level_looks_more_like_all_splats_than_a_choice_of_them(share: float):
+def test_a_level_looks_more_like_all_splats_than_a_choice_of_them():
+    share = 0.1
     # Many small splats on a ball, as training leaves them.
     rng = np.random.default_rng(0)
     points = rng.normal(size=(1500, 3))
@@ -135,5 +114,5 @@ def test_a_level_looks_more_like_all_splats_than_a_choice_of_them(share: float):
     important = np.sort(np.argsort(-importance(gaussians), kind="stable")[:count])
     random = np.sort(rng.permutation(1500)[:count])
     # A tenth of the splats leaves holes wherever they are chosen.
-    assert chosen < (0.5 if share == 0.1 else 1.0) * error(gaussians.select(important))
+    assert chosen < 0.5 * error(gaussians.select(important))
     assert chosen < 0.5 * error(gaussians.select(random))

@@ -2,7 +2,7 @@
 
 The layouts: usd-convert-gsplat 0.1.15 (root prim, text in .usdz), 3dgrut (features half, a package of
 layers), fVDB (Z-up data turned by a transform), LichtFeld (no metadata on the coefficients, quaternions
-not normalized), one assembled from the schema's parts, and splats in centimetres under a scaled parent.
+not normalized), and one assembled from the schema's parts.
 """
 
 import zipfile
@@ -14,11 +14,11 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
 from digs_warp.checks import UsdError
-from digs_warp.data.gaussians import Gaussians, joined
+from digs_warp.data.gaussians import Gaussians
 from digs_warp.formats.splats.files import read_splat_file
 from digs_warp.geometry.rigid import matrix_from_quat_xyzw
 from digs_warp.geometry.sh import rgb_from_sh
-from digs_warp.usd.reader import ReadOptions, read_fields, read_gaussians, read_scene
+from digs_warp.usd.reader import ReadOptions, read_gaussians, read_scene
 from digs_warp.usd.writer import write_gaussians
 from reference.capture_scenes import splats
 from reference.usd_files import Y_UP, covariances
@@ -159,20 +159,6 @@ def assembled(tmp_path: Path, arrays: dict[str, np.ndarray]) -> Path:
     return tmp_path / "assembled.usda"
 
 
-def centimetres(tmp_path: Path, arrays: dict[str, np.ndarray]) -> Path:
-    """A scene in centimetres whose parent doubles: what is authored is 50 times as large."""
-    from pxr import UsdGeom
-
-    large = dict(arrays)
-    large["positions"], large["scales"] = arrays["positions"] * 50, arrays["scales"] * 50
-    stage = new_stage(tmp_path / "scene.usdc", metres=0.01)
-    root = UsdGeom.Xform.Define(stage, "/World")
-    root.AddScaleOp().Set((2, 2, 2))
-    author(stage, "/World/gaussians", large)
-    stage.Save()
-    return tmp_path / "scene.usdc"
-
-
 @pytest.mark.parametrize(
     ("layout", "rounding"),
     [
@@ -181,7 +167,6 @@ def centimetres(tmp_path: Path, arrays: dict[str, np.ndarray]) -> Path:
         (fvdb, 0.0),
         (lichtfeld, 0.0),
         (assembled, 0.0),
-        (centimetres, 0.0),
     ],
 )
 def test_layouts_of_other_exporters_are_read(
@@ -209,29 +194,6 @@ def test_what_another_converter_made_of_a_ply_is_what_we_read_from_it():
     turns = matrix_from_quat_xyzw(theirs.quats), matrix_from_quat_xyzw(ours.quats)
     assert_allclose(*turns, atol=1e-6)
     assert_allclose(theirs.sh, ours.sh, atol=1e-6)
-
-
-def two_fields(tmp_path: Path) -> Path:
-    arrays = y_up_arrays(tmp_path, splats(5, 1))
-    others = y_up_arrays(tmp_path, splats(7, 2, degree=1))
-    stage = new_stage(tmp_path / "scene.usdc")
-    author(stage, "/World/A", arrays)
-    author(stage, "/World/B", others)
-    stage.Save()
-    return tmp_path / "scene.usdc"
-
-
-def test_several_fields_are_read_apart_or_merged(tmp_path: Path):
-    scenes = read_fields(two_fields(tmp_path))
-    assert [scene.prim_path for scene in scenes] == ["/World/A", "/World/B"]
-    together = joined([scene.gaussians for scene in scenes])
-    assert len(together) == 12
-    assert together.sh_degree == 3
-    assert_array_equal(together.means[:5], splats(5, 1).means)
-    assert_array_equal(together.means[5:], splats(7, 2).means)
-    # The lower degree is filled up with zeros.
-    assert_array_equal(together.sh[5:, 4:], 0)
-    assert_allclose(together.sh[5:, :4], splats(7, 2, degree=1).sh, atol=1e-6)
 
 
 def test_a_time_code_chooses_positions_and_transforms(tmp_path: Path):
@@ -292,14 +254,3 @@ def test_a_mirrored_scene_is_exact_in_colors_too(tmp_path: Path):
     assert_allclose(
         rgb_from_sh(read.sh, mirrored), rgb_from_sh(gaussians.sh, directions), atol=2e-6
     )
-
-
-def test_a_collapsing_transform_is_refused_even_so(tmp_path: Path):
-    from pxr import UsdGeom
-
-    stage = new_stage(tmp_path / "scene.usdc")
-    prim = author(stage, "/World", y_up_arrays(tmp_path, splats(3)))
-    UsdGeom.Xformable(prim).AddScaleOp().Set((0, 1, 1))
-    stage.Save()
-    with pytest.raises(UsdError, match="collapses"):
-        read_scene(tmp_path / "scene.usdc", options=ReadOptions(approximate=True))

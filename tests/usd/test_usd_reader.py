@@ -83,18 +83,6 @@ def test_untyped_half_precision_splats_under_a_transform_come_to_our_world(tmp_p
     )
 
 
-def test_transform_of_an_untyped_prim_itself_counts(tmp_path: Path):
-    body = """def "G"
-{
-    double3 xformOp:translate = (1, 2, 3)
-    uniform token[] xformOpOrder = ["xformOp:translate"]
-    point3f[] positions = [(0, 0, 0)]
-    float[] opacities = [0.5]
-}
-"""
-    assert_allclose(read_gaussians(scene(tmp_path, body)).means, [(1, 2, 3)])
-
-
 def test_float_is_preferred_unless_it_is_empty(tmp_path: Path):
     body = field(
         """point3f[] positions = [(1, 2, 3)]
@@ -127,16 +115,11 @@ def test_absent_attributes_have_the_defaults_of_the_schema(tmp_path: Path):
     assert_allclose(rgb_from_sh(gaussians.sh, np.array([[0, 0, 1.0]])), 0.5)
 
 
-def test_absent_metres_per_unit_means_centimetres_as_usd_says(tmp_path: Path):
-    path = scene(tmp_path, field("point3f[] positions = [(100, 0, 0)]"), header='upAxis = "Z"')
-    assert_allclose(read_gaussians(path).means, [(1, 0, 0)])
-
-
-@pytest.mark.parametrize(("stored", "kept"), [(1, 1), (4, 4), (9, 9), (16, 16), (25, 16)])
+@pytest.mark.parametrize(("stored", "kept"), [(4, 4), (25, 16)])
 def test_degree_follows_the_array_where_they_disagree(
     tmp_path: Path, caplog: pytest.LogCaptureFixture, stored: int, kept: int
 ):
-    degree = 2 if stored != 9 else 3
+    degree = 2
     triplets = ", ".join(f"({i}, 0, 0)" for i in range(2 * stored))
     body = field(
         f"""point3f[] positions = [(0, 0, 0), (1, 1, 1)]
@@ -168,29 +151,16 @@ def test_arrays_of_a_wrong_length_are_cut_or_ignored_with_a_warning(
         assert message in caplog.text
 
 
-def test_animated_attributes_are_read_at_their_first_sample(tmp_path: Path):
-    body = field("point3f[] positions.timeSamples = { 3: [(1, 2, 3)], 9: [(7, 8, 9)] }")
-    assert_allclose(read_gaussians(scene(tmp_path, body)).means, [(1, 2, 3)])
-
-
-@pytest.mark.parametrize(
-    "matrix",
-    [
-        "(1, 0, 0, 0), (0, 2, 0, 0), (0, 0, 1, 0), (0, 0, 0, 1)",  # scales one axis
-        "(1, 0, 0, 0), (0.2, 1, 0, 0), (0, 0, 1, 0), (0, 0, 0, 1)",  # shears
-        "(-1, 0, 0, 0), (0, 1, 0, 0), (0, 0, 1, 0), (0, 0, 0, 1)",  # mirrors
-        "(0, 0, 0, 0), (0, 1, 0, 0), (0, 0, 1, 0), (0, 0, 0, 1)",  # collapses
-        "(nan, 0, 0, 0), (0, 1, 0, 0), (0, 0, 1, 0), (0, 0, 0, 1)",
-    ],
-)
-def test_transforms_that_deform_splats_are_refused(tmp_path: Path, matrix: str):
-    body = field(
-        f"""point3f[] positions = [(0, 0, 0)]
-        matrix4d xformOp:transform = ( {matrix} )
-        uniform token[] xformOpOrder = ["xformOp:transform"]"""
-    )
-    with pytest.raises(UsdError, match=r"scene\.usda', /G: the transform"):
-        read_gaussians(scene(tmp_path, body))
+def test_transforms_that_deform_splats_are_refused(tmp_path: Path):
+    for x_axis in ("2, 0, 0", "1, 0.2, 0", "-1, 0, 0", "0, 0, 0", "nan, 0, 0"):
+        body = field(
+            f"""point3f[] positions = [(0, 0, 0)]
+            matrix4d xformOp:transform = (
+                ({x_axis}, 0), (0, 1, 0, 0), (0, 0, 1, 0), (0, 0, 0, 1) )
+            uniform token[] xformOpOrder = ["xformOp:transform"]"""
+        )
+        with pytest.raises(UsdError, match=r"scene\.usda', /G: the transform"):
+            read_gaussians(scene(tmp_path, body))
 
 
 def test_several_fields_are_listed_and_one_can_be_chosen(tmp_path: Path):
@@ -230,31 +200,24 @@ def test_wrong_types_are_refused_by_name(tmp_path: Path):
         read_gaussians(scene(tmp_path, body))
 
 
-@pytest.mark.parametrize(
-    ("attribute", "message"),
-    [
+def test_values_that_are_not_activated_or_not_finite_are_refused(tmp_path: Path):
+    for attribute, message in (
         ("float3[] scales = [(-4, -5, -4)]", "logarithms"),
         ("float[] opacities = [-2.5]", "logits"),
         ("float[] opacities = [7]", "logits"),
         ("float3[] scales = [(1, nan, 1)]", "1 of 1 splats hold NaN"),
         ("float[] opacities = [inf]", "1 of 1 splats hold NaN"),
-    ],
-)
-def test_values_that_are_not_activated_or_not_finite_are_refused(
-    tmp_path: Path, attribute: str, message: str
-):
-    with pytest.raises(UsdError, match=message):
-        read_gaussians(scene(tmp_path, field(f"point3f[] positions = [(0, 0, 0)]\n{attribute}")))
+    ):
+        body = field(f"point3f[] positions = [(0, 0, 0)]\n{attribute}")
+        with pytest.raises(UsdError, match=message):
+            read_gaussians(scene(tmp_path, body))
 
 
 @pytest.mark.parametrize(
     ("suffix", "keep"),
     [
-        (".usda", 0.0),
         (".usda", 0.5),
         (".usdc", 0.02),
-        (".usdc", 0.9),
-        (".usdz", 0.5),
         (".usdz", 0.9),
     ],
 )
@@ -270,7 +233,7 @@ def test_truncated_files_are_an_error_that_names_them(
     assert "\n" not in str(caught.value)
 
 
-@pytest.mark.parametrize("name", ["notes.txt", "scene.usda", "scene.usdc", "scene.usdz"])
+@pytest.mark.parametrize("name", ["notes.txt", "scene.usdz"])
 def test_other_files_are_an_error_that_names_them(tmp_path: Path, name: str):
     (tmp_path / name).write_bytes(b"these are not the splats you are looking for" * 10)
     with pytest.raises(UsdError, match=rf"{name}.*not a USD file"):

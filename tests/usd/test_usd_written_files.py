@@ -34,15 +34,6 @@ def test_same_input_gives_the_same_bytes_in_another_process(
     assert_same_bytes(here, there)
 
 
-def test_packages_written_at_different_times_have_the_same_bytes(tmp_path: Path, random_gaussians):
-    with_times = tmp_path / "first.usdz", tmp_path / "second.usdz"
-    for path in with_times:
-        write_gaussians(path, random_gaussians(10))
-    with zipfile.ZipFile(with_times[0]) as package:
-        assert package.infolist()[0].date_time == (1980, 1, 1, 0, 0, 0)
-    assert_same_bytes(*with_times)
-
-
 def test_package_stores_one_aligned_member_named_default(tmp_path: Path, random_gaussians):
     path = tmp_path / "scene.usdz"
     write_gaussians(path, random_gaussians(100))
@@ -95,13 +86,7 @@ def test_a_folder_in_the_place_of_the_file_is_an_error(tmp_path: Path, random_ga
     assert [path.name for path in tmp_path.iterdir()] == ["scene.usdc"]
 
 
-def test_missing_folders_are_created(tmp_path: Path, random_gaussians):
-    path = tmp_path / "new" / "folder" / "scene.usdc"
-    write_gaussians(path, random_gaussians(1))
-    assert path.is_file()
-
-
-@pytest.mark.parametrize("name", ["scene.ply", "scene"])
+@pytest.mark.parametrize("name", ["scene"])
 def test_another_suffix_is_refused(tmp_path: Path, random_gaussians, name: str):
     with pytest.raises(UsdError, match=r"expected one of \.usda, \.usdc, \.usdz"):
         write_gaussians(tmp_path / name, random_gaussians(1))

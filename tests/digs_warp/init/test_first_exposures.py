@@ -43,7 +43,7 @@ def around(factors: np.ndarray, points: int = 300) -> tuple[np.ndarray, np.ndarr
     return np.where(hidden, np.nan, values), true
 
 
-@pytest.mark.parametrize("waves", [1, 2, 5])
+@pytest.mark.parametrize("waves", [1, 5])
 def test_exposures_are_found_even_if_they_follow_the_angle(waves: int) -> None:
     factors = 0.2 * np.cos(waves * ANGLES)
     found = joint_log_factors(around(factors)[0])
@@ -161,13 +161,6 @@ def test_small_exposures_of_a_matte_object_are_believed() -> None:
     found = FirstExposures.of(toned(logs)[0])
     assert found.vary
     np.testing.assert_allclose(found.log_factors, logs, atol=0.005)
-
-
-def test_a_few_photographs_of_another_exposure_vary() -> None:
-    logs = np.where(np.arange(VIEWS) % 12 == 0, -0.3, 0.0)
-    found = FirstExposures.of(toned(logs)[0])
-    assert found.vary
-    np.testing.assert_allclose(found.log_factors, logs - logs.mean(), atol=0.01)
 
 
 def test_white_balance_alone_varies() -> None:

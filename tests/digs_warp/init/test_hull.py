@@ -1,5 +1,6 @@
 """The visual hull of masks: a ball whose silhouettes are known in closed form."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -58,11 +59,8 @@ def test_a_mask_that_misses_the_object_in_one_view_of_many_does_not_cut_it(
     assert len(initialize(frames, HULL).points) == pytest.approx(whole, rel=0.1)
 
 
-@pytest.mark.parametrize("wanted", [100, 300])
-def test_the_number_of_points_can_be_limited(frames: list[Frame], wanted: int) -> None:
-    assert (
-        len(initialize(frames, InitConfig(strategy="hull", target_points=wanted)).points) == wanted
-    )
+def test_the_number_of_points_can_be_limited(frames: list[Frame]) -> None:
+    assert len(initialize(frames, replace(HULL, target_points=100)).points) == 100
 
 
 def test_random_points_without_depth_fill_the_hull(frames: list[Frame]) -> None:
@@ -95,11 +93,6 @@ def test_masks_that_agree_on_no_place_are_named(frames: list[Frame]) -> None:
 def test_masks_are_needed(frames: list[Frame]) -> None:
     with pytest.raises(DigsError, match="mask_path"):
         initialize([frame.without_layer(Layer.MASK) for frame in frames], HULL)
-
-
-def test_the_unit_of_structure_from_motion_means_nothing_to_it(frames: list[Frame]) -> None:
-    with pytest.raises(DigsError, match="voxel_unit sfm"):
-        initialize(frames, InitConfig(strategy="hull", voxel_unit="sfm"))
 
 
 def test_cells_can_be_a_share_of_the_object(frames: list[Frame]) -> None:

@@ -57,11 +57,3 @@ def test_several_grids_cover_together() -> None:
     assert len(coarse.uncovered_by([a_quarter]).voxels) == 1
     assert len(coarse.uncovered_by([another]).voxels) == 1
     assert len(coarse.uncovered_by([a_quarter, another]).voxels) == 0
-
-
-def test_nothing_is_covered_by_nothing() -> None:
-    grid = plate(0.01, 0.02)
-    assert len(grid.uncovered_by([]).voxels) == 4
-    empty = grid.select(np.zeros(4, dtype=bool))
-    assert len(empty.uncovered_by([grid]).voxels) == 0
-    assert len(grid.uncovered_by([empty]).voxels) == 4

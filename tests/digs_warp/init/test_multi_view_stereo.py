@@ -30,7 +30,7 @@ def texture(height: int, width: int, seed: int) -> np.ndarray:
     return cv2.normalize(soft, np.zeros_like(soft), 0, 255, cv2.NORM_MINMAX).astype(np.uint8)
 
 
-@pytest.mark.parametrize("count", [1, 2, 3, 4])
+@pytest.mark.parametrize("count", [1, 4])
 def test_the_sweep_equals_its_twin(count: int) -> None:
     rng = np.random.default_rng(count)
     whole = texture(HEIGHT + 16, WIDTH, 0)

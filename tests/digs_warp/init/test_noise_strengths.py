@@ -11,7 +11,7 @@ from digs_warp.init.strategies import StrategyName
 from digs_warp.sim.testing.series import NoiseSeries
 from digs_warp.study.engine.synthetic_sfm import sfm_from_truth
 
-STRATEGIES: tuple[StrategyName, ...] = ("highdepth", "depth", "fusion")
+STRATEGIES: tuple[StrategyName, ...] = ("highdepth", "fusion")
 
 
 def true_surface(capture: Capture) -> np.ndarray:

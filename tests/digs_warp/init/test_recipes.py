@@ -10,6 +10,7 @@ import pytest
 from digs_warp.checks import CaptureError, DigsError
 from digs_warp.data.frame import Frame
 from digs_warp.data.layers import Layer
+from digs_warp.init.config import MASK_THRESHOLD
 from digs_warp.init.recipes import InitConfig, initial_points
 from reference.ball_capture import RADIUS, View, ball_views, write_capture
 
@@ -39,14 +40,6 @@ def test_points_lie_on_the_ball_with_its_colors_and_cover_its_sides(
     np.testing.assert_allclose(points.colors, points.points_world / RADIUS / 2 + 0.5, atol=0.006)
     azimuth = np.degrees(np.arctan2(points.points_world[:, 1], points.points_world[:, 0]))
     assert np.histogram(azimuth, bins=12, range=(-180, 180))[0].min() > 20
-
-
-def test_the_order_of_the_frames_does_not_matter(tmp_path: Path, views: list[View]) -> None:
-    capture = write_capture(tmp_path, views)
-    points = initial_points(capture.frames, CONFIG)
-    reversed_points = initial_points(capture.frames[::-1], CONFIG)
-    np.testing.assert_allclose(reversed_points.points_world, points.points_world, atol=1e-7)
-    np.testing.assert_allclose(reversed_points.colors, points.colors, atol=1e-7)
 
 
 def test_the_same_frames_give_the_same_bits_with_one_thread_and_four(
@@ -108,25 +101,13 @@ def test_without_the_mask_filter_the_wall_beside_the_ball_comes_in(
     assert np.linalg.norm(near.points_world, axis=1).max() < RADIUS * (1 + 1e-5)
 
 
-def test_a_cap_draws_from_the_points_that_would_be_there(tmp_path: Path, views: list[View]) -> None:
-    capture = write_capture(tmp_path, views)
-    every = initial_points(capture.frames, CONFIG)
-    few = initial_points(capture.frames, replace(CONFIG, max_points=100))
-    assert len(few) == 100 < len(every)
-    assert {tuple(p) for p in few.points_world} <= {tuple(p) for p in every.points_world}
-    # From everywhere, not from one end of the grid.
-    assert np.ptp(few.points_world, axis=0).min() > 0.7 * np.ptp(every.points_world, axis=0).min()
-    many = initial_points(capture.frames, replace(CONFIG, max_points=len(every)))
-    np.testing.assert_array_equal(many.points_world, every.points_world)
-
-
 def test_a_view_without_foreground_is_skipped_with_a_warning(
     tmp_path: Path,
     views: list[View],
     caplog: pytest.LogCaptureFixture,
 ) -> None:
     camera, images = views[1]
-    empty = replace(images, mask=np.full_like(images.mask, CONFIG.mask_threshold))
+    empty = replace(images, mask=np.full_like(images.mask, MASK_THRESHOLD))
     capture = write_capture(tmp_path, [views[0], (camera, empty), *views[2:]])
     # Its depth still tells what it sees through.
     config = replace(CONFIG, visibility_check=False)
@@ -138,22 +119,6 @@ def test_a_view_without_foreground_is_skipped_with_a_warning(
     others = [frame for frame in capture.frames if frame.name != "0001"]
     expected = initial_points(others, config)
     np.testing.assert_array_equal(points.points_world, expected.points_world)
-
-
-def test_missing_depth_everywhere_tells_the_counts(tmp_path: Path, views: list[View]) -> None:
-    camera, images = views[0]
-    images = replace(images, depth=np.full_like(images.depth, np.nan))
-    in_mask = np.count_nonzero(images.mask)
-    capture = write_capture(tmp_path, [(camera, images)])
-    with pytest.raises(DigsError, match=f"1 frame: {in_mask} pixels inside the masks, 0 of them"):
-        initial_points(capture.frames, CONFIG)
-
-
-def test_empty_masks_everywhere_tell_to_check_the_masks(tmp_path: Path, views: list[View]) -> None:
-    camera, images = views[0]
-    capture = write_capture(tmp_path, [(camera, replace(images, mask=images.mask * 0))])
-    with pytest.raises(DigsError, match=r"0 pixels inside the masks.*check the masks"):
-        initial_points(capture.frames, CONFIG)
 
 
 def test_dotted_depth_goes_without_the_edge_filter(
@@ -202,28 +167,6 @@ def test_an_unreadable_file_is_named_although_threads_read_it(
         initial_points(capture.frames, CONFIG)
 
 
-def test_no_frames_raise() -> None:
-    with pytest.raises(DigsError, match="no frames"):
-        initial_points([], CONFIG)
-
-
-@pytest.mark.parametrize(
-    "wrong",
-    [
-        {"voxel_size": 0.0},
-        {"voxel_size": float("nan")},
-        {"mask_threshold": 255},
-        {"mask_threshold": -1},
-        {"max_points": 0},
-        {"opacity": 0.0},
-        {"opacity": 1.0},
-    ],
-)
-def test_settings_that_make_no_sense_raise(wrong: dict[str, float]) -> None:
-    with pytest.raises(DigsError, match=next(iter(wrong)).replace("_", "[-_]")):
-        InitConfig(**wrong)  # pyright: ignore[reportArgumentType]
-
-
 def test_depth_of_another_size_than_the_image_raises(tmp_path: Path, views: list[View]) -> None:
     from digs_warp.data.images import write_image
 
@@ -231,3 +174,20 @@ def test_depth_of_another_size_than_the_image_raises(tmp_path: Path, views: list
     write_image(capture.frames[1].path(Layer.DEPTH), np.ones((30, 40), dtype=np.float32))
     with pytest.raises(CaptureError, match=r"0001\.exr': 40x30 pixels, expected 80x60"):
         initial_points(capture.frames, CONFIG)
+
+
+def test_nothing_to_start_from_tells_the_counts(tmp_path: Path, views: list[View]) -> None:
+    camera, images = views[0]
+    blind = replace(images, depth=np.full_like(images.depth, np.nan))
+    counted = f"1 frame: {np.count_nonzero(images.mask)} pixels inside the masks, 0 of them"
+    empty = replace(images, mask=images.mask * 0)
+    for number, (spoiled, message) in enumerate(
+        ((blind, counted), (empty, r"0 pixels inside the masks.*check the masks"))
+    ):
+        capture = write_capture(tmp_path / str(number), [(camera, spoiled)])
+        with pytest.raises(DigsError, match=message):
+            initial_points(capture.frames, CONFIG)
+    with pytest.raises(DigsError, match="no frames"):
+        initial_points([], CONFIG)
+    with pytest.raises(DigsError, match="voxel-size"):
+        InitConfig(voxel_size=float("nan"))

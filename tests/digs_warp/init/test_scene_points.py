@@ -84,18 +84,6 @@ def test_voxels_are_as_wide_as_two_pixels_near_and_far(
         assert 0.4 * two_pixels < apart < 1.5 * two_pixels
 
 
-def test_every_measured_pixel_has_a_point_nearby(
-    views: list[View], found: tuple[PointCloud, DepthReport]
-) -> None:
-    tree = KDTree(found[0].points_world)
-    for camera, images in views:
-        rows, columns = np.mgrid[0:60, 0:80]
-        px = np.stack([columns, rows], axis=-1) + 0.5
-        places = camera.unproject(px, images.depth).reshape(-1, 3)
-        pixels_away = tree.query(places)[0] / (images.depth.reshape(-1) / INTRINSICS.fx)
-        assert np.percentile(pixels_away, 99) < 3
-
-
 def test_what_no_view_measured_gets_the_depth_of_its_neighbors(frames: tuple[Frame, ...]) -> None:
     # The upper left corner of every view shows surround that no other view shows.
     holed = [with_hole(frame) for frame in frames]
@@ -142,13 +130,6 @@ def test_the_wanted_number_of_points_is_kept(frames: tuple[Frame, ...]) -> None:
     assert report.voxel_size > scene_points(frames, CONFIG)[1].voxel_size
 
 
-def test_a_given_voxel_size_holds_everywhere(frames: tuple[Frame, ...]) -> None:
-    points, report = scene_points(frames, replace(CONFIG, voxel_size=0.1))
-    assert report.voxel_size == 0.1
-    cells = np.floor(points.points_world / 0.1)
-    assert len(np.unique(cells, axis=0)) == len(points)
-
-
 def test_the_edge_filter_keeps_a_receding_floor_and_drops_the_balls_rim(
     frames: tuple[Frame, ...],
 ) -> None:
@@ -158,14 +139,6 @@ def test_the_edge_filter_keeps_a_receding_floor_and_drops_the_balls_rim(
     # Between ball and surround a pixel would hold a mixed depth.
     between = (radii(points) > 1.1 * RADIUS) & (radii(points) < 0.9 * WALL_RADIUS)
     assert not between.any()
-
-
-def test_gaussians_get_the_shape_that_was_asked_for(frames: tuple[Frame, ...]) -> None:
-    config = replace(CONFIG, shape="flat")
-    points, _ = scene_points([with_hole(frame) for frame in frames], config)
-    assert points.axes_world is not None and points.axis_deviations is not None
-    assert len(points.axes_world) == len(points)
-    assert (points.axis_deviations > 0).all()
 
 
 def test_the_same_frames_give_the_same_bits_with_one_thread_and_four(

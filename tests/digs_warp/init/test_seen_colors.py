@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from digs_warp.data.layers import Layer
-from digs_warp.device.threads import limited_threads
-from digs_warp.init.seen_colors import colors_in, look_up
+from digs_warp.init.seen_colors import colors_in
 from reference.ball_capture import RADIUS, ball_views, write_capture
 from reference.seen_colors_twin import colors_seen
 
@@ -32,12 +31,3 @@ def test_colors_are_those_of_the_twin(tmp_path: Path, without: tuple[Layer, ...]
         found, expected = colors_in(points, frame), colors_seen(points, frame)
         np.testing.assert_allclose(found, expected, rtol=1e-14)
         assert 0 < np.isfinite(found[:, 0]).sum() < len(points)
-
-
-def test_the_number_of_threads_changes_no_color(tmp_path: Path) -> None:
-    capture = write_capture(tmp_path, ball_views(5))
-    colors = look_up(capture.frames, points_around(600)).colors
-    with limited_threads(1):
-        np.testing.assert_array_equal(look_up(capture.frames, points_around(600)).colors, colors)
-    assert colors.shape == (600, 5, 3)
-    assert look_up(capture.frames, np.zeros((0, 3))).colors.shape == (0, 5, 3)

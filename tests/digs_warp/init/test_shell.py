@@ -1,7 +1,6 @@
 """The far shell around a scene."""
 
 import numpy as np
-import pytest
 from scipy.spatial import KDTree  # pyright: ignore[reportAttributeAccessIssue]
 
 from digs_warp.data.point_cloud import PointCloud
@@ -59,20 +58,3 @@ def test_no_ray_passes_the_shell() -> None:
     assert render(bare, views[1]).alpha.max() < 0.01
     for view in views:
         assert render(gaussians, view).alpha.min() > 0.5
-
-
-def test_a_shell_around_shaped_points_has_axes_too() -> None:
-    plain = room()
-    axes = np.tile([0.0, 0, 1], (len(plain), 1))
-    points = PointCloud(plain.points_world, plain.colors, axes, np.full(len(plain), 0.01))
-    shell = shell_points(points, [camera(np.array([1.0, 0, 0]))])
-    assert shell.axes_world is not None
-    assert len(PointCloud.joined([points, shell])) == len(points) + COUNT
-
-
-def test_one_point_is_enough() -> None:
-    shell = shell_points(
-        PointCloud(np.array([[0, 0, 2.0]]), np.array([[0.2, 0.4, 0.6]])),
-        [camera(np.array([0, 1.0, 1]))],
-    )
-    assert shell.colors == pytest.approx(np.tile([0.2, 0.4, 0.6], (COUNT, 1)))

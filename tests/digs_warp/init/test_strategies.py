@@ -1,7 +1,6 @@
 """The five strategies, on a ball whose surface is known in closed form."""
 
 from collections.abc import Sequence
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -17,10 +16,8 @@ from digs_warp.data.viewpoints import looked_at
 from digs_warp.geometry.camera import Camera
 from digs_warp.geometry.rigid import look_at
 from digs_warp.init.config import InitConfig
-from digs_warp.init.local_scales import local_scales
 from digs_warp.init.random_points import random_points
 from digs_warp.init.recipes import initialize
-from digs_warp.init.scale import estimate_scale
 from digs_warp.study.engine.synthetic_sfm import sfm_from_truth
 from reference.ball_capture import INTRINSICS, RADIUS, ball_views, write_capture
 
@@ -46,24 +43,11 @@ def radii(points: np.ndarray) -> np.ndarray:
     return np.linalg.norm(points, axis=1)
 
 
-def test_the_scale_of_the_ball_is_found_with_noisy_features(
-    sfm: SfmModel, capture: Capture
-) -> None:
-    found = estimate_scale(local_scales(sfm, capture.frames, InitConfig()))
-    assert found.sfm_per_metre == pytest.approx(SFM_PER_METRE, rel=1e-3)
-
-
 def test_default_is_all_points_of_structure_from_motion(capture: Capture, metric: SfmModel) -> None:
     found = initialize(capture.frames, InitConfig(strategy="default"), metric)
     assert found.points is metric.points
     assert found.sources == {"sfm": len(metric.points)}
     assert radii(found.points.points_world).max() > 2.5  # the wall is among them
-
-
-def test_default_needs_neither_depth_nor_masks(capture: Capture, metric: SfmModel) -> None:
-    bare = [replace(f, layers={Layer.IMAGE: f.path(Layer.IMAGE)}) for f in capture.frames]
-    assert len(initialize(bare, InitConfig(strategy="default"), metric).points) > 0
-    assert len(initialize(bare, InitConfig(strategy="random"), metric).points) > 0
 
 
 def test_depth_is_coarser_than_highdepth_by_the_papers_ratio(capture: Capture) -> None:
@@ -155,13 +139,6 @@ def test_cameras_in_one_direction_have_no_target() -> None:
         random_points(cameras, 10)
 
 
-@pytest.mark.parametrize("strategy", ["default", "random", "fusion"])
-def test_strategies_that_need_structure_from_motion_say_so(capture: Capture, strategy: str) -> None:
-    config = InitConfig(strategy=strategy)  # pyright: ignore[reportArgumentType]
-    with pytest.raises(DigsError, match=rf"'{strategy}': needs .*--poses sfm"):
-        initialize(capture.frames, config)
-
-
 def test_the_report_counts_what_each_filter_leaves(capture: Capture) -> None:
     found = initialize(capture.frames, InitConfig())
     assert found.depth is not None
@@ -190,60 +167,16 @@ def spoiled(
     return changed
 
 
-@pytest.mark.parametrize("holes", [0.0, 0.5])
-def test_depth_with_holes(capture: Capture, tmp_path: Path, holes: float) -> None:
+def test_depth_with_holes(capture: Capture, tmp_path: Path) -> None:
     rng = np.random.default_rng(0)
     depths = [frame.load_depth() for frame in capture.frames]
     for depth in depths:
-        depth[rng.random(depth.shape) < holes] = np.nan
+        depth[rng.random(depth.shape) < 0.5] = np.nan
     frames = spoiled(tmp_path, capture.frames, Layer.DEPTH, depths)
     # Half of the pixels missing leave hardly a full neighborhood: the edge filter cannot judge.
-    config = InitConfig(edge_filter=holes == 0)
-    points = initialize(frames, config).points.points_world
+    points = initialize(frames, InitConfig(edge_filter=False)).points.points_world
     assert len(points) > 1000
     assert np.percentile(radii(points), 95) < RADIUS + 0.001
-
-
-def test_depth_that_is_nearly_all_holes(
-    capture: Capture, tmp_path: Path, caplog: pytest.LogCaptureFixture
-) -> None:
-    rng = np.random.default_rng(1)
-    depths = [frame.load_depth() for frame in capture.frames]
-    for depth in depths:
-        depth[rng.random(depth.shape) < 0.999] = np.nan
-    frames = spoiled(tmp_path, capture.frames, Layer.DEPTH, depths)
-    few = initialize(frames, InitConfig()).points
-    assert 0 < len(few) < 60
-    assert "% are with depth" in caplog.text and "it is left out" in caplog.text
-
-
-def test_constant_depth_is_a_surface_like_any_other(capture: Capture, tmp_path: Path) -> None:
-    depths = [np.full((60, 80), 0.8, np.float32)] * 12
-    frames = spoiled(tmp_path, capture.frames, Layer.DEPTH, depths)
-    found = initialize(frames[:1], InitConfig())
-    _, z = frames[0].camera.project(found.points.points_world)
-    np.testing.assert_allclose(z, 0.8, rtol=1e-5)
-
-
-@pytest.mark.parametrize("value", [0, 255])
-def test_masks_that_tell_nothing(capture: Capture, tmp_path: Path, value: int) -> None:
-    masks = [np.full((60, 80), value, np.uint8)] * 12
-    frames = spoiled(tmp_path, capture.frames, Layer.MASK, masks)
-    if value == 0:
-        with pytest.raises(DigsError, match="check the masks"):
-            initialize(frames, InitConfig())
-    else:  # the two clusters of depth find the ball alone
-        points = initialize(frames, InitConfig()).points.points_world
-        assert radii(points).max() < RADIUS * 1.001
-
-
-def test_a_mask_of_one_pixel(capture: Capture, tmp_path: Path) -> None:
-    mask = np.zeros((60, 80), np.uint8)
-    mask[30, 40] = 255
-    frames = spoiled(tmp_path, capture.frames, Layer.MASK, [mask] * 12)
-    points = initialize(frames, InitConfig()).points.points_world
-    assert 0 < len(points) <= 12
-    np.testing.assert_allclose(radii(points), RADIUS, atol=1e-4)
 
 
 def test_masks_that_disagree_with_the_depth_are_told(
@@ -257,7 +190,9 @@ def test_masks_that_disagree_with_the_depth_are_told(
     assert "of its mask in the background" in caplog.text
 
 
-def test_duplicated_frames_change_nothing(capture: Capture) -> None:
-    once = initialize(capture.frames, InitConfig()).points
-    twice = initialize([*capture.frames, *capture.frames], InitConfig()).points
-    np.testing.assert_allclose(twice.points_world, once.points_world, atol=1e-7)
+def test_without_structure_from_motion_other_strategies_say_what_they_need(
+    capture: Capture,
+) -> None:
+    for strategy in ("default", "random", "fusion"):
+        with pytest.raises(DigsError, match=rf"'{strategy}': needs .*--poses sfm"):
+            initialize(capture.frames, InitConfig(strategy=strategy))

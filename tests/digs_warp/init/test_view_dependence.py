@@ -13,7 +13,6 @@ from digs_warp.init.view_dependence import (
     POINTS,
     chosen,
     in_one_exposure,
-    plainest,
     prediction_error,
     view_dependence,
 )
@@ -42,7 +41,7 @@ def seen(degree: int, points: int = 60, noise: float = 0.02) -> tuple[np.ndarray
     return directions, np.where(away[..., None], np.nan, colors)
 
 
-@pytest.mark.parametrize(("shown", "used"), [(1, 1), (2, 3), (3, 3)])
+@pytest.mark.parametrize(("shown", "used"), [(1, 1), (2, 3)])
 def test_color_beyond_the_usual_degree_is_found(shown: int, used: int) -> None:
     found = chosen(*seen(shown))
     assert found.degree == used
@@ -157,17 +156,6 @@ def test_texture_seen_by_points_off_the_surface_is_no_gloss() -> None:
     assert view_dependence(shiny).degree == 3
 
 
-def test_plain_surroundings_are_found_and_few_points_are_all_taken() -> None:
-    matte = off_the_surface(off=0.0)
-    is_seen = np.isfinite(matte.colors[..., 0]).any(axis=1)
-    points, colors = matte.points_world[is_seen], matte.colors[is_seen]
-    some = plainest(points, colors)
-    assert len(some) == len(points) // 4 > POINTS and (np.diff(some) > 0).all()
-    assert (points[some, 0] < 0.1 * RADIUS).all()
-    few = plainest(points[:50], colors[:50])
-    np.testing.assert_array_equal(few, np.arange(50))
-
-
 def test_the_few_points_of_a_room_that_are_seen_often_are_found(tmp_path: Path) -> None:
     capture = write_tiny_capture(tmp_path / "capture")
     elsewhere = np.full((19000, 3), 10 * RADIUS)
@@ -202,13 +190,6 @@ def test_predictions_are_those_of_fits_without_the_color() -> None:
         fit = np.linalg.solve(normal, rows[others].T @ values[others])
         errors.append(values[left_out] - rows[left_out] @ fit)
     assert prediction_error(basis, colors) == pytest.approx(np.mean(np.square(errors)), rel=1e-6)
-
-
-def test_a_matte_recording_keeps_the_usual_degree(tmp_path: Path) -> None:
-    capture = write_tiny_capture(tmp_path / "capture")
-    found = view_dependence(look_up(capture.frames, ball(400).means))
-    assert found.degree == 1
-    assert found.points > 30
 
 
 def test_points_that_few_views_see_decide_nothing(tmp_path: Path) -> None:

@@ -1,10 +1,13 @@
 """What the views say about points: the kernel against plain NumPy."""
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 
 from digs_warp.geometry.camera import Camera
+from digs_warp.init.config import InitConfig
+from digs_warp.init.recipes import initialize
 from digs_warp.init.visibility import (
     DepthViews,
     agreement_of_views,
@@ -13,7 +16,7 @@ from digs_warp.init.visibility import (
     hidden,
     not_seen_through,
 )
-from reference.ball_capture import RADIUS, ball_views
+from reference.ball_capture import RADIUS, ball_views, write_capture
 from reference.visibility_twin import agreement_by, said_by
 
 VOXEL = 0.01
@@ -94,3 +97,18 @@ def test_nobody_contradicts_without_views_or_depth() -> None:
     assert len(agreement_of_views(nothing, DepthViews.of([(camera, depth)]), VOXEL)) == 0
     turned = replace(camera, world_from_cam=camera.world_from_cam @ np.diag([1.0, -1.0, -1.0, 1.0]))
     assert hidden(points_around(20) * 0.1, DepthViews.of([(turned, depth)]), VOXEL).all()
+
+
+def test_floaters_before_the_object_are_removed(tmp_path: Path) -> None:
+    """One view reports a patch of the object much too near; all others see through it."""
+    views = ball_views(12)
+    views[0][1].depth[25:35, 35:45] = 0.5
+    capture = write_capture(tmp_path, views)
+    config = InitConfig(edge_filter=False, visibility_check=False)
+    plain = initialize(capture.frames, config).points.points_world
+    checked = initialize(capture.frames, replace(config, visibility_check=True))
+    assert np.linalg.norm(plain, axis=1).max() > 0.35
+    assert np.linalg.norm(checked.points.points_world, axis=1).max() < RADIUS + 0.005
+    assert len(checked.points) > 0.95 * (len(plain) - 100)
+    assert checked.depth is not None
+    assert checked.depth.voxels["not alone"] == len(checked.points)

@@ -47,7 +47,7 @@ def photograph(empty_border: int) -> tuple[np.ndarray, np.ndarray]:
     return image, mask
 
 
-@pytest.mark.parametrize("border", [0, 7, 40])
+@pytest.mark.parametrize("border", [0, 7])
 def test_the_target_is_composited_over_the_background(border: int) -> None:
     image, mask = photograph(border)
     target, share = composed(image, mask, (0, 0, 31, 19))

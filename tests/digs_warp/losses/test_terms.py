@@ -167,16 +167,3 @@ def test_depth_weights_see_the_pixels_beside_the_mask() -> None:
     across = np.abs(np.diff(last, axis=1, append=last[:, -1:])).mean(axis=2)
     down = np.abs(np.diff(last, axis=0, append=last[-1:])).mean(axis=2)
     assert_allclose(whole, 255 * np.exp(-np.hypot(across, down)), atol=0.501)
-
-
-def test_a_view_without_depth_pulls_nothing() -> None:
-    shape = (HEIGHT, WIDTH)
-    adj = planes(np.ones(shape, np.float32))
-    depths = planes(np.ones((*shape, 2), np.float32))
-    term = DepthLoss(depths, planes(np.zeros(shape, np.float32)), adj, 1.0)
-    nothing = DepthTarget(
-        wp.zeros(4, dtype=float, device="cpu"), wp.zeros(4, dtype=wp.uint8, device="cpu"), 0.0
-    )
-    term.run(nothing, (3, 3, 5, 5), EVERYTHING)
-    assert term.value() == 0.0
-    assert not adj.to_numpy().any()

@@ -61,12 +61,3 @@ def test_a_place_outside_the_image_or_behind_the_camera_is_not_seen() -> None:
     assert not visible_places(places + [0.0, 5.0, 0.0], normals, mesh, [looking_down(1.0)]).any()
     assert not visible_places(places, normals, mesh, [looking_down(-1.0)]).any()
     assert not visible_places(places, normals, mesh, []).any()
-
-
-def test_one_camera_is_enough() -> None:
-    mesh, places, normals = scene()
-    near, far = looking_down(1.0), looking_down(1.5)
-    each = [visible_places(places, normals, mesh, [camera]) for camera in (near, far)]
-    np.testing.assert_array_equal(
-        visible_places(places, normals, mesh, [near, far]), each[0] | each[1]
-    )

@@ -11,7 +11,6 @@ from digs_warp.device.parallel import launch_parallel, packed
 from digs_warp.losses import depth, target, unknown
 from digs_warp.measure import ssim_pixels
 from digs_warp.splat import (
-    background,
     bin_kernels,
     blur_renderer,
     camera_gradient,
@@ -29,10 +28,9 @@ from digs_warp.splat.cooperative import (
 from digs_warp.splat.lanes import sums_on_cuda
 from digs_warp.splat.records import PairGradients
 from digs_warp.train import optimizer
-from reference import plain_raster
 
 MODULES = (
-    *(background, bin_kernels, project, project_adjoint, plain_raster),
+    *(bin_kernels, project, project_adjoint),
     *(skin, blur_renderer, camera_gradient),
     *(target, depth, unknown, ssim_pixels, optimizer),
 )
@@ -73,10 +71,6 @@ def test_a_block_shares_records_and_sums_without_atomics(name: str, tmp_path: Pa
     assert 4 * BATCH * (9 + 1 + 3) <= shared_bytes(code) < 20_480
     assert ".local" not in code  # no variable of a thread lies in global memory
     assert not FLOAT_ATOMICS.search(code)
-
-
-def test_the_plain_kernels_add_with_atomics(tmp_path: Path) -> None:
-    assert FLOAT_ATOMICS.search(compiled(plain_raster, tmp_path))
 
 
 class Warp:

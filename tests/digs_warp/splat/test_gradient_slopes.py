@@ -5,12 +5,10 @@ and twin whose alpha cut is a smooth step, where nothing at the cut is frozen.
 """
 
 from dataclasses import fields
-from functools import cache
 
 import numpy as np
 import pytest
 
-from digs_warp.geometry.rigid import matrix_from_quat_xyzw
 from digs_warp.splat.backend import VectorizedBackend
 from digs_warp.splat.camera_motion import STILL, RowMotion
 from digs_warp.splat.config import RasterOptions
@@ -61,7 +59,6 @@ def gradients_of(
     return found
 
 
-@cache
 def all_gradients(cut_width: float) -> dict[str, tuple[np.ndarray, np.ndarray]]:
     nothing = DeviceGaussians.from_numpy(random_gaussians(0, 0))
     backend = VectorizedBackend(SMOOTH_CUT if cut_width else STEP_CUT)
@@ -79,48 +76,10 @@ def all_gradients(cut_width: float) -> dict[str, tuple[np.ndarray, np.ndarray]]:
 
 
 @pytest.mark.parametrize("cut_width", [0.0, CUT_WIDTH], ids=["hard cut", "smooth cut"])
-@pytest.mark.parametrize("name", CLASSES)
-def test_the_slope_is_one(name: str, cut_width: float) -> None:
-    found, wanted = all_gradients(cut_width)[name]
-    assert np.abs(wanted).max() > 0.1
-    assert found @ wanted / (wanted @ wanted) == pytest.approx(1.0, abs=1e-3)
-    # And no scatter around it: what one seed gets wrong does not vanish among the others.
-    np.testing.assert_allclose(found, wanted, rtol=0, atol=1e-4 * np.abs(wanted).max())
-
-
-def test_a_needle_turns_to_its_target_at_the_rate_of_float64() -> None:
-    """Gradient descent on the quaternion with both gradients: the same angle after every step."""
-    needle = random_gaussians(1, 0, degree=0)
-    needle.means[:] = 0.0
-    needle.log_scales[:] = np.log([0.12, 0.02, 0.02])
-    needle.quats[:] = (0.0, 0.0, 0.0, 1.0)
-    needle.opacity_logits[:] = 1.0
-    needle.sh[:] = 1.0
-    view = camera(24, 20, fx=26.0, fy=26.0)
-    target = Parameters.of(needle)
-    angle = np.deg2rad(25.0)
-    target.quats[:] = (0.0, np.sin(angle / 2), 0.0, np.cos(angle / 2))
-    options = RasterOptions(dilation=0.3)
-    photo = render_twin(target, view, NEAR, BACKGROUND, options).image
-
-    def angle_of(quat: np.ndarray) -> float:
-        """Between the needle and its target."""
-        axis = matrix_from_quat_xyzw(quat.astype(np.float64))[:, 0]
-        return float(np.arccos(np.clip(axis @ matrix_from_quat_xyzw(target.quats[0])[:, 0], -1, 1)))
-
-    renderer = SplatRenderer(DeviceGaussians.from_numpy(needle), 24, 20, options=options)
-    p = Parameters.of(needle)
-    nothing, rate = np.zeros((20, 24)), 0.015
-    for _ in range(30):
-        renderer.forward(view, near=NEAR, background=BACKGROUND)
-        renderer.adj_image.assign(renderer.image.to_numpy() - photo)
-        renderer.backward()
-        quats = renderer.gaussians.quats
-        quats.assign(quats.numpy() - rate * renderer.gradients.quats.numpy())
-
-        twin = render_twin(p, view, NEAR, BACKGROUND, options)
-        adjoints = Adjoints(twin.image - photo, nothing, nothing, np.zeros((20, 24, 3)))
-        gradients = twin_gradients(p, view, twin, BACKGROUND, adjoints, options)
-        p.quats -= rate * gradients.parameters.quats
-        assert angle_of(quats.numpy()[0]) == pytest.approx(angle_of(p.quats[0]), abs=1e-4)
-    assert angle_of(p.quats[0]) < 0.1 * angle
+def test_the_slope_is_one(cut_width: float) -> None:
+    for name, (found, wanted) in all_gradients(cut_width).items():
+        assert np.abs(wanted).max() > 0.1, name
+        assert found @ wanted / (wanted @ wanted) == pytest.approx(1.0, abs=1e-3), name
+        # And no scatter around it: what one seed gets wrong does not vanish among the others.
+        limit = 1e-4 * np.abs(wanted).max()
+        np.testing.assert_allclose(found, wanted, rtol=0, atol=limit, err_msg=name)

@@ -60,7 +60,7 @@ def check_finite_view(renderer: SplatRenderer) -> None:
     assert np.isfinite(np.concatenate([motion.rotation, motion.translation, motion.focal])).all()
 
 
-@pytest.mark.parametrize(("seed", "antialias"), [(seed, seed % 2 == 1) for seed in range(8)])
+@pytest.mark.parametrize(("seed", "antialias"), [(seed, seed % 2 == 1) for seed in range(4)])
 def test_a_device_array_full_of_nonsense_gives_a_finite_view(seed: int, antialias: bool) -> None:
     """Behind the door: values that an optimizer might produce, in a third of all Gaussians."""
     rng = np.random.default_rng(seed)
@@ -75,9 +75,8 @@ def test_a_device_array_full_of_nonsense_gives_a_finite_view(seed: int, antialia
     check_finite_view(renderer)
 
 
-@pytest.mark.parametrize(
-    ("field", "value"), [(field, value) for field in FIELDS for value in (np.nan, 1e30)]
-)
+@pytest.mark.parametrize("value", [np.nan, 1e30])
+@pytest.mark.parametrize("field", FIELDS)
 def test_a_broken_gaussian_hurts_nobody_else(field: str, value: float) -> None:
     renderer = renderer_of(MANY, options=ALL, camera_gradient=True)
     values = getattr(renderer.gaussians, field).numpy().copy()
@@ -93,17 +92,15 @@ def test_a_broken_gaussian_hurts_nobody_else(field: str, value: float) -> None:
         assert np.abs(drawn - expected.image.to_numpy()).max() <= limit
 
 
-@pytest.mark.parametrize("field", FIELDS)
-def test_the_door_refuses_values_that_are_not_finite(field: str) -> None:
-    broken = Gaussians(*(getattr(MANY, name).copy() for name in FIELDS))
-    getattr(broken, field).reshape(-1)[[3, 7]] = (np.nan, np.inf)
-    with pytest.raises(DigsError, match=rf"{field}: 2 of \d+ values are NaN or infinite"):
-        render(broken, VIEW)
+def test_the_door_refuses_values_that_are_not_finite() -> None:
+    for field in FIELDS:
+        broken = Gaussians(*(getattr(MANY, name).copy() for name in FIELDS))
+        getattr(broken, field).reshape(-1)[[3, 7]] = (np.nan, np.inf)
+        with pytest.raises(DigsError, match=rf"{field}: 2 of \d+ values are NaN or infinite"):
+            render(broken, VIEW)
 
 
-@pytest.mark.parametrize(
-    "log_scale", [np.log(1e12), 88.0, 89.0, 1e30, -1e30, -104.0, np.log(1e-12)]
-)
+@pytest.mark.parametrize("log_scale", [88.0, 1e30, -1e30, -104.0])
 def test_extreme_sizes_are_drawn_or_dropped(log_scale: float) -> None:
     renderer = renderer_of(MANY, options=ALL, camera_gradient=True)
     values = renderer.gaussians.log_scales.numpy().copy()
@@ -143,7 +140,7 @@ def test_a_view_of_one_by_four_thousand_pixels() -> None:
 
 @pytest.mark.parametrize(
     ("focal", "center"),
-    [(1e-30, -5000.0), (1e-3, -1e30), (1e-3, 1e7), (1e6, -5000.0), (1e30, 1e7), (1e30, -1e30)],
+    [(1e-30, -5000.0), (1e-3, 1e7), (1e30, -1e30)],
 )
 def test_any_camera_that_can_be_made_gives_a_finite_view(focal: float, center: float) -> None:
     k = Intrinsics(*SIZE, focal, focal, center, 35.0)
@@ -153,30 +150,23 @@ def test_any_camera_that_can_be_made_gives_a_finite_view(focal: float, center: f
     assert np.isfinite(drawn.alpha).all()
 
 
-@pytest.mark.parametrize("near", [np.nan, np.inf, 0.0, -1.0])
-def test_a_near_plane_that_is_none_is_refused(near: float) -> None:
-    with pytest.raises(DigsError, match="near plane"):
-        render(MANY, VIEW, near=near)
-
-
-def test_a_background_that_is_none_is_refused() -> None:
+def test_a_near_plane_or_a_background_that_is_none_is_refused() -> None:
+    for near in (np.nan, np.inf, 0.0, -1.0):
+        with pytest.raises(DigsError, match="near plane"):
+            render(MANY, VIEW, near=near)
     with pytest.raises(DigsError, match=r"background.*NaN"):
         render(MANY, VIEW, background=(np.nan, 0.0, 0.0))
     with pytest.raises(DigsError, match=r"background.*shape"):
         render(MANY, VIEW, background=(0.0, 0.0))  # pyright: ignore[reportArgumentType]
 
 
-@pytest.mark.parametrize(
-    ("change", "found"),
-    [
+def test_options_out_of_range_are_refused() -> None:
+    for change, found in (
         ({"min_alpha": 0.001}, "min_alpha: 0.001"),
-        ({"max_alpha": 1.0}, "max_alpha: 1"),
         ({"min_transmittance": float("nan")}, "min_transmittance: nan"),
-        ({"dilation": 0.0}, "dilation: 0"),
         ({"max_sh_degree": 4}, "max_sh_degree: 4"),
         ({"outputs": "colors"}, "outputs: 'colors'"),
-    ],
-)
-def test_options_out_of_range_are_refused(change: dict, found: str) -> None:
-    with pytest.raises(DigsError, match=found):
-        RasterOptions(**change)
+        ({"depth_of": "edge"}, "depth_of: 'edge', expected center or skin"),
+    ):
+        with pytest.raises(DigsError, match=found):
+            RasterOptions(**change)

@@ -33,10 +33,6 @@ def test_a_camera_that_does_not_move_draws_the_same_bits() -> None:
     np.testing.assert_array_equal(drawn(STILL), drawn())
 
 
-def test_motion_of_the_middle_row_is_none() -> None:
-    np.testing.assert_array_equal(HAND.at(VIEW, 0.0).world_from_cam, VIEW.world_from_cam)
-
-
 def test_motions_that_cannot_be_are_named() -> None:
     with pytest.raises(DigsError, match=r"turn: .*NaN"):
         RowMotion(np.full(3, np.nan), np.zeros(3))

@@ -5,7 +5,6 @@ import pytest
 from scipy.optimize import brentq
 from scipy.spatial.transform import Rotation
 
-from digs_warp.checks import DigsError
 from digs_warp.data.gaussians import Gaussians
 from digs_warp.geometry.camera import Camera, Intrinsics
 from digs_warp.geometry.rigid import look_at
@@ -55,9 +54,6 @@ def twin(gaussians: Gaussians) -> float:
     ("opacity", "scales"),
     [
         (0.3, (0.1, 0.1, 0.1)),
-        (0.5, (0.12, 0.05, 0.01)),
-        (0.51, (0.1, 0.1, 0.1)),
-        (0.8, (0.12, 0.05, 0.01)),
         (0.99, (0.12, 0.05, 0.01)),
     ],
 )
@@ -84,12 +80,6 @@ def test_image_and_order_are_those_of_the_centers() -> None:
     assert np.array_equal(near[..., MEDIAN] > 0, far[..., MEDIAN] > 0)
 
 
-def test_threads_do_not_change_the_bits() -> None:
-    gaussians = random_gaussians(200, seed=4)
-    alone, together = drawn(gaussians, "skin", threads=1), drawn(gaussians, "skin", threads=2)
-    assert np.array_equal(alone.depth.to_numpy(), together.depth.to_numpy())
-
-
 def test_a_gradient_of_the_depth_moves_the_centers_as_if_the_skin_moved_along() -> None:
     # One opaque splat: its depth is that of its skin, which follows the center along the optical axis.
     gaussians = one(0.95, (0.1, 0.1, 0.1))
@@ -108,8 +98,3 @@ def test_a_huge_splat_has_its_skin_in_front_of_the_camera() -> None:
     depth = drawn(one(0.99, (30.0, 30.0, 30.0)), "skin").depth.to_numpy()[..., EXPECTED]
     assert np.all(np.isfinite(depth))
     assert depth.max() > 0
-
-
-def test_another_place_is_refused() -> None:
-    with pytest.raises(DigsError, match="depth_of: 'edge', expected center or skin"):
-        RasterOptions(depth_of="edge")  # pyright: ignore[reportArgumentType]

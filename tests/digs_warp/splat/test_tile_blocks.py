@@ -48,7 +48,7 @@ def drawn_blocks(stretch: float, opacity_logit: float) -> tuple[np.ndarray, np.n
     return drawn, largest, tiles
 
 
-@pytest.mark.parametrize("stretch", [0.0, 1.5, 3.0, 6.0])
+@pytest.mark.parametrize("stretch", [0.0, 3.0])
 def test_blocks_that_are_passed_over_would_show_nothing(stretch: float) -> None:
     drawn, largest, _ = drawn_blocks(stretch, opacity_logit=-4.2)  # so faint that nothing saturates
     assert len(drawn) > 1000

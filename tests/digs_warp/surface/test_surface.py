@@ -15,7 +15,6 @@ from digs_warp.data.images import srgb_from_linear
 from digs_warp.data.triangle_mesh import TriangleMesh
 from digs_warp.geometry.camera import Camera, Intrinsics
 from digs_warp.geometry.rigid import quat_xyzw_from_matrix
-from digs_warp.geometry.sh import C0
 from digs_warp.show.film.camera_path import Subject, orbit
 from digs_warp.splat.skin import REACH
 from digs_warp.surface.depth_views import DepthView, depth_views
@@ -92,12 +91,6 @@ def test_the_sphere_stays_where_it_is() -> None:
     np.testing.assert_allclose(center, 0, atol=0.01 * VOXEL)
 
 
-def test_noise_averages_out_over_the_views() -> None:
-    found = fuse_views(exact_views(noise=0.5 * VOXEL), VOXEL, ORIGIN, 1.2 * RADIUS)
-    off = np.linalg.norm(found.points_world, axis=1) - RADIUS
-    assert np.sqrt(np.mean(off**2)) < 0.35 * VOXEL
-
-
 def test_gaussians_give_their_surface_and_colors(mesh: TriangleMesh) -> None:
     radii = np.linalg.norm(mesh.points_world, axis=1)
     # The skins of the discs lie in front of their centers, most at grazing angles.
@@ -166,16 +159,6 @@ def test_masks_cut_the_mesh() -> None:
     result = extract_surface(discs(), level, SCENE, VOXEL, masks)
     whole = extract_surface(discs(), level, SCENE, VOXEL)
     assert result.mesh.points_world[:, 2].min() > whole.mesh.points_world[:, 2].min() + RADIUS / 4
-
-
-def test_views_show_color_without_background() -> None:
-    camera = cameras()[8]
-    view = next(depth_views(ball(), [camera], ORIGIN))
-    seen = np.isfinite(view.depth)
-    assert 0.5 < seen.mean() < 0.9
-    mean = 0.5 + C0 * ball().sh[:, 0].mean()
-    assert abs(view.color[seen].mean() - mean) < 0.1
-    assert list(depth_views(ball(), [], ORIGIN)) == []
 
 
 def test_what_gives_no_surface_is_said() -> None:

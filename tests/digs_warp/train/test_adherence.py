@@ -28,16 +28,6 @@ def capture(tmp_path_factory: pytest.TempPathFactory) -> Capture:
     return write_tiny_capture(tmp_path_factory.mktemp("tiny") / "capture", frames=6)
 
 
-def grown(gaussians: Gaussians, factor: float) -> Gaussians:
-    return Gaussians(
-        gaussians.means * factor,
-        gaussians.log_scales,
-        gaussians.quats,
-        gaussians.opacity_logits,
-        gaussians.sh,
-    )
-
-
 def measured(frames: tuple[Frame, ...] | list[Frame], gaussians: Gaussians) -> float | None:
     return adherence(DeviceGaussians.from_numpy(gaussians), load_measured_views(frames))
 
@@ -102,20 +92,9 @@ def test_without_masks_the_centers_lie_on_the_surface(capture: Capture) -> None:
         assert trainer.renderer.middle.options.depth_of == place
 
 
-def test_wrong_pixels_do_not_change_it_much(capture: Capture) -> None:
-    spoilt = []
-    for frame in capture.frames:
-        depth = drawn_depth(frame) + 0.007
-        depth[::5] *= 10.0
-        depth[1::5] = np.nan
-        spoilt.append(frame.with_layer(Layer.DEPTH, depth))
-    assert measured(spoilt, ball()) == pytest.approx(0.007, abs=1e-6)
-
-
 def test_without_depth_there_is_no_figure(capture: Capture, tmp_path: Path) -> None:
     unknown = np.full_like(capture.frames[0].load_depth(), np.nan)
     assert measured([f.with_layer(Layer.DEPTH, unknown) for f in capture.frames], ball()) is None
     assert measured([], ball()) is None
-    elsewhere = grown(ball(), 1.0)
-    elsewhere.means[:, 2] += 50.0
+    elsewhere = replace(ball(), means=ball().means + 50.0)
     assert measured(capture.frames, elsewhere) is None

@@ -113,7 +113,7 @@ def test_an_all_transparent_population_keeps_its_most_opaque() -> None:
     np.testing.assert_array_equal(refined(before, np.zeros(4)).sources, [1])
 
 
-@pytest.mark.parametrize("room", [0, 1, 3, 50])
+@pytest.mark.parametrize("room", [0, 3])
 def test_the_cap_is_kept_and_the_largest_gradients_come_first(room: int) -> None:
     before = population(20)
     gradients = np.linspace(1, 2, 20)[::-1] * GRADIENT_LIMIT

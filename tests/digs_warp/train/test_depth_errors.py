@@ -14,7 +14,6 @@ from digs_warp.train.depth_errors import (
     TRUSTED_SPREAD,
     DepthJudge,
     DepthSamples,
-    cell_medians,
 )
 from digs_warp.train.trainer import Trainer
 from digs_warp.train.view_store import open_views
@@ -75,15 +74,6 @@ def test_noise_of_pixels_does_not_lower_the_weight() -> None:
         assert DepthJudge(1).fit(0, *seen(OFFSET, noise)).trust == 1.0
 
 
-def test_medians_are_those_of_cells_with_enough_values() -> None:
-    rng = np.random.default_rng(1)
-    values, cells = rng.normal(size=60), np.repeat([4, 7, 2, 9], [20, 7, 9, 24])
-    mixed = rng.permutation(60)
-    expected = [np.sort(values[cells == cell])[(cells == cell).sum() // 2] for cell in (2, 4, 9)]
-    assert cell_medians(values[mixed], cells[mixed]).tolist() == expected
-    assert not len(cell_medians(np.zeros(0), np.zeros(0, int)))
-
-
 def test_views_that_tell_nothing_change_nothing() -> None:
     judge = DepthJudge(2)
     few, cells = np.full(3, 1.0), np.zeros(3, int)
@@ -93,17 +83,6 @@ def test_views_that_tell_nothing_change_nothing() -> None:
     again = DepthJudge(2)
     again.restore(judge.state())
     assert again.errors == found
-
-
-def test_samples_are_where_depth_counts() -> None:
-    depth = np.arange(12, dtype=np.float32).reshape(3, 4)
-    weights = np.zeros((3, 4), np.uint8)
-    weights[1, 2] = weights[2, 0] = 9
-    samples = DepthSamples.of(depth, weights)
-    assert samples.depths.tolist() == [6.0, 8.0]
-    assert (samples.rows.tolist(), samples.columns.tolist()) == ([1, 2], [2, 0])
-    assert samples.cells.tolist() == [CELLS - CELLS // 3, CELLS // 2 * CELLS]
-    assert not len(DepthSamples.of(depth, np.zeros_like(weights)).cells)
 
 
 def test_cells_are_equal_parts_of_the_box() -> None:

@@ -10,8 +10,6 @@ from digs_warp.data.capture import Frame
 from digs_warp.data.gaussians import Gaussians
 from digs_warp.data.images import linear_from_srgb, srgb_from_linear, to_uint8
 from digs_warp.data.layers import Layer
-from digs_warp.geometry.sh import C0
-from digs_warp.measure.color_gain import OFFSET, ColorGain
 from digs_warp.measure.scores import mean_score
 from digs_warp.splat.device import DeviceGaussians
 from digs_warp.study.engine.scores import psnr_with_one_gain
@@ -19,9 +17,7 @@ from digs_warp.train.config import Rates, Stop, TrainConfig
 from digs_warp.train.evaluate import (
     Rendering,
     color_aligned,
-    interpolated,
     load_test_views,
-    psnr_by_neighbors,
     render_views,
     score_views,
 )
@@ -90,11 +86,6 @@ def test_different_exposures_cost_little(frames: tuple[Frame, ...], stops: np.nd
     assert np.sqrt(((found - stops) ** 2).mean()) < 0.1
 
 
-def test_constant_exposure_is_left_alone(frames: tuple[Frame, ...]) -> None:
-    fitted = quality(trained(list(frames)), frames)
-    assert fitted > quality(trained(list(frames), fit_exposure="off"), frames) - 0.05
-
-
 def test_nothing_is_fitted_where_the_exposure_is_known_to_be_constant() -> None:
     exposures = Exposures(3, constant=True)
     scene = np.random.default_rng(0).uniform(0.2, 0.8, (100, 3))
@@ -140,22 +131,6 @@ def test_held_out_photographs_are_measured_raw_and_aligned(
     assert off.max() < 0.03
 
 
-def test_a_gain_of_all_colors_leaves_the_aligned_figure_alone(frames: tuple[Frame, ...]) -> None:
-    """Also at the rim, where Gaussians cover less or more of the white than the mask says."""
-    ragged = replace(ball(), log_scales=ball().log_scales + 0.3)
-    views = load_test_views(frames[:3])
-    aligned = {}
-    for stops in (0.0, -1.5, 0.7):
-        factor = 2.0 ** (stops / 2.4)
-        colors = factor * (0.5 + C0 * ragged.sh + OFFSET) - OFFSET
-        changed = replace(ragged, sh=(colors - 0.5) / C0)
-        renderings = render_views(DeviceGaussians.from_numpy(changed, "cpu"), views)
-        aligned[stops] = mean_score(score_views(renderings, views)).psnr_object_aligned
-    assert aligned[0.0] < 26  # there is a rim to speak of
-    assert aligned[-1.5] == pytest.approx(aligned[0.0], abs=0.1)
-    assert aligned[0.7] == pytest.approx(aligned[0.0], abs=0.1)
-
-
 def test_one_gain_of_all_views_does_not_hide_that_they_differ(
     frames: tuple[Frame, ...], stops: np.ndarray
 ) -> None:
@@ -173,26 +148,6 @@ def test_one_gain_of_all_views_does_not_hide_that_they_differ(
     # The gains have a mean of 0, so that one for all of them mends nothing.
     assert abs(together - raw) < 0.5 and each > together + 3
     assert together_of_darker > each_of_darker - 0.1 and each_of_darker > raw_of_darker + 3
-
-
-def test_neighbors_in_time_tell_the_exposure_of_a_held_out_photograph(
-    frames: tuple[Frame, ...],
-) -> None:
-    drift = np.linspace(-0.9, 0.3, len(frames))[:, None] * [1.0, 0.8, 0.9]
-    photographs = [exposed(frame, stops) for frame, stops in zip(frames, drift, strict=True)]
-    held_out = [photographs[number] for number in (2, 5)]
-    training = [frame for frame in photographs if frame not in held_out]
-    scene, views = DeviceGaussians.from_numpy(ball(), "cpu"), load_test_views(held_out)
-    raw = score_views(render_views(scene, views), views)
-    found = psnr_by_neighbors(scene, training[::-1], held_out)
-    assert found > np.mean([score.psnr_object_aligned for score in raw]) - 0.5
-    assert found > np.mean([score.psnr_object for score in raw]) + 3
-    # The photograph itself is not looked at: another exposure of it only makes it worse.
-    brighter = [exposed(frame, np.full(3, 1.0)) for frame in held_out]
-    assert psnr_by_neighbors(scene, training, brighter) < found - 3
-    gains = [ColorGain(np.full(3, 0.2)), ColorGain(np.full(3, 0.1))]
-    first = interpolated(np.array([3.0, 1.0]), gains, 0.0)
-    np.testing.assert_allclose(first.log_factors, [0.1, 0.1, 0.1])
 
 
 def test_samples_are_inside_the_mask_and_few() -> None:

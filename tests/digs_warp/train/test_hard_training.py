@@ -59,20 +59,13 @@ def assert_finite(gaussians: Gaussians) -> None:
         assert np.isfinite(getattr(gaussians, name)).all(), name
 
 
-@pytest.mark.parametrize(("color", "background"), [(0, "white"), (127, "random"), (255, "black")])
+@pytest.mark.parametrize(("color", "background"), [(0, "white"), (255, "black")])
 def test_images_of_one_color(color: int, background: str) -> None:
     """SSIM of constants: no variance, and for black no mean either."""
     config = TrainConfig(stop=Stop(iterations=25), background=background)  # pyright: ignore[reportArgumentType]
     trainer = train([painted(n, color=color) for n in range(3)], config)
     assert_finite(trainer.gaussians.to_numpy())
     assert np.isfinite(trainer.loss_value())
-
-
-def test_one_view() -> None:
-    config = TrainConfig(stop=Stop(iterations=30), background="white", rates=Rates(colors=0.05))
-    start = train([painted(1)], replace(config, stop=Stop(iterations=1)))
-    first = start.loss_value()
-    assert train([painted(1)], config).loss_value() < 0.8 * first
 
 
 def test_views_without_foreground_push_everything_away() -> None:
@@ -116,8 +109,7 @@ def test_views_of_several_sizes() -> None:
             )
 
 
-@pytest.mark.parametrize("stray", [False, True])
-def test_the_crop_changes_no_gradient(stray: bool) -> None:
+def test_the_crop_changes_no_gradient() -> None:
     """A view cropped to its mask, and the same one kept whole, give the same loss and gradients."""
     rng = np.random.default_rng(0)
     image = rng.integers(0, 256, (70, 200, 3), dtype=np.uint8)
@@ -130,7 +122,7 @@ def test_the_crop_changes_no_gradient(stray: bool) -> None:
     whole = packed_view("0", camera(0, 200, 70), image, marked)
     assert cropped.box == (70, 25, 97, 44) and whole.box == (0, 0, 200, 70)
     seeds = ball(200)
-    seeds = replace(seeds, means=seeds.means * (2.5 if stray else 0.3))
+    seeds = replace(seeds, means=seeds.means * 2.5)
     results = []
     for view in (cropped, whole):
         trainer = Trainer(seeds, store([view]), TrainConfig())
@@ -146,7 +138,7 @@ def test_the_crop_changes_no_gradient(stray: bool) -> None:
         assert np.abs(one).max() > 0
 
 
-@pytest.mark.parametrize(("left", "drawn"), [(0, True), (63, True), (190, False), (310, True)])
+@pytest.mark.parametrize(("left", "drawn"), [(0, True), (190, False)])
 def test_the_loss_reads_nothing_that_is_not_drawn(left: int, drawn: bool) -> None:
     """Tiles far from the object and from splats are left alone: whatever they hold, the loss is the same."""
     width, height = 600, 260

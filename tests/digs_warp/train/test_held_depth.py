@@ -84,18 +84,11 @@ def test_a_weight_of_depth_without_depth_is_refused(capture: Capture) -> None:
         trained(bare, TrainConfig(depth_weight=0.004))
 
 
-@pytest.mark.parametrize("factor", [np.nan, 1e-3, 3.0, 1e6])
+@pytest.mark.parametrize("factor", [np.nan, 1e6])
 def test_wrong_depth_leaves_finite_gaussians(capture: Capture, factor: float) -> None:
     wrong = [
         frame.with_layer(Layer.DEPTH, np.float32(factor) * frame.load_depth())
         for frame in capture.frames
     ]
     gaussians = trained(wrong, TrainConfig(depth_weight=0.02)).gaussians.to_numpy()
-    assert all(np.isfinite(getattr(gaussians, name)).all() for name in FIELDS)
-
-
-def test_one_constant_frame_leaves_finite_gaussians(capture: Capture) -> None:
-    frame = capture.frames[0]
-    gray = frame.with_layer(Layer.IMAGE, np.full_like(frame.load_image(), 128))
-    gaussians = trained([gray], TrainConfig(depth_weight=0.02)).gaussians.to_numpy()
     assert all(np.isfinite(getattr(gaussians, name)).all() for name in FIELDS)

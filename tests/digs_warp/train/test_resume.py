@@ -83,15 +83,6 @@ def test_a_resumed_run_continues_bit_for_bit(
     assert len(whole.gaussians) <= 900
 
 
-def test_the_cap_is_kept_in_every_step(capture: Capture) -> None:
-    density = Density(strategy="adaptive", max_splats=310)
-    config = TrainConfig(stop=Stop(iterations=STEPS), density=density)
-    trainer = trained(capture, config, 0)
-    for _ in range(STEPS):
-        trainer.step()
-        assert len(trainer.gaussians) <= 310
-
-
 def test_a_start_beyond_the_cap_is_refused(capture: Capture) -> None:
     config = TrainConfig(density=Density(strategy="adaptive", max_splats=200))
     with pytest.raises(DigsError, match=r"starts with 300 Gaussians.*voxel-size"):
@@ -138,12 +129,8 @@ def test_a_checkpoint_of_other_settings_is_refused(
     ("name", "value"),
     [
         ("step", np.array([1, 2])),
-        ("step", np.array(-1)),
         ("step", np.array("many")),
-        ("seconds", np.array(np.nan)),
-        ("identity", np.array("[]")),
         ("identity", np.array("[" * 100_000)),
-        ("value_means", np.zeros((7, 3))),
         ("first_means", np.zeros((7, 3))),
         ("second_sh", np.full((300, 1, 3), np.inf)),
         ("control_sums", np.zeros(3)),

@@ -56,13 +56,6 @@ def test_a_time_budget_ends_the_run_and_measures_it(capture: Capture, tmp_path: 
     assert not (tmp_path / CHECKPOINT).exists()
 
 
-def test_a_target_quality_ends_the_run(capture: Capture, tmp_path: Path) -> None:
-    trained = run(capture, tmp_path, TrainConfig(stop=Stop(iterations=5000, target_psnr=24.0)))
-    measured = [line["psnr_object"] for line in course(tmp_path) if "psnr_object" in line]
-    assert trained.record.stopped_by == "target psnr"
-    assert measured[-1] >= 24.0 > max(measured[:-1])
-
-
 def test_the_course_is_kept_where_views_are_measured(capture: Capture, tmp_path: Path) -> None:
     save_snapshot(tmp_path, 77, ball(3))  # of a run before
     config = TrainConfig(stop=Stop(iterations=4), evaluate_at=(2,), keep_course=True)

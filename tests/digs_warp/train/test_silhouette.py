@@ -1,7 +1,6 @@
 """The object's own color at the silhouette: against a float64 twin, and where masks are odd."""
 
 import numpy as np
-import pytest
 
 from digs_warp.train.silhouette import MARGIN, NEIGHBORS, REACH, without_surround
 
@@ -74,10 +73,13 @@ def test_the_rim_on_white_comes_near_the_disc_on_white() -> None:
     assert np.all(np.abs(share * cleaned + white - (share * disc + white))[rim] < 12)
 
 
-def test_a_hard_mask_changes_nothing() -> None:
+def test_a_hard_or_a_constant_mask_changes_nothing() -> None:
     photo, mask, _ = scene()
     hard = np.where(mask >= 128, 255, 0).astype(np.uint8)
     assert without_surround(photo, hard) is photo
+    for level in (0, 128, 255):
+        found = without_surround(photo, np.full((HEIGHT, WIDTH), level, np.uint8))
+        assert np.array_equal(found, photo)
 
 
 def test_no_color_is_invented_where_the_mask_is_wrong() -> None:
@@ -88,13 +90,6 @@ def test_no_color_is_invented_where_the_mask_is_wrong() -> None:
     wrong = np.where((mask > 0) & (np.arange(WIDTH) < 15), 128, mask).astype(np.uint8)
     cleaned = without_surround(photo, wrong)
     assert np.abs(cleaned[mask > 128].astype(int) - 100).max() <= MARGIN
-
-
-@pytest.mark.parametrize("level", [0, 1, 128, 255])
-def test_a_constant_mask_changes_nothing(level: int) -> None:
-    photo, _, _ = scene()
-    found = without_surround(photo, np.full((HEIGHT, WIDTH), level, np.uint8))
-    assert np.array_equal(found, photo)
 
 
 def test_a_rim_at_the_edge_of_the_image_counts_only_what_is_there() -> None:

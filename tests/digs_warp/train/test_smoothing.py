@@ -94,11 +94,10 @@ def test_what_the_filter_adds_is_taken_out_again() -> None:
     assert 0.1 < (own < floor).mean() < 0.9
 
 
-@pytest.mark.parametrize("width", [160, 320])
-def test_a_classic_viewer_shows_what_we_show_at_the_size_it_is_for(width: int) -> None:
+def test_a_classic_viewer_shows_what_we_show_at_the_size_it_is_for() -> None:
     """Splats of a ball, somewhat wider than the filter makes them at that size."""
     ours = ball()
-    camera = orbit(find_subject(ours), Intrinsics.from_fov(width, width * 3 // 4, 40.0), 3)[1]
+    camera = orbit(find_subject(ours), Intrinsics.from_fov(160, 120, 40.0), 3)[1]
     p = sampling_distances(wp.array(ours.means, dtype=wp.vec3), [camera]).numpy()
     widths = p[:, None] * np.random.default_rng(4).uniform(0.7, 1.5, (len(ours), 3))
     ours = replace(ours, log_scales=np.log(widths))
@@ -139,15 +138,12 @@ def test_distances_follow_the_splats_now_and_then() -> None:
     assert (smoothing.distances.numpy() != before).mean() > 0.9
 
 
-@pytest.mark.parametrize("value", [np.nan, 100.0, -100.0])
-def test_extreme_scales_stay_what_they_are(value: float) -> None:
+def test_extreme_scales_stay_what_they_are() -> None:
     gaussians, _, smoothing = filtered()
-    smoothing.before_update()
-    gaussians.log_scales.fill_(value)
-    smoothing.after_update()
-    found = gaussians.log_scales.numpy()
-    if np.isnan(value):
-        assert np.isnan(found).all()
-    else:
-        assert np.isfinite(found).all()
-        assert (found > 40).all() if value > 0 else (found < 0).all()
+    for value in (100.0, -100.0, np.nan):
+        smoothing.before_update()
+        gaussians.log_scales.fill_(value)
+        smoothing.after_update()
+        found = gaussians.log_scales.numpy()
+        expected = {100.0: np.isfinite(found) & (found > 40), -100.0: found < 0}
+        assert expected.get(value, np.isnan(found)).all()

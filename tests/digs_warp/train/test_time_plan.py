@@ -18,25 +18,18 @@ from reference.tiny_capture import ball, write_tiny_capture
 from reference.trained_ball import interrupt
 
 
-@pytest.mark.parametrize(
-    ("budget", "steps"),
-    [
-        (20.0, 200),
-        (100.0, 500),  # more do not pay
-        (0.0, 1),  # a step is taken in any case
-    ],
-)
-def test_the_steps_that_fit_are_planned(budget: float, steps: int) -> None:
-    plan = plan_time(budget, 500, 0.1)
-    assert (plan.iterations, plan.budget) == (steps, budget)
-    assert ("more are not worth" in str(plan)) == (steps == 500)
+def test_the_steps_that_fit_are_planned() -> None:
+    # 500 steps pay, and one is taken in any case.
+    for budget, steps in ((20.0, 200), (100.0, 500), (0.0, 1)):
+        plan = plan_time(budget, 500, 0.1)
+        assert (plan.iterations, plan.budget) == (steps, budget)
+        assert ("more are not worth" in str(plan)) == (steps == 500)
 
 
-@pytest.mark.parametrize("most", [1, 7, 1000, 30_000])
-def test_without_a_budget_progress_is_the_share_of_the_steps_to_the_bit(most: int) -> None:
-    progress = Progress(most)
-    for step in range(0, most + 3, max(1, most // 500)):
-        assert progress.at(step) == min(1.0, step / most)
+def test_without_a_budget_progress_is_the_share_of_the_steps_to_the_bit() -> None:
+    progress = Progress(1000)
+    for step in range(0, 1003):
+        assert progress.at(step) == min(1.0, step / 1000)
 
 
 def test_respread_progress_goes_on_from_where_it_was_and_ends_at_one() -> None:
@@ -52,7 +45,7 @@ def test_respread_progress_goes_on_from_where_it_was_and_ends_at_one() -> None:
     assert again.steps == 201 and again.at(201) == 1.0
 
 
-@pytest.mark.parametrize("pace", [0.5, 1.0, 3.0])
+@pytest.mark.parametrize("pace", [0.5, 3.0])
 def test_steps_of_another_pace_end_with_the_time_and_the_progress(pace: float) -> None:
     """Steps are planned to take 0.1 s and take ``pace`` times as long; halfway this changes again."""
     progress, clock = Progress(100, most=500), Clock(10.0)
@@ -118,9 +111,3 @@ def test_planning_times_steps_of_a_copy(capture: Capture, monkeypatch: pytest.Mo
     data = session.open_data(capture.frames, config, capture.folder)
     plan = plan_training(ball(300), data, config)
     assert plan.step_seconds == pytest.approx(0.1) and plan.iterations == 100
-
-
-def test_a_run_that_reached_its_end_is_not_made_longer() -> None:
-    progress, clock = Progress(500, most=500), Clock(10.0)
-    clock.after_step(progress, 500, 5.0)  # half of the time is left
-    assert (progress.steps, progress.at(500)) == (500, 1.0)

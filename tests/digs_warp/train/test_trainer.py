@@ -13,7 +13,6 @@ from digs_warp.train.checkpoint import load_checkpoint, save_checkpoint
 from digs_warp.train.config import Rates, Stop, TrainConfig
 from digs_warp.train.trainer import Trainer
 from digs_warp.train.view_store import open_views, view_index
-from digs_warp.train.views import scene_extent
 from reference.tiny_capture import ball, write_tiny_capture
 
 
@@ -86,9 +85,7 @@ def test_every_view_is_seen_once_an_epoch() -> None:
     assert sorted(seen[:8]) == sorted(seen[8:]) == list(range(8))
 
 
-@pytest.mark.parametrize(
-    ("name", "value"), list(zip(FIELDS, [np.nan, np.inf, -np.inf, np.nan, np.inf], strict=True))
-)
+@pytest.mark.parametrize(("name", "value"), [("log_scales", np.nan), ("sh", np.inf)])
 def test_a_parameter_that_is_not_finite_stops_the_run_in_the_same_step(
     capture: Capture, name: str, value: float
 ) -> None:
@@ -112,11 +109,3 @@ def test_no_gaussians_and_no_views_are_refused(capture: Capture) -> None:
         Trainer(nothing, open_views(capture.frames, config), config)
     with pytest.raises(DigsError, match="no training views"):
         open_views([], config)
-
-
-def test_the_extent_is_that_of_the_reference(capture: Capture) -> None:
-    cameras = [frame.camera for frame in capture.frames]
-    centers = np.stack([camera.center_world for camera in cameras])
-    farthest = max(np.linalg.norm(c - centers.mean(axis=0)) for c in centers)
-    assert scene_extent(cameras) == pytest.approx(1.1 * farthest)
-    assert scene_extent(cameras[:1]) == 1.0

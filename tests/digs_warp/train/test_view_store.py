@@ -94,14 +94,6 @@ def test_with_room_for_all_each_is_read_once(capture: Capture) -> None:
     assert sorted(loads) == sorted(frame.name for frame in capture.frames)
 
 
-def test_a_run_may_start_in_the_middle_of_an_epoch(capture: Capture) -> None:
-    config = TrainConfig(image_memory=1e-9)
-    store = open_views(capture.frames, config, first_step=13)
-    for step in range(13, 30):
-        assert store.view(step).name == capture.frames[view_index(0, 8, step)].name
-    store.close()
-
-
 def test_a_broken_image_is_found_before_the_training(capture: Capture, tmp_path: Path) -> None:
     broken = write_tiny_capture(tmp_path / "capture", frames=4)
     broken.frames[2].path(Layer.IMAGE).write_bytes(b"no image")
