@@ -60,7 +60,6 @@ class Expect:
 
 
 AT_LEAST_0 = Expect("a number, 0 or more", lambda value: value >= 0)
-ABOVE_0 = Expect("a number above 0", lambda value: value > 0)
 COUNT = Expect("a whole number, 0 or more", lambda value: value >= 0)
 
 

@@ -1,28 +1,26 @@
-"""Processes that run command lines on damaged inputs: a crash or a hang is put down to its input."""
+"""A process that runs command lines on damaged inputs: a crash or a hang is put down to its input."""
 
 import contextlib
 import gc
 import io
 import logging
-import multiprocessing
 import os
 import resource
-import signal
 import time
 import traceback
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from multiprocessing.connection import Connection
-from multiprocessing.process import BaseProcess
+from functools import cache
 from pathlib import Path
 from typing import Literal
+
+from digs_warp.device.threads import default_threads
+from digs_warp.engines.engine import CallFailed, FailureClass
+from digs_warp.engines.processes import Child, packed
 
 End = Literal["read", "refused", "traceback", "crash", "memory", "time"]
 # Runs the words of a command line and returns the exit code.
 Command = Callable[[Sequence[str]], int]
-
-_CONTEXT = multiprocessing.get_context("spawn")
-_TICKS_PER_SECOND = os.sysconf("SC_CLK_TCK")
 
 SECONDS_LIMIT = 10.0  # of the processor
 MEGABYTES_LIMIT = 1000.0  # beyond what the process has before the input
@@ -88,91 +86,70 @@ class Worker:
         megabytes: float = MEGABYTES_LIMIT,
     ) -> None:
         self._healthy, self._command = healthy, command
-        self._process: BaseProcess | None = None
+        self._child: Child | None = None
         self._seconds, self._megabytes = seconds, megabytes
         self._known: set[str] = set()
 
     def run(self, job: Job) -> Outcome:
         """Run the command lines of an input."""
-        if self._process is None:
-            self._start()
+        if self._child is None or not self._child.is_alive:
+            self._child = Child(default_threads())
+            self._known.clear()
         if job.kind not in self._known:
             self._known.add(job.kind)
             for each in self._healthy(job.kind):
-                outcome = self._ask(each, is_healthy=True)
+                outcome = self._ask(self._child, each, is_healthy=True)
                 if outcome.end not in ("read", "memory", "time"):
                     raise RuntimeError(
                         f"{each}: a healthy input ends with {outcome.end}\n{outcome.detail}"
                     )
-        return self._ask(job)
+        return self._ask(self._child, job)
 
     def stop(self) -> None:
         """End the process."""
-        if self._process is not None:
-            self._process.kill()
-            self._process.join()
-            self._process = None
+        if self._child is not None:
+            self._child.stop()
+            self._child = None
 
-    def _start(self) -> None:
-        self._connection, child = _CONTEXT.Pipe()
-        process = _CONTEXT.Process(target=work, args=(child, self._command), daemon=True)
-        process.start()
-        self._process = process
-        self._known.clear()
-        child.close()
-        self._connection.recv()  # until it has started
-
-    def _ask(self, job: Job, is_healthy: bool = False) -> Outcome:
-        process = self._process
-        assert process is not None
-        start, used = time.monotonic(), _processor_seconds(process.pid)
-        limits = (1e9, 1e9) if is_healthy else (WAITING_LIMIT, self._seconds)
+    def _ask(self, child: Child, job: Job, is_healthy: bool = False) -> Outcome:
+        seconds = None if is_healthy else self._seconds
+        call = packed(run_input, job.folder, job.lines, self._command, seconds)
         try:
-            self._connection.send((job.folder, job.lines, is_healthy))
-            while not self._connection.poll(0.5):
-                spent = _processor_seconds(process.pid) - used
-                if time.monotonic() - start > limits[0] or spent > limits[1]:
-                    self.stop()
-                    return Outcome("time", spent, 0.0, "did not end")
-            outcome: Outcome = self._connection.recv()
-        except (EOFError, ConnectionError):
-            process.join()
-            self._process = None
-            code = process.exitcode or 0
-            cause = signal.Signals(-code).name if code < 0 else f"exit code {code}"
-            return Outcome("crash", 0.0, 0.0, cause)
+            outcome: Outcome = child.result(call, None if is_healthy else WAITING_LIMIT)
+        except CallFailed as error:
+            self.stop()
+            is_late = error.kind is FailureClass.TIME_LIMIT or "SIGXCPU" in str(error)
+            return Outcome("time" if is_late else "crash", 0.0, 0.0, str(error))
         if outcome.megabytes > self._megabytes:
             return replace(outcome, end="memory")
         is_late = outcome.seconds > self._seconds and not outcome.is_defect
         return replace(outcome, end="time") if is_late else outcome
 
 
-def _processor_seconds(pid: int | None) -> float:
-    """Return the time of the processor that a process took; 0 if it is gone."""
-    try:
-        fields = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
-    except OSError:
-        return 0.0
-    return (int(fields[11]) + int(fields[12])) / _TICKS_PER_SECOND
-
-
-def work(connection: Connection, command: Command) -> None:
-    """Answer each (folder, lines, is_healthy) with an `Outcome`; healthy inputs may take what they need.
-
-    Runs in the process. Says "ready" first: what it takes to start is put down to no input.
-    """
+@cache
+def _silence() -> None:
+    """Let this process log nothing, and C libraries complain nowhere."""
     logging.disable(logging.WARNING)
-    os.dup2(os.open(os.devnull, os.O_WRONLY), 2)  # C libraries complain there
-    connection.send("ready")
-    while (job := connection.recv()) is not None:
-        folder, lines, is_healthy = job
-        limit = resource.RLIM_INFINITY if is_healthy else _status("VmSize") + ADDRESS_SPACE
-        resource.setrlimit(resource.RLIMIT_AS, (limit, resource.RLIM_INFINITY))
-        connection.send(run_input(folder, lines, command))
+    os.dup2(os.open(os.devnull, os.O_WRONLY), 2)
 
 
-def run_input(folder: Path, lines: Sequence[str], command: Command) -> Outcome:
-    """Run command lines in a folder and measure them."""
+def _limit(limit: int, now: float, more: float | None) -> None:
+    """Limit what this process takes to what it has now and some more; None: to nothing."""
+    most = resource.RLIM_INFINITY if more is None else int(now + more)
+    resource.setrlimit(limit, (most, resource.RLIM_INFINITY))
+
+
+def run_input(
+    folder: Path, lines: Sequence[str], command: Command, seconds_limit: float | None
+) -> Outcome:
+    """Run command lines in a folder and measure them; without a limit they may take what they need.
+
+    Runs in the process: what it takes to start is put down to no input.
+    """
+    _silence()
+    is_free = seconds_limit is None
+    _limit(resource.RLIMIT_AS, _status("VmSize"), None if is_free else ADDRESS_SPACE)
+    _limit(resource.RLIMIT_CPU, time.process_time(), None if is_free else seconds_limit + 2)
     os.chdir(folder)
     Path("/proc/self/clear_refs").write_text("5")  # the peak starts at what is in use now
     before, start = _status("VmRSS"), time.process_time()

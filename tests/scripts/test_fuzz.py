@@ -1,6 +1,5 @@
 """The fuzzing command: damaged inputs of every kind are read or refused; defects are noticed."""
 
-from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -14,30 +13,17 @@ from reference.planted_commands import planted
 from reference.slow_to_import import slow_to_import
 
 
-@pytest.fixture(scope="module")
-def worker() -> Iterator[Worker]:
+def test_planted_defects_are_noticed(tmp_path: Path) -> None:
     worker = Worker(lambda _: [], planted, seconds=2.0, megabytes=50.0)
-    yield worker
-    worker.stop()
-
-
-@pytest.mark.parametrize(
-    ("line", "end"),
-    [
-        ("read", "read"),
-        ("refused", "refused"),
-        ("stop", "refused"),
-        ("traceback", "traceback"),
-        ("crash", "crash"),
-        ("memory", "memory"),
-        ("time", "time"),
+    for line, end in (
+        *(("read", "read"), ("refused", "refused"), ("stop", "refused")),
+        *((defect, defect) for defect in ("traceback", "crash", "memory", "time")),
         ("read", "read"),  # by the process that replaced the one before
-    ],
-)
-def test_planted_defects_are_noticed(worker: Worker, tmp_path: Path, line: str, end: str) -> None:
-    outcome = worker.run(Job("planted", tmp_path, (line,)))
-    assert outcome.end == end, outcome.detail
-    assert outcome.is_defect == (end not in ("read", "refused"))
+    ):
+        outcome = worker.run(Job("planted", tmp_path, (line,)))
+        assert outcome.end == end, (line, outcome.detail)
+        assert outcome.is_defect == (end not in ("read", "refused"))
+    worker.stop()
 
 
 def test_the_start_of_a_process_does_not_count(tmp_path: Path) -> None:

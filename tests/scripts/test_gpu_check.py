@@ -52,14 +52,6 @@ def test_the_last_line_is_the_verdict(tmp_path: Path) -> None:
     assert done.stdout.splitlines()[-1] == "PASS", done.stdout + done.stderr
 
 
-def test_what_is_refused_cannot_be_imported(tmp_path: Path) -> None:
-    (tmp_path / "sitecustomize.py").write_text(FEW_PACKAGES)
-    environment = {**os.environ, "PYTHONPATH": str(tmp_path)}
-    command = [sys.executable, "-c", "import tyro"]
-    done = subprocess.run(command, check=False, capture_output=True, text=True, env=environment)
-    assert "No module named 'tyro'" in done.stderr
-
-
 def test_an_exception_is_a_finding(capsys: pytest.CaptureFixture[str]) -> None:
     def broken(run: object, findings: Findings) -> None:
         findings.note("before", 1)

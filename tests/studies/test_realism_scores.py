@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from reference.error_shapes import autocorrelation, failure_runs, reliability, small_error_rms
+from reference.error_shapes import autocorrelation, small_error_rms
 from studies.realism_scores import (
     agreement,
     bad_share,
@@ -63,27 +63,6 @@ def test_small_errors_and_their_autocorrelation() -> None:
     waves = TRUE + 0.3 * np.sin(np.arange(240) * np.pi / 8)  # a period of 16 px along the rows
     assert autocorrelation(waves, TRUE, 8, 1) == pytest.approx(-1, abs=0.05)
     assert autocorrelation(waves, TRUE, 8, 0) == pytest.approx(1)
-
-
-def test_runs_of_failures_are_measured_along_the_rows() -> None:
-    disparity = TRUE.copy()
-    disparity[3, 10:20] = np.nan
-    disparity[3, 20:25] += 4  # the same run
-    disparity[4, :2] = np.nan
-    disparity[5, 236:] += 2
-    assert sorted(failure_runs(disparity, TRUE)) == [2, 4, 15]
-    unknown = TRUE.copy()
-    unknown[3, 12] = np.nan
-    assert sorted(failure_runs(disparity, unknown)) == [2, 2, 4, 12]
-
-
-def test_reliability_counts_each_match_in_its_range() -> None:
-    confidence = np.array([0.1, 0.2, 0.5, 0.8, 1.0, 1.0])
-    right = np.array([False, True, True, True, True, False])
-    low, high = reliability(confidence, right, (0.0, 0.3, 0.4, 1.0))
-    assert (low.low, low.high, low.count) == (0.0, 0.3, 2)
-    assert low.confidence == pytest.approx(0.15) and low.right == 0.5
-    assert high.count == 4 and high.confidence == pytest.approx(0.825) and high.right == 0.75
 
 
 def test_what_stays_from_frame_to_frame_is_told_from_what_changes() -> None:

@@ -26,26 +26,17 @@ def random_pixels(dtype: str, shape: tuple[int, ...]) -> np.ndarray:
     return rng.integers(0, np.iinfo(dtype).max + 1, shape).astype(dtype)
 
 
-@pytest.mark.parametrize(
-    ("dtype", "shape"),
-    [
-        ("uint8", (1, 1)),
-        ("uint8", (16, 33, 4)),
-        ("uint16", (7, 5)),
-        ("uint16", (7, 5, 3)),
-        ("float32", (7, 5)),
-        ("float32", (16, 33, 4)),
-    ],
-)
-def test_what_is_written_is_read(tmp_path: Path, dtype: str, shape: tuple[int, ...]) -> None:
-    pixels = random_pixels(dtype, shape)
-    path = tmp_path / "new_folder" / ("x.exr" if dtype == "float32" else "x.png")
-    if dtype != "float32" and len(shape) == 3 and shape[2] == 4:
-        pixels[..., 3] = np.iinfo(dtype).max  # PNG readers may multiply color by alpha
-    write_image(path, pixels)
-    found = read_image(path)
-    assert found.dtype == pixels.dtype
-    np.testing.assert_array_equal(found, pixels.reshape(*shape[:2], -1))
+def test_what_is_written_is_read(tmp_path: Path) -> None:
+    for dtype, shape in (
+        *(("uint8", (1, 1)), ("uint8", (16, 33, 4)), ("uint16", (7, 5)), ("uint16", (7, 5, 3))),
+        *(("float32", (7, 5)), ("float32", (16, 33, 4))),
+    ):
+        pixels = random_pixels(dtype, shape)
+        path = tmp_path / "new_folder" / ("x.exr" if dtype == "float32" else "x.png")
+        write_image(path, pixels)  # colors of transparent pixels survive
+        found = read_image(path)
+        assert found.dtype == pixels.dtype
+        np.testing.assert_array_equal(found, pixels.reshape(*shape[:2], -1))
 
 
 def test_a_noisy_photograph_takes_no_more_room_than_by_the_slow_default(tmp_path: Path) -> None:
@@ -77,58 +68,41 @@ def test_16_bit_files_carry_no_gamma(tmp_path: Path) -> None:
     assert b"IHDR" in data and b"gAMA" not in data and b"sRGB" not in data
 
 
-def test_color_of_transparent_pixels_survives(tmp_path: Path) -> None:
-    pixels = random_pixels("uint8", (6, 8, 4))
-    write_image(tmp_path / "rgba.png", pixels)
-    np.testing.assert_array_equal(read_image(tmp_path / "rgba.png"), pixels)
-
-
-@pytest.mark.parametrize(
-    ("name", "share"),
-    [("x.png", 0.1), ("x.png", 0.9), ("x.exr", 0.1), ("x.exr", 0.5), ("x.exr", 0.9)],
-)
-def test_a_truncated_file_is_named(tmp_path: Path, name: str, share: float) -> None:
-    path = tmp_path / name
-    write_image(path, random_pixels("uint8" if name == "x.png" else "float32", (64, 64, 3)))
-    data = path.read_bytes()
-    path.write_bytes(data[: int(share * len(data))])
-    with pytest.raises(DigsError, match=rf"thing '.*{name}'"):
-        read_image(path, "thing")
-
-
-def test_missing_empty_and_foreign_files_are_named(tmp_path: Path) -> None:
-    with pytest.raises(DigsError, match=r"gone\.png': no such file"):
-        read_image(tmp_path / "gone.png")
+def test_files_that_are_truncated_missing_empty_or_foreign_are_named(tmp_path: Path) -> None:
+    for name, share in (
+        *(("x.png", 0.1), ("x.png", 0.9)),
+        *(("x.exr", 0.1), ("x.exr", 0.5), ("x.exr", 0.9)),
+    ):
+        path = tmp_path / name
+        write_image(path, random_pixels("uint8" if name == "x.png" else "float32", (64, 64, 3)))
+        data = path.read_bytes()
+        path.write_bytes(data[: int(share * len(data))])
+        with pytest.raises(DigsError, match=rf"thing '.*{name}'"):
+            read_image(path, "thing")
     (tmp_path / "empty.png").touch()
-    with pytest.raises(DigsError, match=r"empty\.png': the file is empty"):
-        read_image(tmp_path / "empty.png")
     (tmp_path / "text.png").write_text("not an image at all")
-    with pytest.raises(DigsError, match=r"text\.png': cannot be opened"):
-        read_image(tmp_path / "text.png")
-    with pytest.raises(DigsError, match="found a folder"):
-        read_image(tmp_path)
+    for name, message in (
+        *(("gone.png", "gone.png': no such file"), ("empty.png", "empty.png': the file is empty")),
+        *(("text.png", "text.png': cannot be opened"), ("", "found a folder")),
+    ):
+        with pytest.raises(DigsError, match=message):
+            read_image(tmp_path / name)
 
 
-@pytest.mark.parametrize(("name", "dtype"), [("x.png", "uint8"), ("x.exr", "float32")])
-def test_the_same_pixels_give_the_same_bytes_at_any_time(
-    tmp_path: Path, name: str, dtype: str
-) -> None:
-    pixels = random_pixels(dtype, (9, 7, 3))
-    write_image(tmp_path / name, pixels)
-    before = (tmp_path / name).read_bytes()
-    time.sleep(1.1)  # dates in image files count in seconds
-    write_image(tmp_path / name, pixels)
-    assert (tmp_path / name).read_bytes() == before
+def test_the_same_pixels_give_the_same_bytes_at_any_time(tmp_path: Path) -> None:
+    for path, dtype in ((tmp_path / "x.png", "uint8"), (tmp_path / "x.exr", "float32")):
+        pixels = random_pixels(dtype, (9, 7, 3))
+        write_image(path, pixels)
+        before = path.read_bytes()
+        time.sleep(1.1)  # dates in image files count in seconds
+        write_image(path, pixels)
+        assert path.read_bytes() == before
 
 
-@pytest.mark.parametrize(
-    ("name", "dtype"), [("x.png", "float32"), ("x.exr", "uint8"), ("x.png", "float64")]
-)
-def test_a_suffix_that_cannot_hold_the_numbers_raises(
-    tmp_path: Path, name: str, dtype: str
-) -> None:
-    with pytest.raises(ValueError, match=dtype):
-        write_image(tmp_path / name, np.zeros((2, 2), dtype=dtype))
+def test_a_suffix_that_cannot_hold_the_numbers_raises(tmp_path: Path) -> None:
+    for name, dtype in (("x.png", "float32"), ("x.exr", "uint8"), ("x.png", "float64")):
+        with pytest.raises(ValueError, match=dtype):
+            write_image(tmp_path / name, np.zeros((2, 2), dtype=dtype))
     assert list(tmp_path.iterdir()) == []
 
 
@@ -141,20 +115,18 @@ def test_a_failed_write_leaves_the_old_file_and_nothing_else(tmp_path: Path) -> 
     assert (read_image(path) == 7).all()
 
 
-@pytest.mark.parametrize(
-    ("name", "dtype"), [("x.png", "uint8"), ("x.png", "uint16"), ("x.exr", "float32")]
-)
-def test_an_image_that_does_not_fit_on_the_disk_leaves_the_old_one(
-    tmp_path: Path, name: str, dtype: str
-) -> None:
-    path = tmp_path / name
-    write_image(path, random_pixels(dtype, (40, 30, 3)))
-    before = path.read_bytes()
-    for size in (0, 1, 100, len(before) // 2, len(before) - 20, len(before) - 1):
-        with largest_file(size), pytest.raises(DigsError, match=rf"{name}': cannot be written"):
-            write_image(path, random_pixels(dtype, (40, 30, 3)))
-        assert path.read_bytes() == before
-        assert list(tmp_path.iterdir()) == [path]
+def test_an_image_that_does_not_fit_on_the_disk_leaves_the_old_one(tmp_path: Path) -> None:
+    for name, dtype in (("x.png", "uint8"), ("x.png", "uint16"), ("x.exr", "float32")):
+        path = tmp_path / name
+        pixels = random_pixels(dtype, (40, 30, 3))
+        write_image(path, pixels)
+        before = path.read_bytes()
+        for size in (0, 1, 100, len(before) // 2, len(before) - 20, len(before) - 1):
+            with largest_file(size), pytest.raises(DigsError, match=rf"{name}': cannot be written"):
+                write_image(path, pixels)
+            assert path.read_bytes() == before
+            assert list(tmp_path.iterdir()) == [path]
+        path.unlink()
 
 
 def test_to_uint8_rounds_clips_and_undoes_division() -> None:
@@ -172,18 +144,14 @@ def test_srgb_curves_undo_each_other_and_meet_known_values() -> None:
     assert 255 * srgb_from_linear(np.array(0.18)) == pytest.approx(117.6, abs=0.05)
 
 
-@pytest.mark.parametrize("shape", [(1, 1), (9, 17), (64, 48)])
-def test_a_jpeg_comes_back_nearly_the_same(tmp_path: Path, shape: tuple[int, int]) -> None:
-    rows, columns = np.mgrid[: shape[0], : shape[1]]
-    pixels = np.stack([2 * rows, 3 * columns, 255 - rows - columns], axis=-1).astype(np.uint8)
-    (tmp_path / "x.jpg").write_bytes(encode_jpeg(pixels))
-    found = read_image(tmp_path / "x.jpg")
-    assert found.shape == pixels.shape
-    # Smooth pixels at quality 88: a few steps of rounding.
-    np.testing.assert_allclose(found.astype(int), pixels.astype(int), atol=8)
-
-
-def test_a_jpeg_of_other_than_three_channels_raises() -> None:
+def test_a_jpeg_comes_back_nearly_the_same(tmp_path: Path) -> None:
+    for shape in ((1, 1), (9, 17), (64, 48)):
+        rows, columns = np.mgrid[: shape[0], : shape[1]]
+        pixels = np.stack([2 * rows, 3 * columns, 255 - rows - columns], axis=-1).astype(np.uint8)
+        (tmp_path / "x.jpg").write_bytes(encode_jpeg(pixels))
+        found = read_image(tmp_path / "x.jpg")
+        # Smooth pixels at quality 88: a few steps of rounding.
+        np.testing.assert_allclose(found.astype(int), pixels.astype(int), atol=8)
     with pytest.raises(DigsError, match="JPEG pixels"):
         encode_jpeg(np.zeros((4, 4, 4), np.uint8))
 

@@ -42,38 +42,30 @@ def test_what_was_saved_is_read(posed: Posed) -> None:
             np.testing.assert_array_equal(a.camera.world_from_cam, b.camera.world_from_cam)
 
 
-def test_the_folder_can_be_moved(posed: Posed) -> None:
+def test_the_folder_can_be_moved_and_another_capture_or_a_broken_file_is_refused(
+    posed: Posed,
+) -> None:
     capture, frames, folder = posed
     frames.save(folder)
     elsewhere = folder.rename(folder.with_name("elsewhere"))
     found = PosedFrames.load(capture, elsewhere)
     assert found.training[0].path(Layer.MASK) == elsewhere / "masks" / "a.png"
-
-
-def test_another_capture_is_refused(posed: Posed) -> None:
-    capture, frames, folder = posed
-    frames.save(folder)
-    short = replace(capture, frames=capture.frames[:2])
     with pytest.raises(DigsError, match="capture"):
-        PosedFrames.load(short, folder)
+        PosedFrames.load(replace(capture, frames=capture.frames[:2]), elsewhere)
+    for entries, message in (
+        (None, "reconstruct again"),
+        ([{"name": "0000"}], "has no .*reconstruct again"),
+        ([{"name": "0000", "world_from_cam": "x", "held_out": False}], "reconstruct again"),
+    ):
+        record = json.loads((elsewhere / CAMERAS).read_text()) | {"frames": entries}
+        (elsewhere / CAMERAS).write_text(json.dumps(record))
+        with pytest.raises(DigsError, match=message):
+            PosedFrames.load(capture, elsewhere)
 
 
-@pytest.mark.parametrize(
-    ("key", "value", "message"),
-    [
-        ("frames", None, "reconstruct again"),
-        ("frames", [{"name": "0000"}], "has no .*reconstruct again"),
-        (
-            "frames",
-            [{"name": "0000", "world_from_cam": "x", "held_out": False}],
-            "reconstruct again",
-        ),
-    ],
-)
-def test_a_broken_file_is_refused(posed: Posed, key: str, value: object, message: str) -> None:
-    capture, frames, folder = posed
-    frames.save(folder)
-    record = json.loads((folder / CAMERAS).read_text()) | {key: value}
-    (folder / CAMERAS).write_text(json.dumps(record))
-    with pytest.raises(DigsError, match=message):
-        PosedFrames.load(capture, folder)
+def test_metres_scale_the_places_and_the_known_scale(posed: Posed) -> None:
+    _, frames, _ = posed
+    metric = frames.in_metres(2.0)
+    assert metric.sfm_per_metre == 5.0
+    for a, b in zip(metric.training, frames.training, strict=True):
+        np.testing.assert_allclose(2.0 * a.camera.center_world, b.camera.center_world)

@@ -87,22 +87,6 @@ def test_nothing_goes_on_behind_the_block(capture: Capture) -> None:
     assert room_left() == 0
 
 
-def test_threads_take_short_turns_only_while_files_are_read(
-    capture: Capture, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    usual, turns = sys.getswitchinterval(), []
-
-    def read(path: Path, what: str) -> np.ndarray:
-        turns.append(sys.getswitchinterval())
-        raise DigsError("broken")
-
-    monkeypatch.setattr(module, "read_image", read)
-    with reading_ahead(capture.frames):
-        wait_for_the_reader()
-        assert sys.getswitchinterval() == usual
-    assert turns == [pytest.approx(TURN)] * (3 * len(capture))
-
-
 def test_turns_are_the_usual_ones_after_two_readers_that_overlap(
     capture: Capture, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -17,20 +17,14 @@ def test_arrays_become_float32_and_int32() -> None:
     assert len(mesh) == 1
 
 
-def test_a_mesh_without_triangles_is_one() -> None:
+def test_arrays_that_do_not_fit_are_refused() -> None:
     assert len(TriangleMesh(np.zeros((0, 3)), np.zeros((0, 3)), np.zeros((0, 3)))) == 0
-
-
-@pytest.mark.parametrize(
-    ("points", "triangles", "colors", "message"),
-    [
+    for points, triangles, colors, message in (
         (CORNERS, [[0, 1, 3]], GREY, "0 to 3, expected 0 to 2"),
         (CORNERS, [[-1, 1, 2]], GREY, "-1 to 2"),
         (CORNERS, [[0, 1]], GREY, r"shape \(1, 2\)"),
         (CORNERS, [[0, 1, 2]], GREY[:2], r"expected \(3, 3\)"),
         (CORNERS * np.nan, [[0, 1, 2]], GREY, "NaN"),
-    ],
-)
-def test_arrays_that_do_not_fit_are_refused(points, triangles, colors, message) -> None:
-    with pytest.raises(DigsError, match=message):
-        TriangleMesh(points, np.array(triangles), colors)
+    ):
+        with pytest.raises(DigsError, match=message):
+            TriangleMesh(points, np.array(triangles), colors)

@@ -4,7 +4,6 @@ from numpy.testing import assert_allclose, assert_array_equal
 from scipy.spatial.transform import Rotation
 
 from digs_warp.geometry.rigid import (
-    OPENCV_FROM_OPENGL,
     invert_rigid,
     is_rigid,
     look_at,
@@ -32,33 +31,22 @@ def test_inverse_undoes_and_chains_cancel():
     assert_allclose(invert_rigid(b_from_a), np.linalg.inv(b_from_a), atol=1e-12)
 
 
-def test_opencv_and_opengl_axes_flip_each_other_back():
-    assert_array_equal(OPENCV_FROM_OPENGL @ OPENCV_FROM_OPENGL, np.eye(4))
-    assert is_rigid(OPENCV_FROM_OPENGL)
-
-
 def changed(row: int, column: int, value: float) -> np.ndarray:
     matrix = np.eye(4)
     matrix[row, column] = value
     return matrix
 
 
-@pytest.mark.parametrize(
-    "matrix",
-    [
-        changed(0, 0, -1.0),  # mirror
-        changed(0, 0, 2.0),  # scale
-        changed(0, 1, 0.1),  # shear
-        changed(0, 0, np.nan),
-        changed(0, 3, np.inf),
-        changed(3, 0, 0.5),  # perspective
-        changed(3, 3, 2.0),
-        np.eye(3),
-        np.zeros((4, 4)),
-    ],
-)
-def test_what_is_not_rigid_is_recognized(matrix: np.ndarray):
-    assert not is_rigid(matrix)
+def test_what_is_not_rigid_is_recognized():
+    for place in (
+        (0, 0, -1.0),  # mirror
+        (0, 0, 2.0),  # scale
+        (0, 1, 0.1),  # shear
+        *((0, 0, np.nan), (0, 3, np.inf)),
+        *((3, 0, 0.5), (3, 3, 2.0)),  # perspective
+    ):
+        assert not is_rigid(changed(*place)), place
+    assert not is_rigid(np.eye(3)) and not is_rigid(np.zeros((4, 4)))
 
 
 def test_rigid_transforms_are_recognized_also_after_rounding_to_float32():
@@ -98,46 +86,24 @@ def test_look_at_without_a_direction_is_an_error():
         look_at(np.zeros(3), np.array([0, 0, -5]), up)
 
 
-def test_quaternions_agree_with_an_independent_implementation():
+def test_quaternions_agree_with_an_independent_implementation_whatever_their_length():
     rotations = Rotation.from_quat(np.random.default_rng(0).normal(size=(200, 4)))
-    assert_allclose(
-        matrix_from_quat_xyzw(rotations.as_quat()), rotations.as_matrix(), rtol=0, atol=1e-12
-    )
+    quats, matrices = rotations.as_quat(), rotations.as_matrix()
+    for factor in (1.0, -1.0, 1e-30, 1e30):
+        assert_allclose(matrix_from_quat_xyzw(factor * quats), matrices, rtol=0, atol=1e-12)
+    assert_array_equal(matrix_from_quat_xyzw(np.zeros(4)), np.eye(3))
 
 
 def test_matrix_and_quaternion_are_inverse_and_w_is_not_negative():
-    rotations = (
-        Rotation.from_quat(np.random.default_rng(1).normal(size=(200, 4)))
-        .as_matrix()
-        .reshape(2, 100, 3, 3)
-    )
-    quats = quat_xyzw_from_matrix(rotations)
-    assert quats.shape == (2, 100, 4)
-    assert (quats[..., 3] >= 0).all()
-    assert_allclose(np.linalg.norm(quats, axis=-1), 1.0, atol=1e-12)
-    assert_allclose(matrix_from_quat_xyzw(quats), rotations, atol=1e-12)
-
-
-def test_half_turns_survive():
+    rotations = Rotation.from_quat(np.random.default_rng(1).normal(size=(200, 4))).as_matrix()
     # w = 0: the case in which naive formulas divide by zero.
     half_turns = np.stack([np.diag(d) for d in ([1, -1, -1], [-1, 1, -1], [-1, -1, 1])])
-    assert_allclose(
-        matrix_from_quat_xyzw(quat_xyzw_from_matrix(half_turns)), half_turns, atol=1e-12
-    )
-
-
-def test_length_and_sign_of_a_quaternion_do_not_matter():
-    quats = np.random.default_rng(2).normal(size=(50, 4))
-    expected = matrix_from_quat_xyzw(quats)
-    for factor in (-1.0, 1e-30, 1e30):
-        assert_allclose(matrix_from_quat_xyzw(factor * quats), expected, atol=1e-12)
-
-
-def test_zero_quaternion_is_no_rotation():
-    quats = np.array([[0, 0, 0, 0], [0, 0, 1, 1]])
-    matrices = matrix_from_quat_xyzw(quats)
-    assert_array_equal(matrices[0], np.eye(3))
-    assert_allclose(matrices[1], [[0, -1, 0], [1, 0, 0], [0, 0, 1]], atol=1e-15)
+    for matrices in (rotations.reshape(2, 100, 3, 3), half_turns):
+        quats = quat_xyzw_from_matrix(matrices)
+        assert quats.shape == (*matrices.shape[:-2], 4)
+        assert (quats[..., 3] >= 0).all()
+        assert_allclose(np.linalg.norm(quats, axis=-1), 1.0, atol=1e-12)
+        assert_allclose(matrix_from_quat_xyzw(quats), matrices, atol=1e-12)
 
 
 def test_product_rotates_by_the_second_then_by_the_first():
@@ -150,13 +116,7 @@ def test_product_rotates_by_the_second_then_by_the_first():
     )
 
 
-def test_product_multiplies_lengths_and_broadcasts():
-    random = np.random.default_rng(4)
-    a, b = random.normal(size=4), random.normal(size=(30, 4))
-    assert_allclose(
-        np.linalg.norm(quat_multiply(a, b), axis=1),
-        np.linalg.norm(a) * np.linalg.norm(b, axis=1),
-    )
+def test_product_of_the_units():
     i, j, k = np.eye(4)[:3]
     assert_array_equal(quat_multiply(i, j), k)
     assert_array_equal(quat_multiply(j, i), -k)

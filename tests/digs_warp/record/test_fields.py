@@ -30,14 +30,11 @@ VALUES: dict[str, Any] = {
 FIELDS = Fields(VALUES, "file 'x'", CaptureError)
 
 
-@pytest.mark.parametrize(
-    "text",
-    ["[" * 100_000, '{"a":' * 100_000, "1" * 400, "1" * 5000, '{"w": -' + "9" * 5000 + "}", "[1,"],
-    ids=["lists", "objects", "400 digits", "5000 digits", "negative", "cut off"],
-)
-def test_text_that_python_cannot_hold_is_one_kind_of_error(text: str) -> None:
-    with pytest.raises(ValueError, match=r"nested|digits|Expecting"):
-        parse_json(text)
+def test_text_that_python_cannot_hold_is_one_kind_of_error() -> None:
+    deep = ("[" * 100_000, '{"a":' * 100_000)
+    for text in (*deep, "1" * 400, "1" * 5000, '{"w": -' + "9" * 5000 + "}", "[1,"):
+        with pytest.raises(ValueError, match=r"nested|digits|Expecting"):
+            parse_json(text)
 
 
 def test_values_that_fit_are_returned() -> None:
@@ -61,25 +58,16 @@ def test_what_is_missing_or_null_takes_the_default() -> None:
         FIELDS.number("none")
 
 
-@pytest.mark.parametrize("name", ["part", "true", "text", "infinite", "nan", "huge", "list"])
-def test_what_is_no_whole_number_is_refused(name: str) -> None:
-    with pytest.raises(CaptureError, match=f"file 'x': {name} is .*, expected a whole number"):
-        FIELDS.whole(name)
-
-
-@pytest.mark.parametrize("name", ["true", "text", "infinite", "nan", "huge", "object"])
-def test_what_is_no_finite_number_is_refused(name: str) -> None:
-    with pytest.raises(CaptureError, match=f"file 'x': {name} is .*, expected a finite number"):
-        FIELDS.number(name)
-
-
-@pytest.mark.parametrize("name", ["ragged", "words", "text", "whole", "deep"])
-def test_what_is_no_matrix_is_refused(name: str) -> None:
-    with pytest.raises(CaptureError, match=f"{name} is .{{,200}}, expected 2 x 2 finite numbers"):
-        FIELDS.array(name, (2, 2))
-
-
-def test_what_is_out_of_range_or_of_another_type_is_refused() -> None:
+def test_what_is_of_another_type_or_out_of_range_is_refused() -> None:
+    for name in ("part", "true", "text", "infinite", "nan", "huge", "list"):
+        with pytest.raises(CaptureError, match=f"file 'x': {name} is .*, expected a whole number"):
+            FIELDS.whole(name)
+    for name in ("true", "text", "infinite", "nan", "huge", "object"):
+        with pytest.raises(CaptureError, match=f"file 'x': {name} is .*, expected a finite number"):
+            FIELDS.number(name)
+    for name in ("ragged", "words", "text", "whole", "deep"):
+        with pytest.raises(CaptureError, match=f"{name} is .{{,200}}, expected 2 x 2 finite num"):
+            FIELDS.array(name, (2, 2))
     for wrong in (
         lambda: FIELDS.whole("whole", 8),
         lambda: FIELDS.number("part", 0, 7),

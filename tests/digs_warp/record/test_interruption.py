@@ -48,19 +48,15 @@ def wait_for(note: Path, process: "subprocess.Popen[bytes]") -> None:
 
 
 @pytest.mark.parametrize("number", STOP_SIGNALS)
-def test_a_signal_interrupts_a_command_like_ctrl_c(number: signal.Signals) -> None:
+def test_a_signal_interrupts_like_ctrl_c_or_waits_for_the_block_once(
+    number: signal.Signals,
+) -> None:
     before = signal.getsignal(number)
     with pytest.raises(Stopped, match=number.name) as stopped, stopped_by_signals():
         signal.raise_signal(number)
     assert stopped.value.number == number
     assert isinstance(stopped.value, KeyboardInterrupt)
     assert signal.getsignal(number) is before
-
-
-@pytest.mark.parametrize("number", STOP_SIGNALS)
-def test_work_goes_on_to_the_end_of_the_block_and_a_second_signal_does_not_wait(
-    number: signal.Signals,
-) -> None:
     with pytest.raises(Stopped), stopped_by_signals():
         with deferred_interrupt() as interruption:
             signal.raise_signal(number)

@@ -1,12 +1,8 @@
 """One process writes a folder at a time; a lock leaves nothing behind, not even that of a killed process."""
 
-import fcntl
-import os
-import signal
 import subprocess
 import sys
 import threading
-import time
 from pathlib import Path
 
 import pytest
@@ -37,12 +33,18 @@ def hold(
     return process
 
 
-def test_a_busy_folder_is_refused_by_name(tmp_path: Path) -> None:
+def test_a_busy_folder_is_refused_by_name(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     process = hold("sole_writer", tmp_path / "out")
     try:
-        with pytest.raises(DigsError, match=f"'{tmp_path / 'out'}': another run is writing"):
-            with sole_writer(tmp_path / "out"):
+        folder = str(tmp_path / "out")
+        with pytest.raises(DigsError, match=f"'{folder}': another run is writing"):
+            with sole_writer(Path(folder)):
                 pass
+        for flags in ([], ["--resume"], ["--overwrite"]):
+            assert main(["simulate", "--out", folder, *flags]) == 1
+            assert f"'{folder}': another run is writing to this folder" in capsys.readouterr().err
     finally:
         process.kill()
         process.wait()
@@ -148,51 +150,3 @@ def test_only_what_dead_processes_left_is_removed(tmp_path: Path) -> None:
     finally:
         living.kill()
         living.wait()
-
-
-def stop_in_its_lock(process: "subprocess.Popen[bytes]", lock: Path) -> None:
-    """Stop a process at a moment when it holds its lock: it makes the file a little earlier."""
-    deadline = time.monotonic() + 120
-    while True:
-        assert process.poll() is None and time.monotonic() < deadline
-        if lock.exists():
-            process.send_signal(signal.SIGSTOP)
-            os.waitpid(process.pid, os.WUNTRACED)
-            if is_held(lock):
-                return
-            process.send_signal(signal.SIGCONT)
-        time.sleep(0.01)
-
-
-def is_held(lock: Path) -> bool:
-    with lock.open() as file:
-        try:
-            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError:
-            return True
-    return False
-
-
-def test_two_runs_on_one_folder(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """The second one says so and stops; the first one goes on, and its folder is as if it were alone."""
-    folder = tmp_path / "capture"
-    small = ["--frames", "3", "--width", "32", "--height", "18", "--samples-per-pixel", "1"]
-    arguments = ["simulate", *small, "--tier", "truth", "--out"]
-    program = "import sys; from digs_warp.cli import main; sys.exit(main())"
-    first = subprocess.Popen([sys.executable, "-c", program, *arguments, str(folder)])
-    stop_in_its_lock(first, folder / LOCK)
-    for flags in ([], ["--resume"], ["--overwrite"]):
-        assert main([*arguments, str(folder), *flags]) == 1
-        assert f"'{folder}': another run is writing to this folder" in capsys.readouterr().err
-    first.send_signal(signal.SIGCONT)
-    assert first.wait(timeout=300) == 0
-    assert main([*arguments, str(tmp_path / "alone")]) == 0
-    both = [
-        {
-            path.relative_to(each): path.read_bytes()
-            for path in each.rglob("*")
-            if path.is_file() and path.name != "run.json"
-        }
-        for each in (folder, tmp_path / "alone")
-    ]
-    assert both[0] == both[1]

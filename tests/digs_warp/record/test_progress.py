@@ -23,34 +23,21 @@ def count_to_three(label: str) -> None:
             bar.update()
 
 
-def test_progress_is_silent_until_turned_on(
+def test_a_terminal_shows_bars_where_progress_is_on(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(sys.stderr, "isatty", lambda: True)
-    count_to_three("quiet")
-    assert capsys.readouterr().err == ""
-
-
-@pytest.mark.usefixtures("shown")
-def test_a_terminal_shows_bars(
-    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(sys.stderr, "isatty", lambda: True)
-    count_to_three("loud")
-    assert "loud: 100%" in capsys.readouterr().err
-
-
-@pytest.mark.usefixtures("shown")
-@pytest.mark.parametrize(
-    ("value", "has_bars"), [("1", False), ("true", False), ("0", True), ("", True)]
-)
-def test_tqdm_disable_turns_bars_off(
-    value: str, has_bars: bool, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(sys.stderr, "isatty", lambda: True)
-    monkeypatch.setenv("TQDM_DISABLE", value)
-    count_to_three("bar")
-    assert bool(capsys.readouterr().err) == has_bars
+    for shown, disable, has_bars in (
+        (False, None, False),
+        (True, None, True),
+        *((True, value, False) for value in ("1", "true")),
+        *((True, value, True) for value in ("0", "")),
+    ):
+        show_progress(shown)
+        if disable is not None:
+            monkeypatch.setenv("TQDM_DISABLE", disable)
+        count_to_three("bar")
+        assert ("bar: 100%" in capsys.readouterr().err) == has_bars, disable
 
 
 @pytest.mark.usefixtures("shown")

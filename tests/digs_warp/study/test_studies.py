@@ -88,48 +88,19 @@ def test_a_knob_is_priced_on_the_objects_that_both_settings_have() -> None:
                 }
             )
     sections = {section.title: section for section in find_study("tradeoff").sections(records)}
-    assert sections["Iterations"].tables[0].rows[0] == [
-        "100",
-        "10.0",
-        "26.50",
-        "",
-        "-10.0",
-        "+1.50",
-    ]
+    row = sections["Iterations"].tables[0].rows[0]
+    assert row == ["100", "10.0", "26.50", "", "-10.0", "+1.50"]
     assert "Best: 100, +1.50 dB" in sections["Iterations"].text
 
 
-def test_quality_at_twice_the_size_stands_beside_the_usual_one() -> None:
-    """Of the boot's records one is older than the four sizes: it has no part in that column."""
-    case = find_study("tradeoff").cases(1, 1, 1000)[0]
-    records = []
-    for name, knob, value, double in (
-        *(("mug", "usual", "", 22.0), ("mug", "iterations", 100, 21.5)),
-        *(("boot", "usual", "", 26.0), ("boot", "iterations", 100, None)),
-        ("boot", "iterations", 250, 26.25),
-    ):
-        record = record_of(case, 0)
-        record["labels"] = {"object": name, "knob": knob, "value": value, "seed": 0}
-        if double is not None:
-            record["yardstick"]["psnr_object_in_place_double"] = double
-        records.append(record)
-    sections = {section.title: section for section in find_study("tradeoff").sections(records)}
-    table = sections["Iterations"].tables[0]
-    column = table.headings.index("at twice the size [dB]")
-    assert [row[column] for row in table.rows] == ["23.50", "24.25", "24.00 ± 0.00"]
-    front = sections["What is worth its time"].tables[0]
-    assert front.headings[-1] == "at twice the size [dB]"
-
-
-@pytest.mark.parametrize("name", ["initialization", "robustness"])
-def test_pages_have_a_column_at_twice_the_size_and_older_records_a_blank(name: str) -> None:
-    study = find_study(name)
+@pytest.mark.parametrize("study", STUDIES, ids=lambda study: study.name)
+def test_pages_have_a_column_at_twice_the_size_and_older_records_a_blank(study: Study) -> None:
     old = [record_of(case, number) for number, case in enumerate(study.cases(1, 1, 1000))]
     sizes = {"psnr_object_in_place_half": 21.0, "psnr_object_in_place_double": 23.25}
     new = [record | {"yardstick": record["yardstick"] | sizes} for record in old]
     for records, shown in ((old, {""}), (new, {"23.25"})):
         tables = [table for section in study.sections(records) for table in section.tables]
-        tables = [t for t in tables if t.name in ("end", "strategies", "effects")]
+        tables = [t for t in tables if t.name in ("end", "strategies", "effects", "front")]
         assert tables
         for table in tables:
             column = table.headings.index("at twice the size [dB]")
@@ -151,38 +122,25 @@ def test_all_studies_are_listed(capsys: pytest.CaptureFixture[str]) -> None:
     assert [line.split()[0] for line in lines] == [study.name for study in STUDIES]
 
 
-def test_a_budget_leaves_out_cases(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """Nothing fits into a tenth of a microsecond: the folder stays empty, and the report says so."""
-    arguments = ["study", "run", "tradeoff", "--time-budget", "0.0000001s"]
-    assert main([*arguments, "--out", str(tmp_path / "out")]) == 1
-    assert "no case ended well: there are none" in capsys.readouterr().err
-
-
-def test_an_interrupted_study_says_how_to_go_on(
+def test_a_budget_that_fits_nothing_and_an_interruption_say_how_to_go_on(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
+    arguments = ["study", "run", "tradeoff", "--time-budget", "0.0000001s", "--out", str(tmp_path)]
+    assert main(arguments) == 1
+    error = capsys.readouterr().err
+    assert "no case ended well: there are none" in error and "digs-warp study run trade" in error
+
     def interrupt(*_: object, **__: object) -> None:
         raise KeyboardInterrupt
 
     monkeypatch.setattr("digs_warp.study.engine.runner.run_cases", interrupt)
-    arguments = ["study", "run", "tradeoff", "--out", str(tmp_path)]
     assert main(arguments) == 130
     last_line = capsys.readouterr().err.splitlines()[-1]
     assert last_line.endswith(shlex.join(["digs-warp", *arguments]))
 
 
-@pytest.mark.parametrize(
-    "arguments",
-    [
-        *(["draw"], ["run", "nothing"], ["report", "nothing"]),
-        *(["run", "tradeoff", *flag] for flag in (("--workers", "0"), ("--time-budget", "0s"))),
-        ["run", "tradeoff", "--time-budget", "soon"],
-    ],
-)
-def test_unknown_studies_and_numbers_are_refused(arguments: list[str]) -> None:
-    assert main(["study", *arguments]) == 2
-
-
-def test_a_report_of_nothing_says_what_to_measure(capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["study", "report", "tradeoff", "--out", "/nonexistent"]) == 1
-    assert "digs-warp study run tradeoff" in capsys.readouterr().err
+def test_unknown_studies_and_numbers_are_refused() -> None:
+    flags = ("--workers", "0"), ("--time-budget", "0s"), ("--time-budget", "soon")
+    of_run = (["run", "tradeoff", *flag] for flag in flags)
+    for arguments in (["draw"], ["run", "nothing"], ["report", "nothing"], *of_run):
+        assert main(["study", *arguments]) == 2, arguments

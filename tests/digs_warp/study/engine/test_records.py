@@ -47,12 +47,9 @@ def test_mean_and_deviation() -> None:
     assert one is not None and one.text(2) == "5.00"
 
 
-def test_values_along_the_course() -> None:
+def test_what_was_not_measured_is_none() -> None:
     assert at_iteration(100, "psnr")(RECORDS[0]) == 25.0
     assert at_iteration(500, "psnr")(RECORDS[0]) is None
-
-
-def test_a_number_that_was_not_measured_is_none() -> None:
     assert number("metrics", "psnr", factor=10)(RECORDS[0]) == 300.0
     assert number("metrics", "ssim")(RECORDS[0]) is None
     assert number("surface", "points", "chamfer")({"surface": {}}) is None

@@ -1,0 +1,193 @@
+"""Each benchmark runs small, has all its rows, and measures what it says."""
+
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from digs_warp.data.images import encode_jpeg
+from digs_warp.data.triangle_mesh import TriangleMesh
+from digs_warp.formats.captures.formats import export_capture, read_recording
+from digs_warp.record.run_log import RunLog
+from digs_warp.sim.config import SimulateConfig
+from digs_warp.sim.record.record import simulate
+from digs_warp.splat.device import DeviceGaussians
+from digs_warp.splat.render import SplatRenderer
+from digs_warp.train.evaluate import load_test_views
+from reference.optional import open3d_or_skip
+from reference.tiny_capture import ball, write_tiny_capture
+from studies import recordings
+from studies.benchmarks import find_benchmark
+from studies.budget import recorded_cpu, stage_times
+from studies.growth import MEMORY, results
+from studies.raster import NEAR, RasterScene, count_work
+from studies.real_recordings import DOOR_REDUCTION, RECORDINGS, RealRecording, smaller_door
+from studies.realism import bench_realism
+from studies.results import Result, tables
+from studies.simulator import COLUMNS, TIERS, bench_sim
+from studies.surface import FUSED, MILLIMETERS, RATIO, Scope, bench_surface, with_medians
+from studies.trained import FORMATS, TrainedObject, measure_formats, measure_viewers
+
+LAYOUTS = {"hololens_room_sequence": 24, "tum_cabinet_orbit": 29, "zed2i_stereo_pair": 1}
+
+
+def test_the_work_of_the_rasterizer_is_that_of_a_count_by_hand() -> None:
+    small = RasterScene("small", 64, 48, 40, lambda rng, n: rng.uniform(1.0, 4.0, (n, 2)))
+    renderer = SplatRenderer(DeviceGaussians.from_numpy(small.gaussians()), 64, 48)
+    renderer.forward(small.camera(), near=NEAR)
+    lists = renderer.binner.lists
+    starts, members, splats = (
+        array.numpy() for array in (lists.tile_starts, lists.tile_splats, lists.splats)
+    )
+    rows = pixels = 0
+    for tile in range(4 * 3):
+        for g in members[starts[tile] : starts[tile + 1]]:
+            u, v, half_width, half_height = splats[g, [0, 1, 9, 10]]
+            x = 16 * (tile % 4) + np.arange(16) + 0.5
+            y = 16 * (tile // 4) + np.arange(16) + 0.5
+            drawn_rows = np.flatnonzero(np.abs(y - v) <= half_height)
+            columns = np.flatnonzero(np.abs(x - u) <= half_width)
+            rows += len(drawn_rows)
+            pixels += 16 * len(np.unique(drawn_rows // 2)) * len(np.unique(columns // 8))
+    work = count_work(renderer)
+    assert work.rows == rows > 100
+    assert work.pixels == pixels
+
+
+def test_growth_is_the_exponent_between_the_two_largest_sizes() -> None:
+    costs = [{"fit": 9.0}, {"fit": 0.5, "rest": 0.0}, {"fit": 8.0, "rest": 0.0, MEMORY: 700.0}]
+    fit, rest, memory = results("t", ["1", "10", "40"], [1, 10, 40], costs)
+    assert fit.labels == {"stage": "fit [CPU s]"} and memory.labels == {"stage": MEMORY}
+    assert fit.values == {"1": 9.0, "10": 0.5, "40": 8.0, "exponent": 2.0}
+    assert rest.values["exponent"] == 0.0
+
+
+def test_the_budget_is_timed_by_both_clocks_and_read_from_its_page() -> None:
+    before = RunLog.stage
+    with stage_times() as (wall, cpu), RunLog("run", {}).stage("sleep"):
+        time.sleep(0.1)
+    assert wall["run: sleep"] >= 0.1 > 0.09 > cpu["run: sleep"]
+    assert RunLog.stage is before
+    row = Result({"stage": "run: sleep", "commit": "c"}, {"wall [s]": 2.0, "CPU [s]": 123.5})
+    table = tables([row])[0].markdown()
+    page = f"before\n<!-- budget: written by x -->\n{table}\n<!-- end -->\n| a | b |\n"
+    assert recorded_cpu(page) == {"run: sleep": 123.5}
+
+
+def test_formats_and_viewers_are_told_apart_by_what_they_lose(tmp_path: Path) -> None:
+    g = ball()
+    found = {r.labels["format"]: r.values for r in measure_formats(g, view_size=(96, 54))}
+    assert len(found) == len(FORMATS)
+    assert found["npz"]["PSNR [dB]"] == found["PLY"]["PSNR [dB]"] == 100  # equal to the last bit
+    assert 25 < found["SPZ 4"]["PSNR [dB]"] < 80 < found["USD"]["PSNR [dB]"]
+    assert 32.0 == found[".splat"]["size [B/splat]"] < found["PLY"]["size [B/splat]"]
+    frames = write_tiny_capture(tmp_path, frames=4).frames
+    surface = TriangleMesh(g.means[:3], np.array([[0, 1, 2]]), np.ones((3, 3)))
+    shown = TrainedObject(g, [f.camera for f in frames], surface, {"1": load_test_views(frames)})
+    ours, dilated, antialiased, classic, doubled = (
+        r.values["PSNR at 1 [dB]"] for r in measure_viewers(shown)
+    )
+    assert dilated < doubled < classic - 3 < ours - 4  # dB: the capture shows these Gaussians
+    assert dilated < antialiased < ours
+
+
+def test_every_surface_stands_beside_the_fused_depth_and_parts_have_medians(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    open3d_or_skip()
+    monkeypatch.setenv("DIGS_WARP_SAMPLE_DATA", str(tmp_path))  # the built-in object alone
+    small = SimulateConfig(frames=10, width=128, height=72, samples_per_pixel=1)
+    scope = Scope(tiers=("truth",), weights=(0.0, 0.2), recording=small, iterations=30)
+    found = bench_surface(scope=scope)
+    rows = {r.labels["surface"]: r.values for r in found if r.table == "objects"}
+    assert list(rows) == [FUSED, "weight 0", "weight 0.2"]
+    assert 0 < rows[FUSED][MILLIMETERS] < 20  # a pixel is 8 mm wide
+    for values in rows.values():
+        assert values[RATIO] == pytest.approx(values[MILLIMETERS] / rows[FUSED][MILLIMETERS])
+    assert {r.labels["surface"]: r.values for r in found if r.table == "medians"} == rows
+
+    def row(sensor: str, name: str, millimeters: float) -> Result:
+        labels = {"sensor": sensor, "object": name, "surface": FUSED}
+        return Result(labels, {MILLIMETERS: millimeters}, "objects")
+
+    parts = (
+        [row("law", "mug", 1.0), row("guided", "mug", 4.0)],
+        [row("law", "cup", 3.0), row("guided", "cup", 8.0)],
+    )
+    joined = find_benchmark("surface").joined([r for each in parts for r in with_medians(each)])
+    assert [r.labels.get("object") for r in joined] == ["mug", "cup", "mug", "cup", None, None]
+    assert [r.values[MILLIMETERS] for r in joined] == [1.0, 3.0, 4.0, 8.0, 2.0, 6.0]
+
+
+def test_recordings_have_figures_and_a_failure_is_a_row_with_its_error(tmp_path: Path) -> None:
+    small = SimulateConfig(frames=10, width=64, samples_per_pixel=1, tier="law")
+    export_capture(simulate(small, tmp_path / "capture"), "tum", tmp_path / "rgbd/orbit")
+    (tmp_path / "rgbd/broken").mkdir()
+    kinds = [RealRecording("broken", "tum"), RealRecording("orbit", "tum")]
+    broken, orbit = recordings.measure_all(kinds, tmp_path, 10)
+    (row,) = broken.results
+    assert row.table == recordings.FINDINGS and row.labels["stage"] == "conversion"
+    assert "no rgb.txt" in row.labels["what was found"]
+    figures = {r.labels["poses"]: r.values for r in orbit.results if r.table == recordings.FIGURES}
+    assert tuple(figures) == ("recorded", "estimated", "color and depth")
+    values = figures["recorded"]
+    assert values["frames"] == 10 and values["held out"] == 2 and values["PSNR [dB]"] > 8
+    assert 0 < values["depth error [cm]"] < 30  # barely trained
+    assert orbit.picture is not None and orbit.picture.shape == (2 * 36, 2 * 64, 3)
+    # 64 pixels are too few to match images.
+    (failed,) = (r for r in orbit.results if r.labels.get("stage") == "estimated poses")
+    assert "structure from motion" in failed.labels["what was found"]
+    assert "/tmp" not in failed.labels["what was found"]
+    assert find_benchmark("recordings").cases == tuple(each.name for each in RECORDINGS)
+
+
+@pytest.mark.parametrize(("name", "frames"), LAYOUTS.items())
+def test_readers_take_the_layouts(
+    sample_data: Path, tmp_path: Path, name: str, frames: int
+) -> None:
+    source = sample_data / "rgbd" / name
+    if not source.is_dir():
+        pytest.skip(f"no {name} in the sample data")
+    known = next(each for each in RECORDINGS if each.name == name)
+    recording = read_recording(known.arrange(source, tmp_path), known.form)
+    assert len(recording.frames) == frames
+    assert recording.knows_poses == known.has_poses
+    assert known.has_poses == all(frame.depth is not None for frame in recording.frames)
+
+
+def test_a_door_is_reduced_with_its_camera(tmp_path: Path) -> None:
+    source, model = tmp_path / "door", tmp_path / "door/colmap_ground_truth"
+    model.mkdir(parents=True)
+    size = 10 * DOOR_REDUCTION
+    (source / "images").mkdir()
+    (source / "images/a.JPG").write_bytes(encode_jpeg(np.full((size, 2 * size, 3), 77, np.uint8)))
+    (model / "cameras.txt").write_text(f"# one\n1 SIMPLE_RADIAL {2 * size} {size} 90 30 15 -0.1\n")
+    (model / "images.txt").write_text("1 1 0 0 0 0 0 0 1 a.JPG\n\n")
+    (model / "points3D.txt").write_text("")
+    (frame,) = read_recording(smaller_door(source, tmp_path / "small"), "colmap").frames
+    camera = frame.file_camera
+    assert (camera.width, camera.height, camera.fx, camera.cx, camera.cy) == (20, 10, 30, 10, 5)
+
+
+def test_realism_is_compared_on_the_built_in_object_where_there_is_no_data(tmp_path: Path) -> None:
+    found = bench_realism(tmp_path, widths=(320,))
+    summary = {r.labels["sensor"]: r.values for r in found if r.table == "agreement"}
+    assert list(summary) == ["guided", "matcher, other noise", "matcher"]
+    assert summary["matcher"]["rank correlation of failures"] == pytest.approx(1)
+    assert summary["matcher"]["worst, object"] == 1
+    assert summary["guided"]["rank correlation of failures"] > 0.9 < summary["guided"]["of RMS"]
+
+
+def test_every_tier_and_effect_of_the_sensor_is_told(tmp_path: Path) -> None:
+    found = bench_sim(tmp_path, width=160, recordings=())
+    tiers = {r.labels["sensor"]: r.values for r in found if "sensor" in r.labels}
+    assert set(tiers) == set(TIERS)
+    for told in tiers.values():
+        assert set(told) == {"time [ms/MP]", "CPU [ms/MP]", *COLUMNS.values()}
+        assert told["time [ms/MP]"] > 0 and told["CPU [ms/MP]"] > 0
+    truth = tiers["truth"]
+    assert (truth["fill"], truth["bad-1"], truth["rms [px]"]) == (1, 0, 0)
+    effects = {r.labels["effect"]: r.values for r in found if "effect" in r.labels}
+    assert effects["static-field"]["changes rms [px]"] > 0.005
+    assert effects["quantum"]["changes fill"] == 0
