@@ -20,7 +20,7 @@ from reference.noise_capture import INTRINSICS, change_frame, change_index, writ
 
 CONVERT = "'digs-warp convert FOLDER --from nerfstudio --out CAPTURE' removes it"
 
-Cases = list[tuple[dict[str, Any], str]]
+Cases = list[tuple[Any, str]]
 
 INDEX: Cases = [
     *(({"frames": value}, "lists no frames") for value in (None, [], {}, "0000")),

@@ -60,7 +60,7 @@ def test_files_that_are_missing_broken_or_of_others_are_named(tmp_path: Path) ->
             archive.writestr(f"{name}.npy", header.getvalue() + bytes(40))
     np.savez(tmp_path / "other.npz", means=np.zeros((1, 3)))
     np.save(tmp_path / "array.npy", np.zeros(3))
-    np.savez(tmp_path / "short.npz", **(arrays | {"quats": np.zeros((2, 4))}))
+    np.savez(tmp_path / "short.npz", allow_pickle=False, **(arrays | {"quats": np.zeros((2, 4))}))
     pickled = {name: np.array([{"a": 1}], dtype=object) for name in FIELDS}
     np.savez(tmp_path / "pickle.npz", allow_pickle=True, **pickled)
     broken = [data[: int(share * len(data))] for share in (0.0, 0.2, 0.6, 0.99)]
