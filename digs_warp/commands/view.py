@@ -17,9 +17,8 @@ from digs_warp.settings import Range
 class View(Command):
     """Look at captures, reconstructions, Gaussians and meshes in the browser.
 
-    Prints the address of a page and serves it until Ctrl-C: Gaussians along the training, cameras with their
-    pictures, measured depth, the start, the true surface. The page can draw with the program's own
-    rasterizer, and crop and save.
+    Opens a page and serves it until Ctrl-C: Gaussians along the training, cameras with their pictures,
+    measured depth, the start, the true surface. The page can show depth and normals, crop and save.
     """
 
     paths: Annotated[tuple[Path, ...], tyro.conf.Positional, tyro.conf.arg(metavar="PATH...")]
@@ -32,6 +31,9 @@ class View(Command):
     port: Annotated[int, Range(1, 65_535)] = 8080
     """The port of the page; if it is taken, the next free one."""
 
+    browser: bool = True
+    """Open the page in the browser of this machine; its address is printed in any case."""
+
     scene: Annotated[SplatOptions, tyro.conf.OmitArgPrefixes] = field(default_factory=SplatOptions)
 
     def __post_init__(self) -> None:
@@ -42,13 +44,15 @@ class View(Command):
     def execute(self) -> str:
         """Read, serve, and end with Ctrl-C."""
         from digs_warp.show.view.contents import read_contents
-        from digs_warp.show.view.server import started
+        from digs_warp.show.view.server import open_in_browser, started
 
         contents = [read_contents(path, self.scene.read) for path in self.paths]
         try:
             with started(contents, self.host, self.port) as (_, address):
                 sys.stdout.write(f"{address}  (Ctrl-C ends it)\n")
                 sys.stdout.flush()
+                if self.browser:
+                    open_in_browser(address)
                 threading.Event().wait()
         except KeyboardInterrupt:
             pass  # the usual end

@@ -4,7 +4,6 @@ Needs Chromium: apt-get install chromium.
 """
 
 import tempfile
-import time
 from pathlib import Path
 
 import numpy as np
@@ -31,15 +30,11 @@ FRAME, ROWS, COLUMNS = 32, slice(20, 350), slice(120, 520)
 NECK = NECK_ROWS, NECK_COLUMNS = slice(20, 170), slice(280, 440)
 SIZES = {"half the size": 0.5, "as trained": 1.0, "twice the size": 2.0}
 
-# A browser without a graphics card takes this long at most for the first picture of a report, and to load
-# everything of a view [s].
-LONGEST, LOADING = 120, 40
-CLOSING = 3  # for a note to disappear [s]
+# A browser without a graphics card takes this long at most for the first picture [s].
+LONGEST = 120
 
 DESK, PHONE, VIEW = (1280, 800), (390, 844), (1280, 720)
 CANVAS = "document.querySelector('#view3d canvas')"
-# Closes the note that the browser draws in software.
-CLOSE_NOTE = "document.querySelector('.mantine-Notification-closeButton')?.click()"
 
 
 def main(run: Path = Path("out/demo")) -> None:
@@ -121,17 +116,16 @@ def shown(tab: Browser) -> np.ndarray:
 def photograph_view(run: Path) -> None:
     """Open the page of `digs-warp view`, wait, and keep what the browser shows."""
     with (
-        started([read_contents(run)], "127.0.0.1", 8080) as (page, address),
+        started([read_contents(run)], "127.0.0.1", 8080) as (_, address),
         tempfile.TemporaryDirectory() as folder,
         browser(Path(folder), DESK) as tab,
     ):
-        page.controls.drawn.value = "color"
         tab.resize(*VIEW)
         tab.visit(address)
-        time.sleep(LOADING)
-        tab.run(CLOSE_NOTE)
-        time.sleep(CLOSING)
-        save(tab.screenshot(), "view.jpg")
+        tab.run("new Promise((done) => setTimeout(done, 1000))")
+        tab.wait_for(f"{CANVAS}.dataset.detail === '1'", LONGEST)
+        tab.click("input[name=cameras]")
+        save(shown(tab), "view.jpg")
 
 
 def save(picture: np.ndarray, name: str) -> None:

@@ -41,12 +41,22 @@ def find_subject(gaussians: Gaussians) -> Subject:
     if not len(gaussians):
         raise DigsError("film: there are 0 Gaussians, nothing to show")
     visible = gaussians.opacities >= LEAST_OPACITY
-    means = _visible_means(gaussians)
-    low, high = np.percentile(means, [OUTLIERS_PERCENT, 100 - OUTLIERS_PERCENT], axis=0)
-    center = 0.5 * (low + high)
-    radius = np.percentile(np.linalg.norm(means - center, axis=1), 100 - OUTLIERS_PERCENT)
+    bulk = _bulk(_visible_means(gaussians))
     largest = float(gaussians.scales[visible].max(initial=0.0)) if len(gaussians) == 1 else 0.0
-    return Subject(center, max(float(radius), 3.0 * largest, 1e-6))
+    return Subject(bulk.center_world, max(bulk.radius, 3.0 * largest, 1e-6))
+
+
+def _bulk(points: np.ndarray) -> Subject:
+    low, high = np.percentile(points, [OUTLIERS_PERCENT, 100 - OUTLIERS_PERCENT], axis=0)
+    center = 0.5 * (low + high)
+    radius = np.percentile(np.linalg.norm(points - center, axis=1), 100 - OUTLIERS_PERCENT)
+    return Subject(center, float(radius))
+
+
+def find_framed_points(points: np.ndarray) -> Subject:
+    """Return the ball around points, shape (n, 3), n > 0, with their thin parts, without strays."""
+    found = with_thin_parts(points, _bulk(points))
+    return Subject(found.center_world, max(found.radius, 1e-6))
 
 
 def find_framed_subject(gaussians: Gaussians) -> Subject:
@@ -135,8 +145,10 @@ def up_of(cameras: Sequence[Camera]) -> np.ndarray:
     Worlds that begin at the first camera have y down. People hold cameras upright, so the axis nearest to
     the mean of what is up in the images is up; it is z up to steep views from one side.
     """
+    if not len(cameras):
+        return UP
     found = np.mean([-camera.world_from_cam[:3, 1] for camera in cameras], axis=0)
-    if not len(cameras) or not np.linalg.norm(found) or found[2] > 0.3 * np.linalg.norm(found):
+    if not np.linalg.norm(found) or found[2] > 0.3 * np.linalg.norm(found):
         return UP
     axis = int(np.abs(found).argmax())
     return np.sign(found[axis]) * np.eye(3)[axis]

@@ -20,10 +20,13 @@ from digs_warp.geometry.camera import pixel_centers
 from digs_warp.pipeline.reconstruction import Reconstruction
 from digs_warp.pipeline.scene_files import read_scene
 from digs_warp.record import layout
+from digs_warp.show.film.camera_path import Subject, find_framed_points, find_framed_subject
+from digs_warp.show.report.view3d.start import FirstView, around, as_recorded
+from digs_warp.show.view.layers import mesh_as_splats, points_as_splats
 from digs_warp.surface.true_surface import read_true_surface
 from digs_warp.words import counted
 
-NAME = "sensed depth"
+NAME, GAUSSIANS = "sensed depth", "gaussians"
 
 # Frames and points of a cloud: a browser draws some hundred thousand points smoothly.
 FRAMES, POINTS = 24, 200_000
@@ -91,6 +94,8 @@ class Contents:
         points: clouds by their names, such as "start".
         meshes: surfaces by their names, such as "true surface".
         recording: the folder of the recording; results of one recording share a world frame. None: not known.
+        is_scene: everything in view is shown, not one object.
+        held_out: names of the frames that trained nothing.
     """
 
     name: str
@@ -100,13 +105,36 @@ class Contents:
     points: dict[str, PointCloud] = field(default_factory=dict)
     meshes: dict[str, TriangleMesh] = field(default_factory=dict)
     recording: Path | None = None
+    is_scene: bool = False
+    held_out: frozenset[str] = frozenset()
 
-    def world_points(self) -> np.ndarray:
+    @property
+    def subject(self) -> Subject:
+        """The ball around it."""
+        if self.stages:
+            return find_framed_subject(self.stages[-1].gaussians)
+        return find_framed_points(self._points())
+
+    def first_view(self) -> FirstView:
+        """Return from where it is looked at first."""
+        cameras = [frame.camera for frame in self.frames]
+        if self.is_scene and cameras:
+            return as_recorded(self._points(), cameras)
+        return around(self.subject, cameras)
+
+    def layers(self) -> dict[str, list[Gaussians]]:
+        """Return what can be shown and hidden, as Gaussians: one set each, or the stages of a training."""
+        radius = self.subject.radius
+        return {
+            **({GAUSSIANS: [stage.gaussians for stage in self.stages]} if self.stages else {}),
+            **{name: [points_as_splats(cloud, radius)] for name, cloud in self.points.items()},
+            **{name: [mesh_as_splats(mesh)] for name, mesh in self.meshes.items()},
+        }
+
+    def _points(self) -> np.ndarray:
         """Return points that say where it is and how large [m], shape (n, 3); never empty."""
         if self.stages:
-            last = self.stages[-1].gaussians
-            seen = last.opacities >= 0.1
-            return last.means[seen] if seen.any() else last.means
+            return self.stages[-1].gaussians.means
         surfaces = [mesh.points_world for mesh in self.meshes.values()]
         surfaces += [cloud.points_world for cloud in self.points.values()]
         centers = np.array([frame.camera.center_world for frame in self.frames])
@@ -143,14 +171,16 @@ def _of_capture(folder: Path) -> Contents:
         )
     sparse = capture.load_points()
     points = {"points of the recording": sparse} if sparse is not None else {}
+    surface = _true_surface(folder)
     facts = (f"{counted(len(frames), 'frame')} of {frames[0].camera.intrinsics.width} px",)
     return Contents(
         folder.name,
         facts,
         frames=tuple(frames),
         points=points | sensed_points(frames),
-        meshes=_true_surface(folder),
+        meshes=surface,
         recording=folder.resolve(),
+        is_scene=not surface,
     )
 
 
@@ -176,6 +206,8 @@ def _of_reconstruction(path: Path, result: Reconstruction) -> Contents:
         points | sensed_points(frames),
         _true_surface(result.capture) if result.capture else {},
         result.capture.resolve() if result.capture else None,
+        result.poses.subject == "scene",
+        frozenset(frame.name for frame in result.frames.held_out) if result.frames else frozenset(),
     )
 
 

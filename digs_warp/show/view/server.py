@@ -1,64 +1,224 @@
-"""Starts and ends the server of a page, also of one that shows a training while it runs."""
+"""Serves the page of `digs-warp view` to the browsers of this machine, or shows a training while it runs."""
 
-import socket
+import errno
+import json
+import logging
+import os
+import sys
+import threading
 import time
+import webbrowser
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import ExitStack, contextmanager, redirect_stdout
-from io import StringIO
+from contextlib import ExitStack, contextmanager, suppress
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from pathlib import Path
+from typing import Any
+from urllib.parse import unquote
+
+import numpy as np
 
 from digs_warp.checks import DigsError
+from digs_warp.data.gaussians import Gaussians
+from digs_warp.data.images import encode_jpeg
+from digs_warp.pipeline.reconstruction import Reconstruction
+from digs_warp.pipeline.scene_files import check_target, write_scene_file
+from digs_warp.show.report.view3d.pack import pack
 from digs_warp.show.view.contents import Contents, Stage
-from digs_warp.show.view.page import Page
+from digs_warp.show.view.layers import load_picture
+from digs_warp.show.view.page import page_of
 from digs_warp.splat.device import DeviceGaussians
 from digs_warp.train.session import Watch
 
+logger = logging.getLogger(__name__)
+
+# Gaussians of a layer take at most so many bytes.
+MOST_BYTES = 200_000_000
+# Ports that are tried after the first.
+PORTS = 100
+# A browser asks for news every second; one that has not for so long has gone [s].
+GONE = 5.0
+# Only pages of this server can send it, so no page from elsewhere can make it write a file.
+OWN_HEADER = "X-Digs-Warp"
+HOST, FIRST_PORT = "127.0.0.1", 8080
+_HERE = (HOST, "localhost")
+
+
+class View:
+    """What the page shows, for the threads that answer browsers.
+
+    Attributes:
+        version: counts the changes of a training.
+        asked: when a browser last asked for news [s].
+    """
+
+    def __init__(self, contents: Sequence[Contents], is_live: bool = False) -> None:
+        self._contents = list(contents)
+        self._layers = [each.layers() for each in contents]
+        self._is_live = is_live
+        self.version, self.asked = 0, 0.0
+
+    def answer(self, path: str) -> tuple[str, bytes, dict[str, str]] | None:
+        """Return kind, content and headers of what is at a path; None: nothing."""
+        match [unquote(part) for part in path.strip("/").split("/")]:
+            case [""]:
+                layers = [{name: len(sets) for name, sets in each.items()} for each in self._layers]
+                page = page_of(self._contents, layers, self._is_live)
+                return "text/html; charset=utf-8", page.encode(), {}
+            case ["splats", number, layer, stage]:
+                packed = pack(self._layers[int(number)][layer][int(stage)], MOST_BYTES)
+                about = {"X-About": json.dumps(packed.about())}
+                return "application/octet-stream", packed.to_bytes(), about
+            case ["picture", number, frame_name, kind]:
+                frames = self._contents[int(number)].frames
+                frame = next(frame for frame in frames if frame.name == frame_name)
+                picture = load_picture(frame, kind)
+                return None if picture is None else ("image/jpeg", encode_jpeg(picture), {})
+            case ["news"]:
+                self.asked = time.monotonic()
+                news = {"version": self.version, "label": self._contents[0].stages[-1].label}
+                return "application/json", json.dumps(news).encode(), {}
+        return None
+
+    def replace_stage(self, stage: Stage) -> None:
+        """Show other Gaussians as the only stage of the first contents."""
+        self._contents[0] = Contents(self._contents[0].name, stages=(stage,))
+        self._layers[0] = self._contents[0].layers()
+        self.version += 1
+
+    def save(self, asked: dict[str, Any]) -> str:
+        """Write the Gaussians in a box, in the world of their source; return what was done or why not.
+
+        Args:
+            asked: ``content`` and ``stage``, numbers; ``box``: its lowest and highest corner [m], or None;
+                ``file``: the suffix decides the format.
+        """
+        content = self._contents[int(asked["content"])]
+        if not content.stages:
+            return "Not saved: what is shown has no Gaussians."
+        gaussians = content.stages[int(asked["stage"])].gaussians
+        box = asked["box"]
+        keep = np.ones(len(gaussians), bool)
+        if box is not None:
+            keep = ((gaussians.means >= box[0]) & (gaussians.means <= box[1])).all(axis=1)
+        try:
+            target = Path(asked["file"]).expanduser()
+            return save_cropped(target, gaussians, keep, content.name)
+        except (DigsError, OSError) as error:
+            logger.warning("not saved: %s", error)
+            return f"Not saved: {error}"
+
+
+def save_cropped(target: Path, gaussians: Gaussians, keep: np.ndarray, source: str) -> str:
+    """Write the Gaussians that are kept, in the world of their source; return what was done.
+
+    Args:
+        target: the file; its suffix decides the format.
+        gaussians: in the world.
+        keep: which of them, shape (n,), bool.
+        source: where they come from, for a USD scene.
+
+    Raises:
+        DigsError: the suffix is unknown, the file exists, or nothing is kept.
+    """
+    check_target(target)
+    if target.exists():
+        raise DigsError(f"'{target}' exists; choose another name")
+    if not keep.any():
+        raise DigsError("no Gaussian lies in the box; move or enlarge it")
+    write_scene_file(target, Reconstruction(gaussians=gaussians.select(keep)), Path(source))
+    return f"{target}: {np.count_nonzero(keep):,} of {len(keep):,} Gaussians"
+
+
+class _Handler(BaseHTTPRequestHandler):
+    view: View
+
+    def handle(self) -> None:
+        """Answer, unless the browser has gone meanwhile."""
+        with suppress(ConnectionError):
+            super().handle()
+
+    def do_GET(self) -> None:
+        try:
+            found = self.view.answer(self.path)
+        except (LookupError, ValueError, StopIteration, DigsError):
+            found = None
+        if found is None:
+            self.send_error(404)
+            return
+        self._send(*found)
+
+    def do_POST(self) -> None:
+        # A name of elsewhere that leads to this machine would make another page one of this server.
+        is_here = self.server.server_address[0] != HOST or self.headers["Host"].startswith(_HERE)
+        if self.path != "/save" or OWN_HEADER not in self.headers or not is_here:
+            self.send_error(403)
+            return
+        asked = json.loads(self.rfile.read(int(self.headers["Content-Length"])))
+        self._send("text/plain; charset=utf-8", self.view.save(asked).encode(), {})
+
+    def _send(self, kind: str, content: bytes, headers: dict[str, str]) -> None:
+        self.send_response(200)
+        self.send_header("Content-Type", kind)
+        self.send_header("Content-Length", str(len(content)))
+        self.send_header("Cache-Control", "no-store")
+        for name, value in headers.items():
+            self.send_header(name, value)
+        self.end_headers()
+        self.wfile.write(content)
+
+    def log_message(self, format: str, *args: Any) -> None:
+        """Say nothing of each request."""
+
 
 @contextmanager
-def started(contents: Sequence[Contents], host: str, port: int) -> Iterator[tuple[Page, str]]:
-    """Serve a page during the block; yields the page and its address.
+def started(
+    contents: Sequence[Contents], host: str, port: int, is_live: bool = False
+) -> Iterator[tuple[View, str]]:
+    """Serve a page during the block; yields what it shows and its address.
 
     Args:
         contents: what to show.
         host: the address to listen on; 127.0.0.1: only programs of this machine can connect.
         port: the first to try; if it is taken, the next free one is used.
+        is_live: the first contents change.
 
     Raises:
         DigsError: the server cannot listen there.
     """
-    import viser
-
-    _check_can_listen(host)
-    with _silent():
-        server = viser.ViserServer(host=host, port=port, label="digs-warp", verbose=False)
-    page = None
+    view = View(contents, is_live)
+    server = _listening(host, port, type("Handler", (_Handler,), {"view": view}))
+    server.daemon_threads = True
+    thread = threading.Thread(target=server.serve_forever, name="view", daemon=True)
+    thread.start()
     try:
-        page = Page(server, contents)
-        yield page, f"http://{host}:{server.get_port()}"
+        yield view, f"http://{host}:{server.server_port}"
     finally:
-        if page is not None:
-            page.end()
-        with _silent():
-            server.stop()
+        server.shutdown()
+        server.server_close()
+        thread.join()
 
 
-def _check_can_listen(host: str) -> None:
-    """Raise a `DigsError` for an address that is not this machine's; viser would wait forever."""
-    try:
-        socket.create_server((host, 0)).close()
-    except OSError as error:
-        raise DigsError(
-            f"--host '{host}': cannot listen there ({error}); expected 127.0.0.1, 0.0.0.0 or an address of "
-            "this machine"
-        ) from error
+def open_in_browser(address: str) -> None:
+    """Open a page, where there is a screen: without one, Python would start a browser of the terminal."""
+    screens = os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")
+    if screens or not sys.platform.startswith("linux"):
+        webbrowser.open(address)
 
 
-def _silent() -> redirect_stdout[StringIO]:
-    """Return a block in which viser prints nothing: a table of addresses, and that it stopped."""
-    return redirect_stdout(StringIO())
+def _listening(host: str, first: int, handler: type[_Handler]) -> ThreadingHTTPServer:
+    for port in range(first, min(first + PORTS, 65_536)):
+        try:
+            return ThreadingHTTPServer((host, port), handler)
+        except OSError as error:
+            if error.errno != errno.EADDRINUSE:
+                raise DigsError(
+                    f"--host '{host}': cannot listen there ({error}); expected 127.0.0.1, 0.0.0.0 or an "
+                    "address of this machine"
+                ) from error
+    raise DigsError(f"--port {first}: it and the {PORTS} after it are taken; name another one")
 
 
 NAME = "training"
-HOST, FIRST_PORT = "127.0.0.1", 8080
 
 # Updates of the page take at most this share of the time, and are at least this many seconds apart.
 MOST_SHARE, LEAST_SECONDS = 0.03, 1.0
@@ -81,7 +241,7 @@ class _LiveTraining:
     def __init__(self, stack: ExitStack, say: Callable[[str], None]) -> None:
         self._stack = stack
         self._say = say
-        self._page: Page | None = None
+        self._view: View | None = None
         self._next = 0.0
 
     def watch(self, iteration: int, gaussians: DeviceGaussians) -> None:
@@ -89,12 +249,13 @@ class _LiveTraining:
         start = time.perf_counter()
         if start < self._next:
             return
-        if self._page is None:
+        if self._view is None:
             contents = [Contents(NAME, stages=(_stage(iteration, gaussians),))]
-            self._page, address = self._stack.enter_context(started(contents, HOST, FIRST_PORT))
+            page = started(contents, HOST, FIRST_PORT, is_live=True)
+            self._view, address = self._stack.enter_context(page)
             self._say(address)
-        elif self._page.has_visitors:
-            self._page.replace_stage(_stage(iteration, gaussians))
+        elif time.monotonic() - self._view.asked < GONE:
+            self._view.replace_stage(_stage(iteration, gaussians))
         now = time.perf_counter()
         self._next = now + max(LEAST_SECONDS, (now - start) / MOST_SHARE)
 

@@ -152,11 +152,16 @@ function begin(load) {
   const place = document.getElementById("view3d");
   const about = JSON.parse(document.getElementById("view3d-about").textContent);
   const note = place.querySelector(".note");
+  const fail = (error) => {
+    place.classList.remove("live");
+    const rest = place.querySelector(".stage > img:not(.photo)") ? ": this is a picture." : ".";
+    note.textContent = `This browser cannot draw it (${error.message})${rest}`;
+  };
   let viewer;
   try {
     viewer = new Viewer(place, about.contents, load);
   } catch (error) {
-    note.textContent = `This browser cannot draw it (${error.message}): this is a picture.`;
+    fail(error);
     return null;
   }
   const cameras = place.querySelector("input[name=cameras]");
@@ -168,10 +173,7 @@ function begin(load) {
   );
   viewer.update().then(
     () => (note.textContent = about.help),
-    (error) => {
-      place.classList.remove("live");
-      note.textContent = `This browser cannot draw it (${error.message}): this is a picture.`;
-    },
+    fail,
   );
   return viewer;
 }

@@ -1,5 +1,6 @@
 """What a page shows of each kind of file and folder."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -7,9 +8,12 @@ import pytest
 
 from digs_warp.checks import DigsError
 from digs_warp.data.capture import Capture
+from digs_warp.data.triangle_mesh import TriangleMesh
+from digs_warp.geometry.rigid import matrix_from_quat_xyzw
+from digs_warp.geometry.sh import C0
 from digs_warp.pipeline.reconstruction import Reconstruction
-from digs_warp.show.view.contents import NAME, read_contents
-from digs_warp.show.view.nodes import load_picture, pictures_of
+from digs_warp.show.view.contents import NAME, Contents, Stage, read_contents
+from digs_warp.show.view.layers import load_picture, mesh_as_splats, pictures_of, points_as_splats
 from digs_warp.train.training import save_snapshot
 from reference.report_folder import write_capture, write_reconstruction
 from reference.tiny_capture import ball
@@ -81,12 +85,43 @@ def test_what_cannot_be_shown_is_told(tmp_path: Path) -> None:
 
 def test_the_pictures_in_the_cameras(capture: Capture) -> None:
     frames = tuple(capture.frames)
-    assert pictures_of(frames) == ["photograph", "measured depth", "nothing"]
+    assert pictures_of(frames) == ["photograph", "measured depth"]
     photo = load_picture(frames[0], "photograph")
     depth = load_picture(frames[0], "measured depth")
     assert photo is not None and depth is not None
     assert np.array_equal(photo, frames[0].load_image())
     assert (depth[:, :5] == 255).all()  # nothing was measured there
     assert (depth[:, 5:] != 255).any(axis=-1).all()
-    assert load_picture(frames[0], "nothing") is None
     assert load_picture(frames[0], "why depth is missing") is None
+
+
+def test_points_and_meshes_are_drawn_as_gaussians_of_their_colors(capture: Capture) -> None:
+    import trimesh
+
+    box = trimesh.creation.box((0.2, 0.4, 0.6))
+    shades = 0.5 + np.asarray(box.vertices)  # of each vertex: its place
+    mesh = mesh_as_splats(TriangleMesh(box.vertices, box.faces, shades))
+    np.testing.assert_allclose(np.abs(mesh.means / [0.1, 0.2, 0.3]).max(axis=1), 1.0, atol=1e-5)
+    np.testing.assert_allclose(0.5 + C0 * mesh.sh[:, 0], 0.5 + mesh.means, atol=1e-5)
+    # Discs lie in the faces, and there are as many on a face as its area asks for.
+    thin = matrix_from_quat_xyzw(mesh.quats.astype(float))[:, :, 2]
+    face = np.abs(mesh.means / [0.1, 0.2, 0.3]).argmax(axis=1)
+    on_edge = np.sort(np.abs(mesh.means / [0.1, 0.2, 0.3]), axis=1)[:, 1] > 0.999
+    assert (np.abs(thin[np.arange(len(face)), face]) > 0.999)[~on_edge].all()
+    share = np.bincount(face) / len(face)
+    np.testing.assert_allclose(share, np.array([24, 12, 8]) / 44, atol=0.01)
+    cloud = read_contents(capture.folder).points[NAME]
+    points = points_as_splats(cloud, 2.0)
+    np.testing.assert_allclose(0.5 + C0 * points.sh[:, 0], cloud.colors, atol=1e-6)
+    assert np.allclose(points.scales, points.scales[0, 0]) and 0 < points.scales[0, 0] < 0.02
+
+
+def test_the_view_begins_where_all_is_seen(capture: Capture) -> None:
+    moved = replace(ball(), means=ball().means + np.float32([5.0, 0.0, 0.0]))
+    first = Contents("a", stages=(Stage("result", moved),)).first_view()
+    px, depth = first.camera.project(moved.means.astype(np.float64))
+    k = first.camera.intrinsics
+    assert (depth > 0).all() and ((px >= 0) & (px <= [k.width, k.height])).all()
+    recorded = read_contents(capture.folder).first_view()  # nothing says what the object is
+    pose = capture.frames[0].camera.world_from_cam
+    np.testing.assert_array_equal(recorded.camera.world_from_cam, pose)
