@@ -117,7 +117,7 @@ def test_points_and_meshes_are_drawn_as_gaussians_of_their_colors(capture: Captu
 
 
 def test_the_view_begins_where_all_is_seen(capture: Capture) -> None:
-    moved = replace(ball(), means=ball().means + np.float32([5.0, 0.0, 0.0]))
+    moved = replace(ball(), means=ball().means + np.array([5.0, 0.0, 0.0], np.float32))
     first = Contents("a", stages=(Stage("result", moved),)).first_view()
     px, depth = first.camera.project(moved.means.astype(np.float64))
     k = first.camera.intrinsics
