@@ -15,7 +15,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from digs_warp.checks import UsdError
-from digs_warp.geometry.sh import MAX_DEGREE, coefficient_count
+from digs_warp.data.images import srgb_from_linear
+from digs_warp.geometry.sh import MAX_DEGREE, coefficient_count, sh_from_rgb
 from digs_warp.usd import names
 from digs_warp.usd.convert import SplatArrays
 from digs_warp.usd.files import HINT
@@ -250,13 +251,30 @@ def read_arrays(prim: "Usd.Prim", what: str, time: float | None = None) -> Splat
 def _read_sh(prim: "Usd.Prim", count: int, what: str, time: float | None) -> np.ndarray:
     stored = stored_sh_degree(prim, count, what, time)
     degree = min(stored or 0, MAX_DEGREE)
-    if stored is None or count == 0:  # the schema's default is mid gray from every side
-        return np.zeros((count, coefficient_count(degree), 3), dtype=np.float32)
+    if count == 0:
+        return np.zeros((0, coefficient_count(degree), 3), dtype=np.float32)
+    if stored is None:
+        return _display_colors(prim, count, what, time)
     if stored > MAX_DEGREE:
         _log.warning("%s: SH degree %d is reduced to %d", what, stored, MAX_DEGREE)
     rows = _counted(prim, names.SH_COEFFICIENTS, count * (stored + 1) ** 2, what, time)
     assert rows is not None  # stored_sh_degree has seen the array
     return rows.reshape(count, -1, 3)[:, : coefficient_count(degree)]
+
+
+def _display_colors(prim: "Usd.Prim", count: int, what: str, time: float | None) -> np.ndarray:
+    """Return coefficients of degree 0 of a field without any, as Houdini writes it: its display colors.
+
+    Those are linear, one for all splats or one for each. The schema's default is mid gray.
+    """
+    value = value_of(prim, names.DISPLAY_COLOR, time)
+    if value is None or len(value) not in (1, count):
+        return np.zeros((count, 1, 3), dtype=np.float32)
+    _log.warning("%s: no %s; drawn with %s", what, names.SH_COEFFICIENTS, names.DISPLAY_COLOR)
+    colors = _counted(prim, names.DISPLAY_COLOR, len(value), what, time)
+    assert colors is not None  # as long as it is
+    coefficients = sh_from_rgb(srgb_from_linear(colors.astype(np.float64))).astype(np.float32)
+    return np.ascontiguousarray(np.broadcast_to(coefficients, (count, 3))[:, None])
 
 
 def _counted(
@@ -274,7 +292,7 @@ def _counted(
 
 
 def array_of(prim: "Usd.Prim", name: str, time: float | None = None) -> np.ndarray | None:
-    """Return an array of `names.WIDTHS` as it is authored; None: not at all.
+    """Return an array of `names.WIDTHS`, or colors, as it is authored; None: not at all.
 
     Raises:
         UsdError: it has another type than the schema gives it.
@@ -282,7 +300,7 @@ def array_of(prim: "Usd.Prim", name: str, time: float | None = None) -> np.ndarr
     value = value_of(prim, name, time)
     if value is None:
         return None
-    array, width = np.asarray(value), names.WIDTHS[name]
+    array, width = np.asarray(value), names.WIDTHS.get(name, 3)
     if array.dtype.kind != "f" or array.shape[1:] != (() if width is None else (width,)):
         raise UsdError(
             f"attribute '{name}' holds {type(value).__name__}, expected floating-point "

@@ -31,6 +31,7 @@ from digs_warp.usd.field import (
     select_variants,
     splat_count,
     stored_sh_degree,
+    value_of,
     variant_sets,
 )
 from digs_warp.usd.files import opened_stage
@@ -232,6 +233,8 @@ def _linear_colors(prim: "Usd.Prim", what: str) -> Callable[[np.ndarray], np.nda
     """Return what makes linear Rec.709 of a field's colors; None: they are sRGB, or no space is known."""
     from pxr import Gf
 
+    if value_of(prim, names.SH_COEFFICIENTS) is None:  # display colors have a space of their own
+        return None
     name, space = color_space(prim)
     if name.startswith(_SRGB) or (space is not None and space.IsData()) or not name:
         return None

@@ -15,6 +15,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 from digs_warp.checks import UsdError
 from digs_warp.data.gaussians import Gaussians
+from digs_warp.data.images import srgb_from_linear
 from digs_warp.formats.splats.files import read_splat_file
 from digs_warp.geometry.rigid import matrix_from_quat_xyzw
 from digs_warp.geometry.sh import rgb_from_sh
@@ -159,9 +160,26 @@ def assembled(tmp_path: Path, arrays: dict[str, np.ndarray]) -> Path:
     return tmp_path / "assembled.usda"
 
 
+def isaac(tmp_path: Path, arrays: dict[str, np.ndarray]) -> Path:
+    """As Isaac Sim saves a scene: an emissive material in MDL is bound to the splats."""
+    from pxr import UsdShade
+
+    stage = new_stage(tmp_path / "scene.usda")
+    prim = author(stage, "/World/splats", arrays)
+    material = UsdShade.Material.Define(stage, "/World/Looks/emissive")
+    shader = UsdShade.Shader.Define(stage, "/World/Looks/emissive/Shader")
+    shader.SetSourceAsset("ParticleFieldEmissive.mdl", "mdl")
+    shader.SetSourceAssetSubIdentifier("ParticleFieldEmissive", "mdl")
+    material.CreateSurfaceOutput("mdl").ConnectToSource(shader.ConnectableAPI(), "out")
+    UsdShade.MaterialBindingAPI.Apply(prim).Bind(material)
+    stage.Save()
+    return tmp_path / "scene.usda"
+
+
 @pytest.mark.parametrize(
     ("layout", "rounding"),
     [
+        (isaac, 0.0),
         (usd_convert_gsplat, 0.0),
         (grut, HALF),
         (fvdb, 0.0),
@@ -180,6 +198,27 @@ def test_layouts_of_other_exporters_are_read(
     turns = matrix_from_quat_xyzw(read.quats), matrix_from_quat_xyzw(gaussians.quats)
     assert_allclose(*turns, atol=2e-6 + 4 * rounding)
     assert_allclose(read.sh, gaussians.sh, atol=2e-6 + 4 * rounding)
+
+
+@pytest.mark.parametrize("space", ["", "lin_rec709_scene"])
+@pytest.mark.parametrize("one_for_all", [True, False])
+def test_a_field_without_coefficients_has_its_display_colors(tmp_path, one_for_all, space, caplog):
+    """As Houdini writes it; displayColor is linear, whatever space is said of the splats."""
+    from pxr import Sdf
+
+    gaussians = splats(30, 7)
+    stage = new_stage(tmp_path / "scene.usdc")
+    prim = author(stage, "/splats", y_up_arrays(tmp_path, gaussians))
+    prim.GetAttribute("radiance:sphericalHarmonicsCoefficients").Block()
+    colors = np.random.default_rng(3).random((1 if one_for_all else 30, 3))
+    prim.GetAttribute("primvars:displayColor").Set(colors.astype(np.float32))
+    if space:
+        prim.CreateAttribute("colorSpace:name", Sdf.ValueTypeNames.Token).Set(space)
+    stage.Save()
+    read = read_gaussians(tmp_path / "scene.usdc")
+    shown = rgb_from_sh(read.sh, np.tile([0.0, 0.0, 1.0], (30, 1)))
+    assert_allclose(shown, np.broadcast_to(srgb_from_linear(colors), (30, 3)), atol=1e-6)
+    assert "drawn with primvars:displayColor" in caplog.text
 
 
 def test_what_another_converter_made_of_a_ply_is_what_we_read_from_it():
