@@ -63,9 +63,9 @@ LINE_BUDGETS = {
     "surface": 660,
     "torch": 200,
     "train": 3_950,
-    "usd": 4_190,
+    "usd": 4_215,
 }
-MOST_LINES, MOST_FILES = 80_220, 518  # of the product; 65,000 in 500 files are the goal
+MOST_LINES, MOST_FILES = 80_250, 518  # of the product; 65,000 in 500 files are the goal
 # A shorter file with a single client in its folder belongs into that client.
 CRUMB = 60
 
