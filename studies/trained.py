@@ -15,6 +15,7 @@ import numpy as np
 from digs_warp.data.gaussians import ANTIALIASED, CLASSIC, Gaussians
 from digs_warp.data.triangle_mesh import TriangleMesh
 from digs_warp.device.threads import default_threads
+from digs_warp.formats.splats.files import AS_IT_IS, SplatWriting
 from digs_warp.geometry.camera import Camera, Intrinsics
 from digs_warp.init.config import InitConfig
 from digs_warp.init.recipes import initial_points
@@ -22,7 +23,7 @@ from digs_warp.init.seeds import seed_gaussians
 from digs_warp.measure.metrics import psnr
 from digs_warp.measure.surface_metrics import surface_score
 from digs_warp.pipeline.reconstruction import Reconstruction
-from digs_warp.pipeline.scene_files import SpzVersion, read_scene, write_scene_file
+from digs_warp.pipeline.scene_files import read_scene, write_scene_file
 from digs_warp.record.progress import progress
 from digs_warp.show.film.camera_path import find_subject, orbit
 from digs_warp.show.film.video import Clock, shoot
@@ -51,11 +52,16 @@ FOV_DEG = 45.0
 VOXELS = (0.008, 0.004, 0.003, 0.002)
 NEAR = 0.005
 
-# Files: name, suffix, version of SPZ; compared in views of this size [px], where alpha exceeds COVERED.
-FORMATS: tuple[tuple[str, str, SpzVersion], ...] = (
-    *(("npz", ".npz", 3), ("PLY", ".ply", 3), (".splat", ".splat", 3)),
-    *(("SPZ 2", ".spz", 2), ("SPZ 3", ".spz", 3), ("SPZ 4", ".spz", 4)),
-    ("USD", ".usdz", 3),
+# Files: name, suffix, how; compared in views of this size [px], where alpha exceeds COVERED.
+FORMATS = (
+    *(("npz", ".npz", AS_IT_IS), ("PLY", ".ply", AS_IT_IS), ("glTF", ".glb", AS_IT_IS)),
+    *(("USD", ".usdz", AS_IT_IS), (".splat", ".splat", AS_IT_IS), ("SOG", ".sog", AS_IT_IS)),
+    ("compressed PLY", ".compressed.ply", AS_IT_IS),
+    *((f"SPZ {version}", ".spz", SplatWriting(spz_version=version)) for version in (2, 3, 4)),
+    *(
+        (f"SPZ 3, bits {a} {b}", ".spz", SplatWriting(spz_sh_bits=(a, b)))
+        for a, b in ((6, 6), (8, 8))
+    ),
 )
 # Viewers: images that a perfect camera takes, as shares of the width of the training images, and samples for
 # each of their pixels.
@@ -202,10 +208,10 @@ def measure_formats(gaussians: Gaussians, view_size: tuple[int, int] = VIEW_SIZE
     results = []
     with tempfile.TemporaryDirectory() as folder, progress(len(FORMATS), "Measuring") as bar:
         ours = Reconstruction(gaussians=gaussians)
-        for name, suffix, version in FORMATS:
+        for name, suffix, how in FORMATS:
             path = Path(folder) / f"scene{suffix}"
             with Stopwatch() as write:
-                write_scene_file(path, ours, Path("bench"), spz_version=version)
+                write_scene_file(path, ours, Path("bench"), how)
             with Stopwatch() as read:
                 read_back = read_scene(path).gaussians
             stored = replace(read_back, screen_filter=gaussians.screen_filter)

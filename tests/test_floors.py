@@ -36,12 +36,12 @@ FLOORS = {
 LINE_BUDGETS = {
     "api": 440,
     "check": 2_080,
-    "commands": 3_290,
-    "data": 3_490,
+    "commands": 3_300,
+    "data": 3_550,
     "device": 920,
     "engines": 1_010,
     "files at the top": 800,
-    "formats": 5_400,
+    "formats": 6_070,
     "geometry": 625,
     "init": 4_620,
     "losses": 860,
@@ -50,7 +50,7 @@ LINE_BUDGETS = {
     "pipeline": 2_530,
     "poses": 5_220,
     "record": 2_130,
-    "show": 3_600,
+    "show": 3_610,
     "sim.camera": 1_700,
     "sim.fit": 2_250,
     "sim.record": 2_600,
@@ -65,7 +65,7 @@ LINE_BUDGETS = {
     "train": 3_950,
     "usd": 4_215,
 }
-MOST_LINES, MOST_FILES = 80_250, 518  # of the product; 65,000 in 500 files are the goal
+MOST_LINES, MOST_FILES = 80_980, 522  # of the product; 65,000 in 500 files are the goal
 # A shorter file with a single client in its folder belongs into that client.
 CRUMB = 60
 

@@ -48,11 +48,11 @@ class SplatOptions:
     """What splat files do not say themselves."""
 
     up: Literal["z", "y", "-y"] = "z"
-    """The axis that points up in PLY and .splat files, which do not say it. z: as this program writes
-    them; -y: most scenes that other programs trained; y: Y-up programs. SPZ and USD need no telling."""
+    """The axis that points up in PLY, SOG and .splat files, which do not say it. z: as this program writes
+    them; -y: most scenes that other programs trained; y: Y-up programs. SPZ, glTF and USD need no telling."""
 
     drop_broken: tyro.conf.FlagCreatePairsOff[bool] = False
-    """Leave out Gaussians with NaN or infinite values instead of refusing a PLY, SPZ or .splat file."""
+    """Leave out Gaussians with NaN or infinite values instead of refusing the file of another program."""
 
     prim: str | None = None
     """Path of the splats in a USD scene that shows several fields of them, such as /Asset/Gaussians."""

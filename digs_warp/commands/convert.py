@@ -33,15 +33,19 @@ class SplatConversion(SplatOptions, Settings):
     """Version of SPZ files to write. 3: read by nearly all programs; 4: the same content in the newest
     container; 2: for the oldest programs, with coarser orientations."""
 
+    spz_sh_bits: tuple[int, int] = (5, 4)
+    """Bits of the view-dependent color in SPZ files, of band 1 and of the bands above, 1 to 8: more for
+    quality, fewer for size."""
+
     vertex_colors: bool = True
     """Also write red, green and blue to PLY files, so that Open3D, trimesh and MeshLab show the splats as
     colored points. Leave them out for programs that expect rows of floats only: the SIBR viewer of 3D
     Gaussian splatting, and old versions of UnityGaussianSplatting."""
 
     made_for: Annotated[Literal["classic"] | None, tyro.conf.arg(name="for")] = None
-    """For PLY, SPZ and .splat: classic makes splats thinner by what most viewers add on the screen (0.3 px²
-    at every distance), so that they show them as this program does. Best near one image size, that of the
-    recording or --for-width. Default: as they are, for viewers and renderers that add nothing."""
+    """For files other than .npz and USD: classic makes splats thinner by what most viewers add on the screen
+    (0.3 px² at every distance), so that they show them as this program does. Best near one image size, that
+    of the recording or --for-width. Default: as they are, for viewers that add nothing."""
 
     for_width: Annotated[int | None, SIDE] = None
     """With --for classic: width of the images in which the splats are looked at [px], for the field of view
@@ -49,6 +53,8 @@ class SplatConversion(SplatOptions, Settings):
 
     def __post_init__(self) -> None:
         super().__post_init__()
+        if not all(1 <= bits <= 8 for bits in self.spz_sh_bits):
+            raise DigsError(f"--spz-sh-bits: {self.spz_sh_bits}, expected 1 to 8")
         if self.for_width is not None and self.made_for is None:
             raise DigsError("--for-width needs --for classic")
 
@@ -72,7 +78,7 @@ class Convert(Command):
     """Convert Gaussians, captures and recordings between file formats.
 
     Gaussians: 'digs-warp convert out/reconstruction --out scene.spz' or 'digs-warp convert a.ply --out
-    b.usdz', with any two of .npz, .ply, .spz, .splat, .usdz, .usdc and .usda.
+    b.usdz', with any two of .npz, .ply, .compressed.ply, .spz, .splat, .sog, .glb, .usdz, .usdc and .usda.
 
     A capture, for another program: 'digs-warp convert out/capture --to colmap --out out/colmap'.
 
@@ -199,6 +205,7 @@ def convert_splats(source: Path, target: Path, overwrite: bool, options: SplatCo
     Raises:
         DigsError: the source cannot be used, or the target not be written.
     """
+    from digs_warp.formats.splats.files import SplatWriting
     from digs_warp.pipeline.scene_files import check_target, write_scene_file
 
     check_target(target)
@@ -206,7 +213,9 @@ def convert_splats(source: Path, target: Path, overwrite: bool, options: SplatCo
     result = options.read(source)
     if options.made_for is not None:
         result = for_classic(result, source, target, options.for_width)
-    write_scene_file(target, result, source, options.up, options.spz_version, options.vertex_colors)
+    names = ("up", "spz_version", "spz_sh_bits", "vertex_colors")
+    how = SplatWriting(**{name: getattr(options, name) for name in names})
+    write_scene_file(target, result, source, how)
     gaussians = result.gaussians
     size = target.stat().st_size / 1e6
     return f"{target}: {counted(len(gaussians), 'Gaussian')} of degree {gaussians.sh_degree}, {size:.2f} MB"
@@ -227,12 +236,12 @@ def for_classic(
         DigsError: the cameras are not known, viewers of ``target`` add nothing, or the splats are for such
             viewers already.
     """
-    from digs_warp.pipeline.scene_files import SPLAT_SUFFIXES
+    from digs_warp.formats.splats.files import SUFFIXES, suffix_of
     from digs_warp.train.smoothing import for_classic_viewers
 
-    if target.suffix.lower() not in SPLAT_SUFFIXES:
+    if suffix_of(target) not in SUFFIXES:
         raise DigsError(
-            f"--for classic: '{target}', expected {', '.join(SPLAT_SUFFIXES)}; what reads other files adds "
+            f"--for classic: '{target}', expected {', '.join(SUFFIXES)}; what reads other files adds "
             "nothing to splats: leave out --for"
         )
     if result.frames is None or not result.frames.training:

@@ -1,7 +1,7 @@
 """A PLY file (Turk 1994) as tables. Its header may promise anything; memory stays below the file's size."""
 
 import codecs
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -139,21 +139,26 @@ def _add_column(element: PlyElement, name: str, kind: str, where: str) -> None:
     element.columns[name] = kind
 
 
-def write_vertices(path: Path, table: np.ndarray, comments: Sequence[str] = ()) -> None:
-    """Write a structured array, shape (n,), as the only element of a binary file; see `write_atomically`.
+def write_tables(
+    path: Path, tables: Mapping[str, np.ndarray], comments: Sequence[str] = ()
+) -> None:
+    """Write structured arrays, shape (n,), as the elements of a binary file; see `write_atomically`.
 
     Args:
         path: the file.
-        table: fields of little-endian numbers, without gaps; their names become those of the
-            properties.
+        tables: by name of the element; fields of little-endian numbers, without gaps, whose names become
+            those of the properties.
         comments: for the header, a line each.
     """
-    header = ["ply", "format binary_little_endian 1.0", f"element vertex {len(table)}"]
-    for name in table.dtype.names or ():
-        header.append(f"property {_NAMES[table.dtype[name].str[1:]]} {name}")
+    header = ["ply", "format binary_little_endian 1.0"]
+    for element, table in tables.items():
+        header.append(f"element {element} {len(table)}")
+        for name in table.dtype.names or ():
+            header.append(f"property {_NAMES[table.dtype[name].str[1:]]} {name}")
     # At the end: the SIBR viewer expects the number of rows in the third line.
     header += [f"comment {each}" for each in comments]
-    write_atomically(path, "\n".join([*header, "end_header", ""]).encode() + table.tobytes())
+    data = [table.tobytes() for table in tables.values()]
+    write_atomically(path, b"".join(["\n".join([*header, "end_header", ""]).encode(), *data]))
 
 
 def read_table(path: Path, header: PlyHeader, name: str) -> np.ndarray:

@@ -10,7 +10,7 @@ import numpy as np
 
 from digs_warp.checks import DigsError, check_finite, check_shape
 from digs_warp.data.images import to_uint8
-from digs_warp.data.ply_table import read_ply_header, read_table, write_vertices
+from digs_warp.data.ply_table import read_ply_header, read_table, write_tables
 from digs_warp.record.arrays import open_arrays, write_arrays
 from digs_warp.words import cut, first_few
 
@@ -127,7 +127,7 @@ def write_points(path: Path, cloud: PointCloud) -> None:
     kinds = [(axis, "<f4") for axis in POSITION] + [(color, "u1") for color in COLOR]
     blocks = np.empty(len(cloud), dtype=[("position", "<f4", 3), ("color", "u1", 3)])
     blocks["position"], blocks["color"] = cloud.points_world, to_uint8(cloud.colors)
-    write_vertices(path, blocks.view(kinds))
+    write_tables(path, {"vertex": blocks.view(kinds)})
 
 
 def read_points(path: Path, offset: np.ndarray | float = 0.0, scale: float = 1.0) -> PointCloud:

@@ -3,24 +3,30 @@
 import logging
 from dataclasses import replace
 from pathlib import Path
-from typing import Literal
 
 from digs_warp.checks import DigsError, require_file
 from digs_warp.data.capture import Capture, read_capture
 from digs_warp.data.gaussians import Gaussians
 from digs_warp.data.index_rules import INDEX_NAME
+from digs_warp.formats.splats.files import (
+    AS_IT_IS,
+    SplatWriting,
+    UpAxis,
+    read_splat_file,
+    suffix_of,
+    write_splat_file,
+)
+from digs_warp.formats.splats.files import SUFFIXES as SPLAT_SUFFIXES
+from digs_warp.formats.splats.files import WRITABLE as SPLATS_WRITABLE
 from digs_warp.pipeline.reconstruction import Reconstruction
 from digs_warp.record.layout import GAUSSIANS, find_gaussians
 
 logger = logging.getLogger(__name__)
 
-UpAxis = Literal["z", "y", "-y"]
-SpzVersion = Literal[2, 3, 4]
-
 OURS = ".npz"
-SPLAT_SUFFIXES = (".ply", ".spz", ".splat")
 USD_SUFFIXES = (".usdz", ".usdc", ".usda", ".usd")
 SUFFIXES = (OURS, *SPLAT_SUFFIXES, *USD_SUFFIXES)
+WRITABLE = (OURS, *SPLATS_WRITABLE, *USD_SUFFIXES)
 
 
 def read_scene(
@@ -34,7 +40,7 @@ def read_scene(
 
     Args:
         source: a folder of 'digs-warp reconstruct' or 'run', an ``.npz``, a splat file or a USD scene.
-        up: the axis that points up in PLY and .splat files, which do not say it.
+        up: the axis that points up in PLY, SOG and .splat files, which do not say it.
         drop_broken: drop a splat file's Gaussians with NaN or infinite values instead of rejecting the file.
         capture: the recording; default: the one that a run left in or beside the folder, if any.
         prim: path of the splats in a USD scene that shows several fields of them.
@@ -88,9 +94,9 @@ def _is_reconstruction(folder: Path) -> bool:
 
 def check_target(target: Path) -> None:
     """Raise a `DigsError` unless the suffix of ``target`` is one that `write_scene_file` knows."""
-    if target.suffix.lower() not in SUFFIXES:
+    if suffix_of(target) not in WRITABLE:
         raise DigsError(
-            f"'{target}': suffix '{target.suffix}', expected one of {', '.join(SUFFIXES)} for Gaussians"
+            f"'{target}': suffix '{target.suffix}', expected one of {', '.join(WRITABLE)} for Gaussians"
         )
 
 
@@ -106,23 +112,19 @@ def write_scene_file(
     target: Path,
     result: Reconstruction,
     source: Path,
-    up: UpAxis = "z",
-    spz_version: SpzVersion = 3,
-    vertex_colors: bool = False,
+    how: SplatWriting = AS_IT_IS,
 ) -> None:
     """Write Gaussians in the format that the suffix of ``target`` names.
 
     A USD scene says how a reconstruction was made; for other Gaussians, it has the name of their ``source``.
-    ``vertex_colors`` adds red, green and blue to a PLY, for programs that know only points.
+    ``how`` is for the formats of other programs.
     """
-    suffix = target.suffix.lower()
+    suffix = suffix_of(target)
     gaussians = result.gaussians
     if gaussians.world_offset is None:
         gaussians = replace(gaussians, world_offset=result.poses.world_offset)
     if suffix in SPLAT_SUFFIXES:
-        from digs_warp.formats.splats.files import write_splat_file
-
-        write_splat_file(target, gaussians, up, spz_version, vertex_colors)
+        write_splat_file(target, gaussians, how)
     elif suffix not in USD_SUFFIXES:
         gaussians.save(target)
     else:
@@ -133,10 +135,8 @@ def write_scene_file(
 
 
 def _read_gaussians(path: Path, up: UpAxis, drop_broken: bool, prim: str | None) -> Gaussians:
-    suffix = path.suffix.lower()
+    suffix = suffix_of(path)
     if suffix in SPLAT_SUFFIXES:
-        from digs_warp.formats.splats.files import read_splat_file
-
         return read_splat_file(path, up, drop_broken)
     if suffix in USD_SUFFIXES:
         from digs_warp.usd.reader import read_gaussians

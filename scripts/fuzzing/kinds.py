@@ -108,7 +108,9 @@ KINDS = (
         for name in ("model/cameras.bin", "model/images.bin", "model/points3D.bin", "model/rigs.bin",
                      "model/frames.bin", "stages.json")
     )),
-    Kind("splats: PLY", _splats("a.ply", "text.ply")),
+    Kind("splats: PLY", _splats("a.ply", "text.ply", "a.compressed.ply")),
+    Kind("splats: SOG", _splats("a.sog")),
+    Kind("splats: glTF", _splats("a.glb")),
     Kind("splats: SPZ", _splats("v2.spz", "v3.spz", "v4.spz")),
     Kind("splats: .splat, .npz", _splats("a.splat", "ours.npz")),
     Kind("scene: usda", _usd("scene.usda")),

@@ -17,7 +17,7 @@ from digs_warp.cli import main
 from digs_warp.data.capture import read_capture
 from digs_warp.data.gaussians import Gaussians
 from digs_warp.data.images import write_image
-from digs_warp.formats.splats.files import write_splat_file
+from digs_warp.formats.splats.files import SplatWriting, write_splat_file
 from digs_warp.show.film.video import write_video
 from fuzzing.recordings import WRITERS, millimetres, write_sparse_model
 
@@ -141,10 +141,12 @@ class Originals:
             sh=rng.uniform(-0.9, 0.9, (8, 4, 3)),
         )
         gaussians.save(folder / "ours.npz")
-        for name in ("a.ply", "a.splat"):
+        for name in ("a.ply", "a.splat", "a.compressed.ply", "a.sog", "a.glb"):
             write_splat_file(folder / name, gaussians)
         for version in (2, 3, 4):
-            write_splat_file(folder / f"v{version}.spz", gaussians, spz_version=version)
+            write_splat_file(
+                folder / f"v{version}.spz", gaussians, SplatWriting(spz_version=version)
+            )
         (folder / "text.ply").write_bytes(_as_text((folder / "a.ply").read_bytes()))
         for name in ("scene.usda", "scene.usdc", "scene.usdz"):
             _digs_warp("convert", folder / "ours.npz", "--out", folder / name)

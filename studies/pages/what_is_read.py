@@ -20,10 +20,10 @@ SPLATS = (
             "comments": "what the splats are drawn with: ours, SplatRenderMode, antialiased",
             "centers far from the origin": "in double precision; written again as doubles",
             "values that look like a mistake": "as they are, and a warning names them",
+            "the compressed form of SuperSplat": "Gaussians of degree 0 to 3",
         },
         {},
         {
-            "a compressed PLY of SuperSplat": "export it again as plain PLY, or as SPZ",
             "NaN and infinite values": "--drop-broken leaves those Gaussians out",
         },
     ),
@@ -31,6 +31,22 @@ SPLATS = (
         ".spz",
         {"versions 2, 3 and 4": "Gaussians, and the flag for antialiasing"},
         {"extension records": "of other programs"},
+    ),
+    Form(
+        ".glb, .gltf",
+        {
+            "KHR_gaussian_splatting": "Gaussians of all nodes, under any similarity; floats, or integers for "
+            "shares",
+            "lin_rec709_display": "converted to sRGB",
+        },
+        {},
+        {"compression extensions": "export it without, or as PLY or SPZ"},
+    ),
+    Form(
+        ".sog",
+        {"version 2, one archive": "Gaussians of degree 0 to 3, and whether they are antialiased"},
+        {},
+        {"version 1": "export it again, for example with SuperSplat"},
     ),
     Form(".splat", {"rows of 32 bytes": "Gaussians without view-dependent color"}),
     Form(

@@ -21,7 +21,12 @@ import numpy as np
 
 from digs_warp.checks import DigsError
 from digs_warp.data.gaussians import FIELDS, Gaussians
-from digs_warp.formats.splats.files import read_splat_file, write_splat_file
+from digs_warp.formats.splats.files import (
+    WRITABLE,
+    SplatWriting,
+    read_splat_file,
+    write_splat_file,
+)
 
 MEMORY_LIMIT = 1 << 30  # [bytes] beyond what the imports take
 NUMBERS = (b"0", b"-1", b"1000000000000", b"4294967296", b"99999999999999999999", b"1e9", b"nan")
@@ -39,11 +44,12 @@ def originals(folder: Path) -> list[Path]:
             opacity_logits=rng.normal(size=count),
             sh=rng.normal(size=(count, (degree + 1) ** 2, 3)),
         )
-        names = ["a.ply", "a.splat", "v2.spz", "v3.spz", "v4.spz"]
+        names = [f"a{suffix}" for suffix in WRITABLE if suffix != ".spz"]
+        names += ["v2.spz", "v3.spz", "v4.spz"]
         for name in names:
             path = folder / f"{count}-{name}"
             version = int(name[1]) if name.startswith("v") else 3
-            write_splat_file(path, g, spz_version=version)
+            write_splat_file(path, g, SplatWriting(spz_version=version))
             files.append(path)
         files.append(_as_text(folder / f"{count}-a.ply", len(g)))
         g.save(folder / f"{count}-ours.npz")

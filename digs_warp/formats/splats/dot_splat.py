@@ -16,8 +16,11 @@ from digs_warp.checks import DigsError, require_file
 from digs_warp.data.gaussians import CLASSIC, Gaussians
 from digs_warp.formats.splats.rows import (
     SMALLEST_SCALE,
+    WXYZ_FROM_XYZW,
+    XYZW_FROM_WXYZ,
     codes_from_logits,
     logits_from_codes,
+    unit_quats,
     warn_of_offset,
 )
 from digs_warp.geometry.sh import C0, sh_from_rgb
@@ -28,9 +31,6 @@ logger = logging.getLogger(__name__)
 ROW = np.dtype(
     [("position", "<f4", 3), ("scale", "<f4", 3), ("rgba", "u1", 4), ("quaternion", "u1", 4)]
 )
-
-_WXYZ_FROM_XYZW = [3, 0, 1, 2]
-_XYZW_FROM_WXYZ = [1, 2, 3, 0]
 
 
 def read_dot_splat(path: Path) -> Gaussians:
@@ -59,7 +59,7 @@ def read_dot_splat(path: Path) -> Gaussians:
     return Gaussians(
         means=rows["position"],
         log_scales=log_scales,
-        quats=quats[:, _XYZW_FROM_WXYZ],
+        quats=quats[:, XYZW_FROM_WXYZ],
         opacity_logits=logits_from_codes(rows["rgba"][:, 3]),
         sh=sh_from_rgb(rows["rgba"][:, :3] / 255.0)[:, None],
         screen_filter=CLASSIC,
@@ -93,8 +93,6 @@ def write_dot_splat(path: Path, gaussians: Gaussians) -> None:
         255.0 * (0.5 + C0 * gaussians.sh[:, 0].astype(np.float64)).clip(0, 1)
     )
     rows["rgba"][:, 3] = codes_from_logits(gaussians.opacity_logits)
-    quats = gaussians.quats[:, _WXYZ_FROM_XYZW].astype(np.float64)
-    norms = np.linalg.norm(quats, axis=1, keepdims=True)
-    quats = np.where(norms > 0, quats / np.where(norms > 0, norms, 1.0), (1.0, 0.0, 0.0, 0.0))
+    quats = unit_quats(gaussians.quats)[:, WXYZ_FROM_XYZW]
     rows["quaternion"] = np.rint(128.0 * quats + 128.0).clip(0, 255)
     write_atomically(path, rows.tobytes())

@@ -1,12 +1,15 @@
-"""Splat files by suffix: one function to read and one to write PLY, SPZ and .splat."""
+"""The files of Gaussians of other programs, by suffix: the one list of what is read and written."""
 
-from dataclasses import replace
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Literal
 
 from digs_warp.checks import DigsError
 from digs_warp.data.gaussians import Gaussians
+from digs_warp.formats.splats.compressed_ply import write_compressed
 from digs_warp.formats.splats.dot_splat import read_dot_splat, write_dot_splat
+from digs_warp.formats.splats.gltf import read_gltf, write_gltf
 from digs_warp.formats.splats.ply import read_ply, write_ply
 from digs_warp.formats.splats.rows import (
     WORLD_FROM_UP,
@@ -15,74 +18,118 @@ from digs_warp.formats.splats.rows import (
     turned,
     without_broken_rows,
 )
-from digs_warp.formats.splats.spz import DEFAULT_VERSION, read_spz, write_spz
-
-SUFFIXES = (".ply", ".spz", ".splat")
+from digs_warp.formats.splats.sog import read_sog, write_sog
+from digs_warp.formats.splats.spz import DEFAULT_VERSION, SH_BITS, read_spz, write_spz
 
 UpAxis = Literal["z", "y", "-y"]
 
 
+@dataclass(frozen=True)
+class SplatWriting:
+    """What the formats leave open.
+
+    Attributes:
+        up: the axis that is to point up where the format does not say it; "z" keeps the values.
+        spz_version: 2, 3 or 4, see `digs_warp.formats.splats.spz.write_spz`.
+        spz_sh_bits: see there.
+        vertex_colors: for PLY, see `digs_warp.formats.splats.ply.write_ply`.
+    """
+
+    up: UpAxis = "z"
+    spz_version: int = DEFAULT_VERSION
+    spz_sh_bits: tuple[int, int] = SH_BITS
+    vertex_colors: bool = False
+
+
+AS_IT_IS = SplatWriting()
+
+
+@dataclass(frozen=True)
+class SplatFormat:
+    """A format.
+
+    Attributes:
+        read: a file, as it is.
+        write: a file; None: the format is only read.
+        says_up: whether its axes are fixed: `read` and `write` turn them.
+    """
+
+    read: Callable[[Path], Gaussians]
+    write: Callable[[Path, Gaussians, SplatWriting], None] | None
+    says_up: bool = False
+
+
+FORMATS = {
+    ".ply": SplatFormat(read_ply, lambda path, g, how: write_ply(path, g, how.vertex_colors)),
+    ".compressed.ply": SplatFormat(read_ply, lambda path, g, _: write_compressed(path, g)),
+    ".spz": SplatFormat(
+        read_spz,
+        lambda path, g, how: write_spz(path, g, how.spz_version, how.spz_sh_bits),
+        says_up=True,
+    ),
+    ".splat": SplatFormat(read_dot_splat, lambda path, g, _: write_dot_splat(path, g)),
+    ".sog": SplatFormat(read_sog, lambda path, g, _: write_sog(path, g)),
+    ".glb": SplatFormat(read_gltf, lambda path, g, _: write_gltf(path, g), says_up=True),
+    ".gltf": SplatFormat(read_gltf, None, says_up=True),
+}
+SUFFIXES = tuple(FORMATS)
+WRITABLE = tuple(suffix for suffix, form in FORMATS.items() if form.write)
+
+
+def suffix_of(path: Path) -> str:
+    """Return the suffix by which a format goes, in lower case."""
+    name = path.name.lower()
+    return ".compressed.ply" if name.endswith(".compressed.ply") else path.suffix.lower()
+
+
 def read_splat_file(path: Path, up: UpAxis = "z", drop_broken: bool = False) -> Gaussians:
-    """Read a PLY, SPZ or .splat file into our world (z up).
+    """Read a file of one of `FORMATS` into our world (z up).
 
     Args:
         path: the file; its suffix decides.
-        up: the axis of a PLY or .splat file that points up, which these formats do not say; with "z" the
-            values are taken as they are. SPZ says it: y.
+        up: the axis that points up, where the format does not say it; with "z" the values are taken as they
+            are.
         drop_broken: leave out Gaussians with NaN or infinite values instead of refusing the file.
 
     Raises:
         DigsError: missing, truncated, damaged, another format, or broken rows.
     """
     path = Path(path)
-    readers = {".ply": read_ply, ".spz": read_spz, ".splat": read_dot_splat}
-    suffix = _checked_suffix(path)
+    form = _format_of(path, SUFFIXES)
     try:
-        gaussians = readers[suffix](path)
+        gaussians = form.read(path)
     except OSError as error:
         raise DigsError(f"'{path}': cannot be read ({error.strerror or error})") from error
     gaussians = without_broken_rows(gaussians, f"'{path}'", drop_broken)
-    if suffix != ".ply":
+    if gaussians.world_offset is None:
         means, offset = near_origin(gaussians.means, f"'{path}'")
         gaussians = replace(gaussians, means=means, world_offset=offset)
-    return gaussians if up == "z" or suffix == ".spz" else turned(gaussians, WORLD_FROM_UP[up])
+    return gaussians if up == "z" or form.says_up else turned(gaussians, WORLD_FROM_UP[up])
 
 
-def write_splat_file(
-    path: Path,
-    gaussians: Gaussians,
-    up: UpAxis = "z",
-    spz_version: int = DEFAULT_VERSION,
-    vertex_colors: bool = False,
-) -> None:
-    """Write a PLY, SPZ or .splat file; it appears only when complete, and replaces an older one only then.
+def write_splat_file(path: Path, gaussians: Gaussians, how: SplatWriting = AS_IT_IS) -> None:
+    """Write a file of one of `FORMATS`; it appears only when complete, and replaces an older one only then.
 
     Args:
         path: the file; its suffix decides.
         gaussians: in our world (z up).
-        up: the axis that is to point up in a PLY or .splat file; "z" keeps the values as they are.
-        spz_version: 2, 3 or 4, see `digs_warp.formats.splats.spz.write_spz`.
-        vertex_colors: for PLY, see `digs_warp.formats.splats.ply.write_ply`.
+        how: what the formats leave open.
 
     Raises:
         DigsError: another suffix, values that are not finite or that the format cannot hold, or the file
             cannot be written (the message says why: disk full, read-only, ...).
     """
     path = Path(path)
-    suffix = _checked_suffix(path)
+    form = _format_of(path, WRITABLE)
     check_writable(gaussians, f"'{path}'")
-    if up != "z" and suffix != ".spz":
-        gaussians = turned(gaussians, WORLD_FROM_UP[up].T)
-    if suffix == ".spz":
-        write_spz(path, gaussians, spz_version)
-    elif suffix == ".ply":
-        write_ply(path, gaussians, vertex_colors)
-    else:
-        write_dot_splat(path, gaussians)
+    if how.up != "z" and not form.says_up:
+        gaussians = turned(gaussians, WORLD_FROM_UP[how.up].T)
+    assert form.write is not None
+    form.write(path, gaussians, how)
 
 
-def _checked_suffix(path: Path) -> str:
-    suffix = path.suffix.lower()
-    if suffix not in SUFFIXES:
-        raise DigsError(f"'{path}': suffix '{path.suffix}', expected one of {', '.join(SUFFIXES)}")
-    return suffix
+def _format_of(path: Path, suffixes: tuple[str, ...]) -> SplatFormat:
+    suffix = suffix_of(path)
+    if suffix not in suffixes:
+        raise DigsError(f"'{path}': suffix '{suffix}', expected one of {', '.join(suffixes)}")
+    return FORMATS[suffix]

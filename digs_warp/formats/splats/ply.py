@@ -11,21 +11,29 @@ or Postshot's ``antialiased 1``. Most files have none, and want 0.3 px^2.
 """
 
 import logging
-import re
-from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
 from digs_warp.checks import DigsError
-from digs_warp.data.gaussians import ANTIALIASED, CLASSIC, Gaussians, ScreenFilter
+from digs_warp.data.gaussians import Gaussians
 from digs_warp.data.images import to_uint8
 from digs_warp.data.ply_table import (
     read_ply_header,
     read_table,
-    write_vertices,
+    write_tables,
 )
-from digs_warp.formats.splats.rows import LARGEST_LOGIT, near_origin, nearest_known
+from digs_warp.formats.splats.compressed_ply import read_compressed
+from digs_warp.formats.splats.rows import (
+    LARGEST_LOGIT,
+    WXYZ_FROM_XYZW,
+    XYZW_FROM_WXYZ,
+    near_origin,
+    noted_filter,
+    notes_of,
+    sound,
+)
 from digs_warp.geometry.sh import C0, MAX_DEGREE, coefficient_count
 from digs_warp.words import quoted
 
@@ -43,17 +51,6 @@ REST = "f_rest_{}"
 # Files of degree 4 exist; its 9 further coefficients a channel are left out with a warning.
 _DEGREE_OF_REST = {3 * ((degree + 1) ** 2 - 1): degree for degree in range(MAX_DEGREE + 2)}
 
-_OUR_NOTE = "digs_warp screen dilation {} px^2"
-_OUR_NOTE_READ = re.compile(r"digs_warp screen dilation (\d{1,2}(?:\.\d{1,9})?(?:e-\d\d?)?) px\^2")
-_MODES = {
-    "SplatRenderMode: default": CLASSIC,
-    "SplatRenderMode: mip": ANTIALIASED,
-    "antialiased 1": ANTIALIASED,
-}
-
-_WXYZ_FROM_XYZW = [3, 0, 1, 2]
-_XYZW_FROM_WXYZ = [1, 2, 3, 0]
-
 
 def read_ply(path: Path) -> Gaussians:
     """Read Gaussians; binary files of either byte order and text, float or double properties.
@@ -68,9 +65,9 @@ def read_ply(path: Path) -> Gaussians:
     what = f"PLY '{path}'"
     header = read_ply_header(path)
     if any(element.name == "chunk" for element in header.elements):
-        raise DigsError(
-            f"{what}: a compressed PLY of SuperSplat; export it again as plain PLY, or as SPZ"
-        )
+        with sound(what):
+            compressed = read_compressed(path, header)
+        return replace(compressed, screen_filter=noted_filter(header.comments))
     table = read_table(path, header, "vertex")
     names = set(table.dtype.names or ())
     missing = [
@@ -89,10 +86,10 @@ def read_ply(path: Path) -> Gaussians:
     return Gaussians(
         means=means,
         log_scales=_columns(table, SCALES, what),
-        quats=_columns(table, QUATERNION, what)[:, _XYZW_FROM_WXYZ],
+        quats=_columns(table, QUATERNION, what)[:, XYZW_FROM_WXYZ],
         opacity_logits=logits,
         sh=_read_sh(table, what),
-        screen_filter=_noted_filter(header.comments),
+        screen_filter=noted_filter(header.comments),
         world_offset=offset,
     )
 
@@ -122,7 +119,7 @@ def write_ply(path: Path, gaussians: Gaussians, vertex_colors: bool = False) -> 
         gaussians.sh[:, 1:].transpose(0, 2, 1).reshape(len(gaussians), 3 * rest),
         gaussians.opacity_logits[:, None],
         gaussians.log_scales,
-        gaussians.quats[:, _WXYZ_FROM_XYZW],
+        gaussians.quats[:, WXYZ_FROM_XYZW],
     ]
     colors = VERTEX_COLOR if vertex_colors else ()
     kinds = [(name, f"<{place}") for name in POSITION] + [(name, "<f4") for name in names]
@@ -135,30 +132,7 @@ def write_ply(path: Path, gaussians: Gaussians, vertex_colors: bool = False) -> 
     blocks["f4"] = np.concatenate(columns, axis=1)
     if vertex_colors:
         blocks["u1"] = to_uint8(0.5 + C0 * gaussians.sh[:, 0])
-    write_vertices(path, blocks.view(kinds), _notes_of(gaussians.screen_filter))
-
-
-def _noted_filter(comments: Sequence[str]) -> ScreenFilter:
-    """Return what the splats are drawn with, by the comments of a header."""
-    modes = {mode.lower(): screen_filter for mode, screen_filter in _MODES.items()}
-    found = CLASSIC
-    for comment in comments:
-        if ours := _OUR_NOTE_READ.fullmatch(comment):
-            return ScreenFilter(float(ours[1]))
-        found = modes.get(comment.lower(), found)
-    return found
-
-
-def _notes_of(screen_filter: ScreenFilter) -> list[str]:
-    """Return the comments; those of others know no other dilation than the usual one.
-
-    For viewers that know only theirs, splats without a filter are nearer to "mip" (`nearest_known`).
-    """
-    nearest = nearest_known(screen_filter)
-    mode = next(mode for mode, found in _MODES.items() if found == nearest)
-    if screen_filter.antialias or screen_filter == nearest:
-        return [mode]
-    return [_OUR_NOTE.format(f"{screen_filter.dilation:g}"), mode]
+    write_tables(path, {"vertex": blocks.view(kinds)}, notes_of(gaussians.screen_filter))
 
 
 def _columns(

@@ -1,7 +1,11 @@
 """What every splat file needs: axes, codes of opacities, checks for broken rows."""
 
 import logging
+import re
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import replace
+from zipfile import BadZipFile
 
 import numpy as np
 
@@ -32,15 +36,78 @@ WORLD_FROM_Y_DOWN = WORLD_FROM_Y_UP.T
 # Which axis of a file points up -> the rotation that brings it into our world.
 WORLD_FROM_UP = {"z": np.eye(3), "y": WORLD_FROM_Y_UP, "-y": WORLD_FROM_Y_DOWN}
 
+# Orders of the components of quaternions: PLY, SOG and .splat have wxyz.
+WXYZ_FROM_XYZW = [3, 0, 1, 2]
+XYZW_FROM_WXYZ = [1, 2, 3, 0]
+
+# Comments of PLY files that say what the splats are drawn with.
+_OUR_NOTE = "digs_warp screen dilation {} px^2"
+_OUR_NOTE_READ = re.compile(r"digs_warp screen dilation (\d{1,2}(?:\.\d{1,9})?(?:e-\d\d?)?) px\^2")
+_MODES = {
+    "SplatRenderMode: default": CLASSIC,
+    "SplatRenderMode: mip": ANTIALIASED,
+    "antialiased 1": ANTIALIASED,
+}
+
+
+@contextmanager
+def sound(what: str) -> Iterator[None]:
+    """Raise a `DigsError` that names a file when the block finds what such a file cannot hold."""
+    try:
+        yield
+    except DigsError:
+        raise
+    except (LookupError, TypeError, ValueError, OverflowError, OSError, BadZipFile) as error:
+        raise DigsError(
+            f"{what}: broken or truncated ({error!r}); copy or export it again"
+        ) from error
+
+
+def unit_quats(quats: np.ndarray) -> np.ndarray:
+    """Return quaternions xyzw, (n, 4), of length 1, float64; a zero one is no rotation."""
+    quats = quats.astype(np.float64)
+    norms = np.linalg.norm(quats, axis=1, keepdims=True)
+    return np.where(norms == 0, (0.0, 0.0, 0.0, 1.0), quats / np.where(norms == 0, 1.0, norms))
+
+
+def smallest_three(quats: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return the place of the largest component of unit quaternions, (n,), and the others, (n, 3).
+
+    The quaternions are turned over where it is negative.
+    """
+    which = np.abs(quats).argmax(axis=1)
+    upright = quats * np.where(quats[np.arange(len(quats)), which] < 0, -1.0, 1.0)[:, None]
+    return which, upright[np.arange(4) != which[:, None]].reshape(-1, 3)
+
+
+def quats_from_three(which: np.ndarray, others: np.ndarray) -> np.ndarray:
+    """Return the quaternions of `smallest_three`, shape (n, 4), float32."""
+    quats = np.empty((len(others), 4), np.float32)
+    is_largest = np.arange(4) == which[:, None]
+    quats[is_largest] = np.sqrt(np.maximum(0.0, 1.0 - np.einsum("ni,ni->n", others, others)))
+    quats[~is_largest] = others.reshape(-1)
+    return quats
+
+
+def in_morton_order(gaussians: Gaussians) -> Gaussians:
+    """Return Gaussians so that neighbors in space are neighbors in the file: it compresses better."""
+    low, high = (end(gaussians.means, axis=0, initial=0.0) for end in (np.min, np.max))
+    cells = (1023 * (gaussians.means - low) / np.where(high > low, high - low, 1.0)).astype(
+        np.int64
+    )
+    key = np.zeros(len(cells), np.int64)
+    for bit in range(10):
+        for axis in range(3):
+            key |= (cells[:, axis] >> bit & 1) << (3 * bit + axis)
+    return gaussians.select(np.argsort(key, kind="stable"))
+
 
 def turned(gaussians: Gaussians, b_from_a: np.ndarray) -> Gaussians:
     """Return the Gaussians of frame a in frame b, a rotation (3, 3); quaternions become unit ones.
 
     A zero quaternion is no rotation. Values that are not finite stay so.
     """
-    quats = gaussians.quats.astype(np.float64)
-    norms = np.linalg.norm(quats, axis=1, keepdims=True)
-    quats = np.where(norms == 0, (0.0, 0.0, 0.0, 1.0), quats / np.where(norms == 0, 1.0, norms))
+    quats = unit_quats(gaussians.quats)
     with np.errstate(invalid="ignore", over="ignore"):
         return replace(
             gaussians,
@@ -162,3 +229,26 @@ def warn_of_loss(count: int, total: int, what: str, loss: str) -> None:
     """Log that a format could not hold ``count`` of ``total`` Gaussians as they are."""
     if count:
         logger.warning("%s: %d of %d Gaussians %s", what, count, total, loss)
+
+
+def noted_filter(comments: Sequence[str]) -> ScreenFilter:
+    """Return what the splats are drawn with, by the comments of a header."""
+    modes = {mode.lower(): screen_filter for mode, screen_filter in _MODES.items()}
+    found = CLASSIC
+    for comment in comments:
+        if ours := _OUR_NOTE_READ.fullmatch(comment):
+            return ScreenFilter(float(ours[1]))
+        found = modes.get(comment.lower(), found)
+    return found
+
+
+def notes_of(screen_filter: ScreenFilter) -> list[str]:
+    """Return the comments; those of others know no other dilation than the usual one.
+
+    For viewers that know only theirs, splats without a filter are nearer to "mip" (`nearest_known`).
+    """
+    nearest = nearest_known(screen_filter)
+    mode = next(mode for mode, found in _MODES.items() if found == nearest)
+    if screen_filter.antialias or screen_filter == nearest:
+        return [mode]
+    return [_OUR_NOTE.format(f"{screen_filter.dilation:g}"), mode]

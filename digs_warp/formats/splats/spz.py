@@ -20,6 +20,8 @@ from digs_warp.formats.splats.rows import (
     codes_from_logits,
     logits_from_codes,
     nearest_known,
+    quats_from_three,
+    smallest_three,
     turned,
     warn_of_loss,
     warn_of_offset,
@@ -44,13 +46,14 @@ COLOR_SCALE = 0.15
 SH_STEPS = 128.0  # per unit
 SH_ZERO = 128
 
-# SH codes are rounded to multiples of these, band 1 and the bands above: what lets gzip shrink the file
-# (the reference implementation's default, 5 and 4 bits of 8).
-SH_BUCKETS = (8, 16)
+# Of the 8 bits of the coefficients of band 1, and of the bands above, these are used, which lets gzip shrink
+# the file: the reference implementation's default.
+SH_BITS = (5, 4)
 
 _SQRT_HALF = np.sqrt(0.5)
 _MAGNITUDE_BITS = 9
 _LARGEST_MAGNITUDE = (1 << _MAGNITUDE_BITS) - 1
+_SHIFTS = tuple(np.uint32(shift) for shift in (20, 10, 0))
 
 
 def encode_positions(positions: np.ndarray, fractional_bits: int) -> bytes:
@@ -90,10 +93,10 @@ def decode_colors(data: bytes | memoryview) -> np.ndarray:
     return ((codes / 255.0 - 0.5) / COLOR_SCALE).astype(np.float32)
 
 
-def encode_sh(rest: np.ndarray) -> bytes:
-    """Return the coefficients above band 0, (n, K - 1, 3), as bytes; rounded to `SH_BUCKETS`."""
-    bucket = np.full(rest.shape[1], SH_BUCKETS[1])
-    bucket[:3] = SH_BUCKETS[0]
+def encode_sh(rest: np.ndarray, bits: tuple[int, int] = SH_BITS) -> bytes:
+    """Return the coefficients above band 0, (n, K - 1, 3), as bytes; rounded to bits as of `SH_BITS`."""
+    bucket = np.full(rest.shape[1], 1 << 8 - bits[1])
+    bucket[:3] = 1 << 8 - bits[0]
     steps = (rest * np.float32(SH_STEPS) + np.float32(SH_ZERO)) / bucket[:, None].astype(np.float32)
     return _to_bytes(np.rint(steps) * bucket[:, None])
 
@@ -123,32 +126,22 @@ def encode_quats_smallest_three(quats: np.ndarray) -> bytes:
     Two bits name the largest component, which is left out and taken as positive; the others follow with
     a sign bit and 9 bits in units of sqrt(1/2) / 511.
     """
-    largest = np.abs(quats).argmax(axis=1)
-    sign = np.where(quats[np.arange(len(quats)), largest] < 0, -1.0, 1.0)
-    values = quats * sign[:, None]
-    magnitudes = np.floor(_LARGEST_MAGNITUDE / _SQRT_HALF * np.abs(values) + 0.5).astype(np.uint32)
-    fields = (values < 0).astype(np.uint32) << _MAGNITUDE_BITS | magnitudes
-    packed = largest.astype(np.uint32)
-    for component in range(4):
-        longer = packed << (_MAGNITUDE_BITS + 1) | fields[:, component]
-        packed = np.where(largest == component, packed, longer)
+    largest, others = smallest_three(quats)
+    magnitudes = np.floor(_LARGEST_MAGNITUDE / _SQRT_HALF * np.abs(others) + 0.5).astype(np.uint32)
+    fields = (others < 0).astype(np.uint32) << _MAGNITUDE_BITS | magnitudes
+    packed = largest.astype(np.uint32) << 30
+    for field, shift in zip(fields.T, _SHIFTS, strict=True):
+        packed |= field << shift
     return packed.astype("<u4").tobytes()
 
 
 def decode_quats_smallest_three(data: bytes | memoryview) -> np.ndarray:
     """Return quaternions xyzw, shape (n, 4), float32."""
     packed = np.frombuffer(data, dtype="<u4")
-    largest = packed >> 30
-    quats = np.zeros((len(packed), 4))
-    for component in (3, 2, 1, 0):
-        stored = largest != component
-        magnitude = (packed & _LARGEST_MAGNITUDE) * (_SQRT_HALF / _LARGEST_MAGNITUDE)
-        value = np.where(packed >> _MAGNITUDE_BITS & 1, -magnitude, magnitude)
-        quats[:, component] = np.where(stored, value, 0.0)
-        packed = np.where(stored, packed >> (_MAGNITUDE_BITS + 1), packed)
-    rest = np.sqrt(np.maximum(0.0, 1.0 - np.einsum("ni,ni->n", quats, quats)))
-    quats[np.arange(len(quats)), largest] = rest
-    return quats.astype(np.float32)
+    fields = packed[:, None] >> np.array(_SHIFTS, np.uint32)
+    magnitudes = (fields & _LARGEST_MAGNITUDE) * (_SQRT_HALF / _LARGEST_MAGNITUDE)
+    others = np.where(fields >> _MAGNITUDE_BITS & 1, -magnitudes, magnitudes)
+    return quats_from_three(packed >> 30, others)
 
 
 def _to_bytes(values: np.ndarray) -> bytes:
@@ -215,13 +208,19 @@ def _decoded(packed: PackedSplats, rows: slice) -> Gaussians:
     )
 
 
-def write_spz(path: Path, gaussians: Gaussians, version: int = DEFAULT_VERSION) -> None:
+def write_spz(
+    path: Path,
+    gaussians: Gaussians,
+    version: int = DEFAULT_VERSION,
+    sh_bits: tuple[int, int] = SH_BITS,
+) -> None:
     """Write Gaussians of our world (z up); values outside its ranges are clipped, with a warning.
 
     Args:
         path: the file.
         gaussians: finite values only.
         version: 3 (read by all programs), 4 (Zstandard, newer ones), 2 (8-bit quaternions, oldest ones).
+        sh_bits: of the coefficients of band 1, and of the bands above, 1 to 8.
 
     Raises:
         DigsError: too many Gaussians, or positions beyond 8 million metres.
@@ -241,7 +240,7 @@ def write_spz(path: Path, gaussians: Gaussians, version: int = DEFAULT_VERSION) 
         "colors": encode_colors(splats.sh[:, 0]),
         "scales": encode_log_scales(splats.log_scales),
         "rotations": encode_quats(quats),
-        "sh": encode_sh(splats.sh[:, 1:]),
+        "sh": encode_sh(splats.sh[:, 1:], sh_bits),
     }
     antialiased = nearest_known(gaussians.screen_filter).antialias
     packed = PackedSplats(version, len(splats), splats.sh_degree, bits, antialiased, streams)

@@ -175,9 +175,10 @@ def describe(path: Path) -> Facts:
     by_suffix: dict[str, Callable[[Path], Facts]] = {
         ".npz": of_gaussians,
         **dict.fromkeys((".usd", ".usda", ".usdc", ".usdz"), of_usd),
-        **dict.fromkeys((".spz", ".splat"), of_splat_file),
+        **dict.fromkeys((".spz", ".splat", ".sog"), of_splat_file),
         ".ply": of_ply,
-        **dict.fromkeys((".glb", ".gltf", ".obj", ".stl"), of_mesh),
+        **dict.fromkeys((".glb", ".gltf"), of_gltf),
+        **dict.fromkeys((".obj", ".stl"), of_mesh),
     }
     summary = by_suffix.get(path.suffix.lower())
     if summary is None:
@@ -206,6 +207,13 @@ def _summary_of_folder(path: Path) -> Callable[[Path], Facts]:
         f"'{path}': holds neither a capture ({INDEX_NAME}) nor a reconstruction ({layout.GAUSSIANS}) "
         f"nor the results of 'digs-warp run' ({layout.CAPTURE}/)"
     )
+
+
+def of_gltf(path: Path) -> Facts:
+    """Gaussians or a mesh, likewise."""
+    from digs_warp.formats.splats.gltf import holds_splats
+
+    return of_splat_file(path) if holds_splats(path) else of_mesh(path)
 
 
 def of_ply(path: Path) -> Facts:

@@ -212,8 +212,8 @@ def with_fallbacks(path: Path, header: dict[str, Any]) -> dict[str, Any]:
         )
     if primitives and all(SPLATS in each.get("extensions", {}) for each in primitives):
         raise MeshError(
-            f"mesh '{path}': Gaussian splats ({SPLATS}), expected triangles; splats are read from PLY, SPZ "
-            "and USD: export them so, for example with SuperSplat"
+            f"mesh '{path}': Gaussian splats ({SPLATS}), expected triangles; 'digs-warp view', 'convert' "
+            "and 'info' read them"
         )
     return plain
 

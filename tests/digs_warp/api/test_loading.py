@@ -50,8 +50,8 @@ def test_a_file_is_what_its_suffix_says(tmp_path: Path) -> None:
 def test_what_cannot_be_loaded_is_named(tmp_path: Path) -> None:
     with pytest.raises(dw.DigsError, match=r"gone': no such file or folder"):
         dw.load(tmp_path / "gone")
-    (tmp_path / "mesh.glb").write_bytes(b"glTF")
-    with pytest.raises(dw.DigsError, match=r"suffix '\.glb', expected Gaussians"):
-        dw.load(tmp_path / "mesh.glb")
+    (tmp_path / "mesh.obj").write_bytes(b"v 0 0 0")
+    with pytest.raises(dw.DigsError, match=r"suffix '\.obj', expected Gaussians"):
+        dw.load(tmp_path / "mesh.obj")
     with pytest.raises(dw.DigsError, match=r"no gaussians\.npz in it"):
         dw.load(tmp_path)

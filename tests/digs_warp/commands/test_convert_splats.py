@@ -40,7 +40,7 @@ def run(
 
 
 @pytest.mark.parametrize(
-    ("source", "target"), list(pairwise([*scene_files.SUFFIXES, scene_files.SUFFIXES[0]]))
+    ("source", "target"), list(pairwise([*scene_files.WRITABLE, scene_files.WRITABLE[0]]))
 )
 def test_any_pair(tmp_path: Path, gaussians: Gaussians, source: str, target: str, capsys) -> None:
     """The scene survives, to the precision of the coarsest format."""
@@ -53,7 +53,9 @@ def test_any_pair(tmp_path: Path, gaussians: Gaussians, source: str, target: str
     assert code == EXIT_OK, text
     assert "20 Gaussians" in text
     read = scene_files.read_scene(third).gaussians
-    np.testing.assert_allclose(read.means, gaussians.means, atol=1e-5)
+    nearest = np.linalg.norm(read.means[:, None] - gaussians.means, axis=2).argmin(axis=0)
+    read = read.select(nearest)  # some formats sort
+    np.testing.assert_allclose(read.means, gaussians.means, atol=2e-3)
     np.testing.assert_allclose(shapes(read), shapes(gaussians), atol=0.4)
     np.testing.assert_allclose(read.opacities, gaussians.opacities, atol=1.1 / 255)
     np.testing.assert_allclose(read.sh[:, 0], gaussians.sh[:, 0], atol=0.05)
@@ -143,7 +145,7 @@ def classic(folder: Path) -> Path:
     return folder / "result"
 
 
-@pytest.mark.parametrize("suffix", scene_files.SPLAT_SUFFIXES)
+@pytest.mark.parametrize("suffix", scene_files.SPLATS_WRITABLE)
 def test_files_for_classic_viewers_have_thinner_splats(tmp_path: Path, suffix: str, capsys) -> None:
     source = classic(tmp_path)
     scales = []
@@ -163,8 +165,8 @@ def test_files_for_classic_viewers_have_thinner_splats(tmp_path: Path, suffix: s
 @pytest.mark.parametrize(
     ("target", "flags", "message"),
     [
-        ("b.usdz", ["--for", "classic"], "expected .ply, .spz, .splat; what reads other files"),
-        ("b.npz", ["--for", "classic"], "expected .ply, .spz, .splat"),
+        ("b.usdz", ["--for", "classic"], "expected .ply, .compressed.ply, .spz"),
+        ("b.npz", ["--for", "classic"], "expected .ply, .compressed.ply, .spz"),
         ("b.ply", ["--for", "classic"], "no recording with cameras"),
         ("b.ply", ["--for-width", "640"], "--for-width needs --for classic"),
     ],

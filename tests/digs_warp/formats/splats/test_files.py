@@ -9,7 +9,8 @@ from full_disks.disk import largest_file
 
 from digs_warp.checks import DigsError
 from digs_warp.data.gaussians import ANTIALIASED, CLASSIC, NO_FILTER, ScreenFilter
-from digs_warp.formats.splats.files import SUFFIXES, read_splat_file, write_splat_file
+from digs_warp.formats.splats.files import WRITABLE as SUFFIXES
+from digs_warp.formats.splats.files import SplatWriting, read_splat_file, write_splat_file
 from digs_warp.formats.splats.rows import (
     WORLD_FROM_UP,
     codes_from_logits,
@@ -46,7 +47,7 @@ def test_up_is_the_axis_that_the_caller_names(tmp_path: Path, suffix: str, up, a
     g = random_gaussians(3, 0)
     g.means[:] = (0, 0, 1)
     path = tmp_path / f"a{suffix}"
-    write_splat_file(path, g, up=up)
+    write_splat_file(path, g, SplatWriting(up))
     stored = read_splat_file(path)
     assert stored.means[0, axis] == (-1 if up.startswith("-") else 1)
     np.testing.assert_array_equal(read_splat_file(path, up=up).means, g.means)
@@ -55,7 +56,7 @@ def test_up_is_the_axis_that_the_caller_names(tmp_path: Path, suffix: str, up, a
 def test_spz_does_not_need_to_be_told(tmp_path: Path) -> None:
     g = random_gaussians(3, 0)
     for up in ("z", "y", "-y"):
-        write_splat_file(tmp_path / "a.spz", g, up=up)
+        write_splat_file(tmp_path / "a.spz", g, SplatWriting(up))
         read = read_splat_file(tmp_path / "a.spz", up=up)
         np.testing.assert_allclose(read.means, g.means, atol=1e-6)
 
@@ -135,7 +136,7 @@ def test_every_opacity_code_survives_a_round_trip() -> None:
 @pytest.mark.parametrize("suffix", [".ply", ".spz"])
 def test_no_gaussians_at_all(tmp_path: Path, suffix: str) -> None:
     path = tmp_path / f"a{suffix}"
-    write_splat_file(path, random_gaussians(0, 2), up="y")
+    write_splat_file(path, random_gaussians(0, 2), SplatWriting("y"))
     assert len(read_splat_file(path, up="y")) == 0
 
 
@@ -155,11 +156,13 @@ def test_what_a_file_is_for_stands_in_it(
     tmp_path: Path, suffix: str, made_for: ScreenFilter, read: ScreenFilter
 ) -> None:
     path = tmp_path / f"a{suffix}"
-    write_splat_file(path, replace(random_gaussians(5, 1), screen_filter=made_for), up="y")
+    write_splat_file(
+        path, replace(random_gaussians(5, 1), screen_filter=made_for), SplatWriting("y")
+    )
     assert read_splat_file(path, up="y").screen_filter == read
 
 
-@pytest.mark.parametrize("suffix", SUFFIXES)
+@pytest.mark.parametrize("suffix", [".ply", ".spz", ".splat"])
 def test_files_of_others_are_drawn_as_their_viewers_draw_them(
     sample_data: Path, suffix: str
 ) -> None:

@@ -188,7 +188,7 @@ def broken(text: str, *replacements: tuple[str, str]) -> str:
         ("format binary_little_endian 1.0\n", "", "no 'format' line"),
         ("binary_little_endian", "binary_middle_endian", "header line 2"),
         ("binary_little_endian", "ascii", "do not fit|expected 17 numbers"),
-        ("element vertex", "element chunk 0\nelement vertex", "SuperSplat"),
+        ("element vertex", "element chunk 0\nelement vertex", "chunk. has no properties"),
         ("element vertex 3\n", "element vertex 3\nelement vertex 3\n", "no properties"),
     ],
 )

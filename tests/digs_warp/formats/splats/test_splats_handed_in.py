@@ -134,22 +134,6 @@ def test_implausible_values_are_named(
         assert said in capsys.readouterr().out
 
 
-def test_a_compressed_ply_of_supersplat_is_named(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    path = tmp_path / "scene.compressed.ply"
-    head = "ply\nformat binary_little_endian 1.0\nelement chunk 1\nproperty float min_x\n"
-    head += (
-        "element vertex 1\nproperty uint packed_position\nproperty uint packed_color\nend_header\n"
-    )
-    path.write_bytes(head.encode() + bytes(12))
-    for command in (["info"], ["convert", "--out", str(tmp_path / "b.spz")]):
-        assert main([command[0], str(path), *command[1:]]) == 1
-        assert (
-            "compressed PLY of SuperSplat; export it again as plain PLY" in capsys.readouterr().err
-        )
-
-
 def test_a_reconstruction_far_away_is_written_where_it_is(tmp_path: Path) -> None:
     made = Reconstruction(gaussians=scene(), poses=Poses(world_offset=(431000.0, 4582000.0, 312.0)))
     write_scene_file(tmp_path / "a.ply", made, tmp_path)

@@ -272,7 +272,7 @@ def test_splats_are_named(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> N
     assert len(load(builder, tmp_path).faces) == 2
     assert "Gaussian splats are not read" in caplog.text
     builder.header["meshes"][0]["primitives"] = [splats]
-    with pytest.raises(MeshError, match=r"Gaussian splats .*export them"):
+    with pytest.raises(MeshError, match=r"Gaussian splats .*digs-warp view"):
         load(builder, tmp_path)
 
 
