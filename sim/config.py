@@ -59,8 +59,8 @@ class SimulateConfig(Settings):
     """Number of stereo frames, evenly spaced in time over the walk. Default: 60, or fps times duration."""
 
     profile: str | None = None
-    """The camera: zed2-2k, zed2-1080, zed2-720, zed2-vga, d435, oak-d, or a YAML file. Default: zed2-720, at
-    60 degrees."""
+    """The camera: zed2-2k, zed2-1080, zed2-720, zed2-vga, d435, d455, gemini-335, oak-d, or a YAML file.
+    Default: zed2-720, at 60 degrees."""
 
     width: Annotated[int | None, SIDE] = None
     """Image width [px]. Default: that of the profile; 640 without one."""

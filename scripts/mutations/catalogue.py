@@ -18,6 +18,8 @@ COLOR = "digs_warp.sim.sensor.color"
 MATCHING = (f"{GUIDED}.tier:sense_by_guided_matching",)
 NOISES = tuple(f"{COLOR}.image_noise:{kind}.apply" for kind in ("ShotNoise", "ReadNoise"))
 SEARCH = f"{GUIDED}.search"
+LAW = "digs_warp.sim.sensor.law"
+AFTER = "digs_warp.sim.sensor.effects.disparity_errors"
 
 # Tests that are there for several faults.
 NOISE = "test_the_images_have_the_noise_that_the_rig_states"
@@ -99,6 +101,24 @@ OTHERS = (
     Mutation("baseline-flipped", "a longer baseline makes depth larger",
              "test_a_changed_baseline_scales_depth",
              ("digs_warp.sim.sensor.drift:Drift.reported_disparity",), causes.baseline_flipped),
+    Mutation("device-rough", "the device does not smooth its matches",
+             "test_planes_are_as_rough_as_the_devices",
+             (f"{AFTER}:Smoothing.apply",), causes.no_effect),
+    Mutation("device-trusts", "the device drops no doubtful match",
+             "test_holes_are_as_many_and_as_small_as_the_devices",
+             (f"{AFTER}:Rejection.apply",), causes.no_effect),
+    Mutation("no-speckle", "nothing but the image noise changes from frame to frame",
+             "test_speckle_is_what_changes_of_the_noise",
+             (f"{AFTER}:Speckle.apply",), causes.no_effect),
+    Mutation("law-white", "the noise of the tier law is white",
+             "test_walls_are_as_rough_in_windows_of_any_size_as_the_devices",
+             (f"{LAW}:octave_normal",), causes.white_field),
+    Mutation("law-salt", "holes of the tier law are single pixels",
+             "test_holes_have_the_number_and_the_sizes_of_the_devices",
+             (f"{LAW}:HOLE_CORRELATION",), causes.value(0)),
+    Mutation("law-all-changes", "all noise of the tier law is drawn anew in every frame",
+             "test_noise_of_the_gemini_changes_and_grows_as_the_devices",
+             (f"{LAW}:_lasting",), causes.never_lasting),
     Mutation("dots-1.3", "the dots of the infrared projector are 1.3 times as bright",
              "test_the_pattern_has_the_density_and_the_distances_of_the_real_one",
              ("digs_warp.sim.sensor.infrared.pair:dot_pattern",), causes.brighter_dots),

@@ -7,6 +7,7 @@ import sys
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from importlib import import_module
+from itertools import count
 from typing import Any
 
 import numpy as np
@@ -131,6 +132,30 @@ def brighter_dots(dot_pattern: Any) -> Any:
 def baseline_flipped(reported_disparity: Any) -> Any:
     """Return a camera whose depth grows with the baseline."""
     return lambda self, matched: matched / np.float32(1 + self.baseline)
+
+
+def no_effect(apply: Any) -> Any:
+    """Return an effect on depth that changes nothing."""
+    return lambda self, sensed, *arguments, **named: sensed
+
+
+def white_field(octave_normal: Any) -> Any:
+    """Return white noise instead of octaves."""
+
+    def mutated(rng: Any, shape: Any, correlation: float) -> Any:
+        return rng.standard_normal(shape, dtype=np.float32)
+
+    return mutated
+
+
+def never_lasting(lasting: Any) -> Any:
+    """Return a field that is another one each time."""
+    drawn = count()
+
+    def mutated(seed: int, *arguments: Any) -> Any:
+        return lasting(seed + 1000 * next(drawn), *arguments)
+
+    return mutated
 
 
 def value(new: Any) -> Callable[[Any], Any]:

@@ -98,6 +98,13 @@ def _figures(origin: Origin, note: str, **values: float) -> dict[str, Figure]:
     return {name: Figure(value, origin, note) for name, value in values.items()}
 
 
+# Of the tier "law", where no figures of a device are known.
+_NO_DEVICE = {
+    **_figures("tuned", "not compared with a device", disparity_correlation=16.0),
+    **_figures("tuned", "not compared with a device", temporal_share=0.2),
+    **_figures("tuned", "not compared with a device", disparity_distortion=0.0, hole_share=0.0),
+}
+
 _MATCHER = {
     **_figures("measured", "semi-global matching, synthetic pairs", window=5),
     **_figures("measured", "fixed point of semi-global matchers", disparity_step=1 / 16),
@@ -106,6 +113,8 @@ _MATCHER = {
     **_figures("tuned", "bounded by range data of the ZED (v1)", static_field=0.1),
     **_figures("tuned", "high-frequency error of a real pair: 0.10-0.15 px", disparity_sigma=0.1),
     **_figures("tuned", "any specimen", unit=0),
+    **_NO_DEVICE,
+    **_figures("tuned", "a bare matcher", least_confidence=0.0, smoothing=0.0),
     # Vendors state depth errors below 1 to 2 % at 2 to 4 m, which are 0.2 to 0.4 px: two standard deviations.
     **_figures("tuned", "half of the vendors' depth errors, 0.1-0.2 px", rotation_drift=0.01),
     **_figures("tuned", "lens that warms by 10 K, 0.1-0.2 px at the sides", focal_drift=2e-4),
@@ -156,6 +165,7 @@ _ZED2_MODES = {
     },
 }
 
+_D435_PLANES = "ten frames of boxes and walls"
 
 _D435 = {
     **_MATCHER,
@@ -166,7 +176,14 @@ _D435 = {
     **_figures("vendor", "search range of the depth chip", max_disparity=126.0),
     **_figures("vendor", "f b / 126 px", min_depth=0.168),
     **_figures("vendor", "1/32 px", disparity_step=1 / 32),
-    **_figures("vendor", "rule of thumb of the vendor's engineers", disparity_sigma=0.08),
+    # Residuals to planes in windows of 8 to 64 px at 1.2 m: .020, .033, .071, .106 px (d435_planes of the
+    # sample data). The vendor's engineers say .08 px.
+    **_figures("measured", _D435_PLANES, disparity_sigma=0.13, disparity_correlation=16.0),
+    **_figures("tuned", "as a Gemini 335", temporal_share=0.2),
+    **_figures("tuned", "its noise does not fall with distance", disparity_distortion=0.0),
+    **_figures("measured", _D435_PLANES, hole_share=0.035),
+    **_figures("tuned", "holes of the ten frames", least_confidence=0.905),
+    **_figures("tuned", "residuals of the ten frames", smoothing=0.45),
     **_figures("tuned", "0.11 px; the vendor's 2 % at 2 m allow twice that", rotation_drift=0.015),
     **_figures("vendor", "global shutter of the infrared pair", readout_time=0.0),
     # realsense_d435_ir_pair of the sample data: 0.24 of full white on a gray box 0.42 m away. Its reflectance
@@ -180,6 +197,36 @@ _D435 = {
     # The gray box of the real pair: 0.47 DN between its dots, rounding (0.29) included, at 48 DN.
     **_figures("measured", "infrared images of a real pair", image_noise=0.25),
     **_figures("tuned", "indoor light", color_noise=2.0),
+}
+
+_D455 = {
+    **_D435,
+    **_figures("vendor", "data sheet", baseline=0.095),
+    **_figures("vendor", "f b / 126 px", min_depth=0.32),
+    **_figures("tuned", "where noise reaches 0.4 m", max_depth=14.0),
+    **_figures("tuned", "between the eyes; no published figure", projector_offset=0.0475),
+    # realsense2_description/urdf/_d455.urdf.xacro: 59 mm on the side of the right eye; 90 degrees across.
+    **_figures("vendor", "the vendor's URDF", color_offset=0.059),
+    **_figures("vendor", "90 for 90 degrees across", color_zoom=1.0),
+    # .031, .068, .113, .124 px in windows of 8 to 64 px.
+    **_figures("measured", "a flat board at 0.7 to 1 m", disparity_sigma=0.133),
+    **_figures("measured", "a flat board at 0.7 to 1 m", disparity_correlation=9.0),
+}
+
+# A white board at 0.5 to 3 m, by github.com/ychen921/rgbd-characterization (2026).
+_BOARD = "a white board at 0.5 to 3 m, published"
+
+_GEMINI_335 = {
+    **_D435,
+    **_figures("measured", "calibration of that unit", focal=412.45),
+    **_figures("vendor", "data sheet", max_depth=20.0, color_zoom=1.0),
+    **_figures("tuned", "the search range of a D435", min_depth=0.1637),
+    **_figures("tuned", "depth stays in the left eye's image", color_offset=0.0),
+    **_figures("tuned", "too fine to be seen in the noise", disparity_step=1 / 64),
+    **_figures("measured", "hardly any holes on the board", least_confidence=0.0),
+    **_figures("measured", _BOARD, disparity_sigma=0.0313, temporal_share=0.73),
+    **_figures("measured", _BOARD, disparity_distortion=0.0022, hole_share=0.0),
+    **_figures("measured", _BOARD, disparity_correlation=8.0),
 }
 
 _OAKD = {
@@ -203,6 +250,8 @@ PROFILES = {
         for mode, figures in _ZED2_MODES.items()
     },
     "d435": Profile("d435", "RealSense-D435 class", _D435),
+    "d455": Profile("d455", "RealSense-D455 class", _D455),
+    "gemini-335": Profile("gemini-335", "Orbbec-Gemini-335 class", _GEMINI_335),
     "oak-d": Profile("oak-d", "OAK-D class", _OAKD),
 }
 

@@ -12,24 +12,35 @@ from digs_warp.geometry.camera import Intrinsics
 # 60 degrees an object of 0.5 m fills the height of a 16:9 frame at about 0.9 m [tuned].
 DEFAULT_FOV_DEG = 60.0
 
+# Of smooth noise [px]; smaller ones cannot be told from white noise.
+SHORTEST_CORRELATION = 1.5
+
 
 @dataclass(frozen=True, kw_only=True)
 class StereoRig:
     """Two equal cameras with parallel axes; the right one is ``baseline`` metres to the right.
 
-    The first six fields are for geometry and the closed-form law; the others for the effects on depth and
+    The first ten fields are for geometry and the closed-form law; the others for the effects on depth and
     images. ``digs_warp.sim.camera.profiles`` has them for real cameras, with sources.
 
     Attributes:
         intrinsics: of either eye.
         baseline: [m].
-        disparity_sigma: standard deviation of the disparity noise [px], for the tier "law"; matching makes
-            its own.
+        disparity_sigma: standard deviation of the disparity noise [px], for the tier "law" as the next four;
+            matching makes its own, but that of laser speckle.
+        disparity_correlation: distance at which its coarsest part has fallen to 1/e [px], >= 1.5; 0: white.
+        temporal_share: of its variance, what changes from frame to frame, 0 to 1.
+        disparity_distortion: smooth constant error of the disparity, relative; with that, noise falls with
+            distance.
+        hole_share: of a plain surface, what has no depth, 0 to 1; 0: no holes at all, nor shadows.
         disparity_step: step in which disparity is reported [px]; 0: none.
         min_depth: nearest depth that is reported [m].
         max_depth: farthest depth that is reported [m].
         max_disparity: end of the search range [px]; 0: as far as the nearest depth requires.
         window: width of the matching window [px].
+        least_confidence: matches with less are dropped by the device, 0 to 1; 0: none.
+        smoothing: weight of the neighbors in the device's average of matches along rows and columns, 0 (none)
+            to 1; steps stay.
         static_field: standard deviation of the smooth, constant error of a unit [px].
         unit: number of the unit; each has a different static field.
         rotation_drift: standard deviation of each of the three angles by which the right eye has turned since
@@ -59,8 +70,14 @@ class StereoRig:
     disparity_step: float
     min_depth: float
     max_depth: float
+    disparity_correlation: float = 0.0
+    temporal_share: float = 1.0
+    disparity_distortion: float = 0.0
+    hole_share: float = 0.0
     max_disparity: float = 0.0
     window: int = 5
+    least_confidence: float = 0.0
+    smoothing: float = 0.0
     static_field: float = 0.1
     unit: int = 0
     rotation_drift: float = 0.0
@@ -88,7 +105,12 @@ class StereoRig:
             value = getattr(self, name)
             if not (np.isfinite(value) and value >= 0):
                 raise DigsError(f"rig: {name}={value}, expected a finite number >= 0")
-        for name in ("vignetting", "white_balance"):
+        if 0 < self.disparity_correlation < SHORTEST_CORRELATION:
+            raise DigsError(
+                f"rig: disparity_correlation={self.disparity_correlation}, expected 0 (white noise) or "
+                f"{SHORTEST_CORRELATION} px and more"
+            )
+        for name in _SHARES:
             if getattr(self, name) > 1:
                 raise DigsError(f"rig: {name}={getattr(self, name)}, expected a share from 0 to 1")
         check_positive("rig: color_zoom", self.color_zoom)
@@ -108,6 +130,11 @@ class StereoRig:
     def focal_baseline(self) -> float:
         """Focal length times baseline [px m]: disparity = focal_baseline / depth."""
         return self.intrinsics.fx * self.baseline
+
+    @property
+    def changing_sigma(self) -> float:
+        """Standard deviation of the noise that changes from frame to frame [px]."""
+        return float(np.sqrt(self.temporal_share)) * self.disparity_sigma
 
     @property
     def has_color_camera(self) -> bool:
@@ -135,8 +162,22 @@ class StereoRig:
         return min(nearest, self.max_disparity) if self.max_disparity > 0 else nearest
 
 
+_SHARES = (
+    "vignetting",
+    "white_balance",
+    "temporal_share",
+    "hole_share",
+    "least_confidence",
+    "smoothing",
+)
 _AMOUNTS = (
     "disparity_sigma",
+    "disparity_correlation",
+    "temporal_share",
+    "disparity_distortion",
+    "hole_share",
+    "least_confidence",
+    "smoothing",
     "disparity_step",
     "max_disparity",
     "static_field",

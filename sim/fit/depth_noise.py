@@ -1,16 +1,15 @@
-"""Noise of disparity on a wall: its size, what of it changes, how far it is correlated, what always stays.
+"""Noise of disparity on a wall: its size, what of it changes, what always stays.
 
 The residual to the wall's plane is split by its mean over the frames of a pose. With n frames, temporal
 variance t and fixed variance f, the mean of a pixel has the variance f + t / n.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from itertools import combinations
 
 import numpy as np
 
 from digs_warp.sim.fit.estimate import (
-    BLOCKS,
     UNKNOWN,
     Estimate,
     block_numbers,
@@ -19,12 +18,6 @@ from digs_warp.sim.fit.estimate import (
     ratio,
 )
 from digs_warp.sim.fit.wall import Pose, Wall
-
-# Distances at which the correlation is measured [px].
-LAGS = (0, 1, 2, 3, 4, 5, 6, 8, 10, 12, 16, 20, 24, 32, 48)
-
-# Correlation of the part that changes is measured on this many frames of a pose.
-CORRELATED_FRAMES = 3
 
 
 def residuals(pose: Pose) -> np.ndarray:
@@ -55,8 +48,7 @@ def noise(wall: Wall) -> dict[str, Estimate]:
     """Return the noise figures of a wall [px]; unknown where there are too few frames or poses.
 
     ``sigma``: of all errors in one frame; ``temporal`` and ``fixed``: what changes between frames and what
-    does not; ``static_field``: what the fixed parts of all poses have in common; ``correlation``: distance at
-    which the correlation of the temporal part has fallen to 1/e, mean of rows and columns.
+    does not; ``static_field``: what the fixed parts of all poses have in common.
     """
     blocks = block_numbers(wall.shape)
     moments = [Moments(residuals(pose)) for pose in wall.poses]
@@ -67,7 +59,6 @@ def noise(wall: Wall) -> dict[str, Estimate]:
         "temporal": jackknife(sums, _temporal).root() if several else UNKNOWN,
         "fixed": jackknife(sums, lambda s: _total(s) - _temporal(s)).root() if several else UNKNOWN,
         "static_field": static_field([one.mean for one in moments], blocks),
-        "correlation": _correlation_length(wall.poses, blocks) if several else UNKNOWN,
     }
 
 
@@ -116,53 +107,3 @@ def static_field(means: Sequence[np.ndarray], blocks: np.ndarray) -> Estimate:
         for p in products
     )
     return jackknife(np.asarray(sums), ratio).root()
-
-
-def _correlation_length(poses: Sequence[Pose], blocks: np.ndarray) -> Estimate:
-    return _length(sum(_lag_sums(part, blocks) for part in _changing(poses)))
-
-
-def _changing(poses: Sequence[Pose]) -> Iterator[np.ndarray]:
-    """Yield the residuals of some frames minus their mean over the frames of the pose."""
-    for pose in poses:
-        residual = residuals(pose)
-        if len(residual) > 1:
-            moments = Moments(residual)
-            mean = np.where(moments.count > 1, moments.mean, np.nan)
-            yield from (frame - mean for frame in residual[:CORRELATED_FRAMES])
-
-
-def _lag_sums(residual: np.ndarray, blocks: np.ndarray) -> np.ndarray:
-    """Return sums of products at each lag along rows and columns, then their numbers, (BLOCKS, 2 * lags)."""
-    products, counts = np.zeros((BLOCKS, len(LAGS))), np.zeros((BLOCKS, len(LAGS)))
-    for number, lag in enumerate(LAGS):
-        for axis in (0, 1):
-            size = residual.shape[axis]
-            if lag >= size:
-                continue
-            here, there = (
-                np.take(residual, range(*ends), axis) for ends in ((0, size - lag), (lag, size))
-            )
-            product = here * there
-            at = np.take(blocks, range(size - lag), axis)
-            known = np.isfinite(product)
-            products[:, number] += np.bincount(at[known], product[known], BLOCKS)
-            counts[:, number] += np.bincount(at[known], minlength=BLOCKS)
-    return np.concatenate([products, counts], axis=1)
-
-
-def _length(sums: np.ndarray | int) -> Estimate:
-    return jackknife(np.asarray(sums), _crossing) if np.ndim(sums) else UNKNOWN
-
-
-def _crossing(sums: np.ndarray) -> float:
-    """Return where the correlation crosses 1/e, interpolated linearly; the last lag where it does not."""
-    covariance = sums[: len(LAGS)] / np.maximum(sums[len(LAGS) :], 1)
-    correlation = covariance / covariance[0]
-    below = np.flatnonzero(correlation < np.exp(-1))
-    if len(below) == 0:
-        return float(LAGS[-1])
-    after = below[0]
-    high, low = correlation[after - 1], correlation[after]
-    share = (high - np.exp(-1)) / (high - low)
-    return LAGS[after - 1] + share * (LAGS[after] - LAGS[after - 1])

@@ -1,7 +1,7 @@
 """Fit a camera to a recording of a wall: measure, simulate the same wall, compare."""
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import astuple, replace
 
 import numpy as np
 
@@ -10,6 +10,7 @@ from digs_warp.record.progress import progress
 from digs_warp.sim.camera.rig import StereoRig
 from digs_warp.sim.fit.calibration import FEWEST_POSES, Calibration, bias, calibrate_wall
 from digs_warp.sim.fit.depth_noise import noise, sigma_of
+from digs_warp.sim.fit.device_figures import WINDOWS, Roughness, correlation_of, roughness
 from digs_warp.sim.fit.estimate import UNKNOWN, Estimate
 from digs_warp.sim.fit.image_noise import NO_NOISE, Eyes, ImageNoise, eye_noise, image_noise
 from digs_warp.sim.fit.known_frame import known_frame, right_image, sense_frame
@@ -119,7 +120,19 @@ def _reporting(wall: Wall, base: StereoRig, own: dict[str, Estimate]) -> list[Fi
     step, (near, far) = disparity_step(wall), limits(wall)
     nearest, farthest = depth_range(wall)
     found = [Fitted("disparity_step", step, "all values are multiples of it")] * step.is_known
-    found.append(Fitted("disparity_sigma", _law_sigma(own, step), "all noise but the static field"))
+    sigma = _law_sigma(own, step)
+    found.append(Fitted("disparity_sigma", sigma, "all noise but the static field"))
+    correlation = correlation_of([each.value for each in _roughness(wall).values()])
+    if np.isfinite(correlation):
+        how = "growth of the rest to a plane with the window"
+        found.append(Fitted("disparity_correlation", Estimate(correlation, np.nan), how))
+    if own["temporal"].is_known and sigma.value > 0:
+        found.append(
+            Fitted("temporal_share", _share(own["temporal"], sigma), "temporal part of it")
+        )
+    missing = holes(wall)["holes"]
+    if missing.is_known:
+        found.append(Fitted("hole_share", missing, "share without depth"))
     for name, end, seen, is_wider in (
         ("min_depth", near, nearest, nearest < base.min_depth),
         ("max_depth", far, farthest, farthest > base.max_depth),
@@ -141,6 +154,13 @@ def _law_sigma(own: dict[str, Estimate], step: Estimate) -> Estimate:
     variance = sigma.value**2 - field.value**2 - rounding
     error = np.hypot(2 * sigma.value * sigma.error, 2 * field.value * field.error)
     return Estimate(variance, float(error)).root()
+
+
+def _share(part: Estimate, whole: Estimate) -> Estimate:
+    """Return the share of the variance that a part of the noise has; rounding may lift it above 1."""
+    share = min((part.value / whole.value) ** 2, 1.0)
+    relative = np.hypot(part.error / part.value, whole.error / whole.value) if part.value else 0.0
+    return Estimate(share, float(2 * share * relative))
 
 
 def _of_images(images: ImageNoise) -> list[Fitted]:
@@ -212,7 +232,7 @@ def _comparisons(
     images: ImageNoise,
     measured_bias: tuple[Estimate, Estimate],
 ) -> list[Comparison]:
-    both = (noise(wall) | holes(wall), noise(simulated) | holes(simulated))
+    both = [noise(each) | holes(each) | _roughness(each) for each in (wall, simulated)]
     both[0]["image"] = images.temporal
     both[1]["image"] = image_noise([pose.images for pose in simulated.poses]).temporal
     biases = bias(simulated)
@@ -223,16 +243,29 @@ def _comparisons(
         "temporal": "of that, temporal [px]",
         "fixed": "of that, fixed [px]",
         "static_field": "of that, common to all distances [px]",
-        "correlation": "correlation length of the temporal part [px]",
+        **{f"window {size}": f"rest to a plane in windows of {size} px [px]" for size in WINDOWS},
         "offset": "offset of the disparity [px]",
         "scale": "scale of the disparity",
         "wrong": "share off the wall by more than a pixel",
         "holes": "share without depth",
         "small holes": "of that, in holes of up to 3 pixels",
         "hole size": "half of the hole area is in smaller holes [px]",
+        "hole count": "holes in 10,000 pixels",
         "image": "noise of the images between frames [DN]",
     }
     return [Comparison(title, both[0][name], both[1][name]) for name, title in names.items()]
+
+
+def _roughness(wall: Wall) -> dict[str, Estimate]:
+    """Return the residual to a plane in windows of each size, over all frames and distances [px]."""
+    found = {}
+    for size in WINDOWS:
+        parts = [roughness(pose.disparity, size) for pose in wall.poses]
+        together = Roughness(
+            *(np.concatenate(each) for each in zip(*map(astuple, parts), strict=True))
+        )
+        found[f"window {size}"] = together.estimate
+    return found
 
 
 def _noise_over_distance(wall: Wall, simulated: Wall) -> Series:

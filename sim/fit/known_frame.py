@@ -12,7 +12,7 @@ from digs_warp.sim.scene.scene import Material
 from digs_warp.sim.sensor.color.image_noise import ReadNoise, ShotNoise
 from digs_warp.sim.sensor.color.recorded import recorded_images
 from digs_warp.sim.sensor.drift import NO_DRIFT, Drift
-from digs_warp.sim.sensor.effects.disparity_errors import Quantum, StaticField
+from digs_warp.sim.sensor.effects import AFTER_MATCHING
 from digs_warp.sim.sensor.effects.protocol import Choice
 from digs_warp.sim.sensor.filters import sampled
 from digs_warp.sim.sensor.frame import FrameTruth, Motion, Sensed
@@ -82,9 +82,9 @@ def _seen_from_right(disparity: np.ndarray) -> np.ndarray:
     return nearest
 
 
-# Noise of the images, static field and fixed point are as strong as the rig says; a drift is in the frame.
+# Noise of the images, and what acts on matches, are as strong as the rig says; a drift is in the frame.
 ON_IMAGES = (ShotNoise(), ReadNoise())
-ON_DEPTH = (StaticField.name, Quantum.name)
+ON_DEPTH = tuple(effect.name for effect in AFTER_MATCHING)
 
 
 def sense_frame(

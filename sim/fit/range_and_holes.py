@@ -114,11 +114,12 @@ def holes(wall: Wall) -> dict[str, Estimate]:
     """Return shares of the wall, 0 to 1, where both eyes see it and within the range that was reported.
 
     ``holes``: without depth; ``wrong``: of the depths, those off the wall; ``small holes``: of the hole area,
-    what lies in holes of up to three pixels; ``hole size``: half of the hole area is in smaller holes [px].
+    what lies in holes of up to three pixels; ``hole size``: half of the hole area is in smaller holes [px];
+    ``hole count``: connected holes in 10,000 pixels.
     """
     blocks = block_numbers(wall.shape)
     nearest, farthest = depth_range(wall)
-    missing, wrong, sizes = [], [], []
+    missing, wrong, sizes, counts = [], [], [], []
     for pose in wall.poses:
         plane = pose.plane.disparity(wall.shape)
         depth = wall.focal_baseline / plane
@@ -129,11 +130,13 @@ def holes(wall: Wall) -> dict[str, Estimate]:
             off = np.abs(frame - plane) > pose.plane.limit
             wrong.append(_shares(off & inside, inside & ~np.isnan(frame), blocks))
             sizes.append(patch_areas(hole))
+            counts.append(1e4 * len(sizes[-1]) / max(np.count_nonzero(inside), 1))
     return {
         "holes": jackknife(np.sum(missing, axis=0), ratio),
         "wrong": jackknife(np.sum(wrong, axis=0), ratio),
         "small holes": _mean([small_share(s) for s in sizes]),
         "hole size": _mean([median_size(s) for s in sizes]),
+        "hole count": _mean(counts),
     }
 
 

@@ -1,17 +1,15 @@
-"""Random fields over a whole image, white or smooth over a given distance, with mean 0 and variance 1."""
+"""Random fields over an image with mean 0 and variance 1: white, smooth over a distance, or of octaves."""
 
 from functools import cache
 
 import numpy as np
 
+from digs_warp.sim.camera.rig import SHORTEST_CORRELATION
 from digs_warp.sim.sensor.filters import enlarge, separable
 
 # Standard deviation and mean of a byte.
 BYTE_SIGMA = np.sqrt((256**2 - 1) / 12)
 BYTE_MEAN = 127.5
-
-# Smooth fields are drawn on a coarse grid with this many points per correlation length.
-GRID_POINTS = 5.0
 
 # Gaussians are cut off here, in standard deviations; 0.3 % of their sum is lost.
 KERNEL_REACH = 3.0
@@ -45,11 +43,59 @@ def random_bytes(rng: np.random.Generator, count: int) -> np.ndarray:
     return rng.bit_generator.random_raw(-(-count // 8)).view(np.uint8)[:count]
 
 
+# Each octave of `octave_normal` has this share of the amplitude of the next coarser one [tuned: residuals of
+# a D435, a D4xx and a D455 to a plane in windows of 8 to 64 px].
+PERSISTENCE = 0.5
+
+
+def octave_normal(
+    rng: np.random.Generator, shape: tuple[int, int], correlation: float
+) -> np.ndarray:
+    """Return a sum of octaves of smooth normal noise, of variance 1, (height, width), float32.
+
+    Each octave has half the correlation length of the one before, down to 1.5 to 3 px: the spectrum of the
+    errors of depth cameras, whose residuals grow with the window. It is drawn from coarse to fine, each
+    octave on its own grid, which takes a third more time than the finest octave alone.
+
+    Args:
+        rng: draws the field.
+        shape: (height, width).
+        correlation: of the coarsest octave [px], >= 1.5; 0: white noise.
+    """
+    if correlation == 0:
+        return rng.standard_normal(shape, dtype=np.float32)
+    octaves = int(np.log2(correlation / SHORTEST_CORRELATION)) + 1
+    finest = correlation / 2 ** (octaves - 1)
+    amplitudes = PERSISTENCE ** np.arange(octaves, dtype=np.float64)  # the coarsest first
+    kept = [_kept_variance(finest, octaves - 1 - k) for k in range(octaves)]
+    amplitudes /= np.sqrt(np.sum(amplitudes**2 * kept))
+    field = np.zeros((1, 1), np.float32)
+    for k, amplitude in enumerate(amplitudes):
+        size = 2 ** (octaves - 1 - k)
+        height, width = (-(-side // size) for side in shape)
+        octave = smooth_normal(rng, (height, width), finest)
+        octave = octave * np.float32(amplitude)
+        if k > 0:
+            coarser = enlarge(field, (2 * field.shape[0], 2 * field.shape[1]))
+            octave += coarser[:height, :width]
+        field = octave
+    return field
+
+
+@cache
+def _kept_variance(correlation: float, doublings: int) -> float:
+    """Return the variance that smooth noise of variance 1 has after linear enlargements by two."""
+    weights = np.eye(16, dtype=np.float32)
+    for _ in range(doublings):
+        weights = enlarge(weights, (2 * weights.shape[0], 16))
+    inner = weights[len(weights) // 4 : -len(weights) // 4].astype(np.float64)
+    distance = np.subtract.outer(np.arange(16), np.arange(16))
+    along = np.einsum("ni,ij,nj->n", inner, np.exp(-np.square(distance / correlation)), inner)
+    return float(along.mean() ** 2)  # rows and columns
+
+
 def smooth_normal(
-    rng: np.random.Generator,
-    shape: tuple[int, int],
-    correlation: float,
-    vertical_correlation: float | None = None,
+    rng: np.random.Generator, shape: tuple[int, int], correlation: float
 ) -> np.ndarray:
     """Return a normal field whose correlation falls to 1/e at ``correlation`` pixels, float32.
 
@@ -60,29 +106,16 @@ def smooth_normal(
     Args:
         rng: draws the field.
         shape: (height, width).
-        correlation: along rows [px], >= 1.5.
-        vertical_correlation: along columns [px], >= 1.5; default: the same.
+        correlation: [px], >= 1.5. The time grows with it: of larger ones, enlarge a smaller field.
     """
-    vertical = vertical_correlation or correlation
-    step, vertical_step = _grid_step(correlation), _grid_step(vertical)
-    if step > 1 or vertical_step > 1:
-        coarse = (shape[0] // vertical_step + 2, shape[1] // step + 2)
-        field = smooth_normal(rng, coarse, correlation / step, vertical / vertical_step)
-        stretched = enlarge(field, (coarse[0] * vertical_step, coarse[1] * step))
-        return stretched[vertical_step:, step:][: shape[0], : shape[1]]
-    across, down = _kernel(correlation), _kernel(vertical)
-    left, top = len(across) // 2, len(down) // 2
-    # With a margin, so that every pixel averages the same number of bytes.
-    height, width = shape[0] + 2 * top, shape[1] + 2 * left
+    kernel = _kernel(correlation)
+    margin = len(kernel) // 2
+    # So that every pixel averages the same number of bytes.
+    height, width = shape[0] + 2 * margin, shape[1] + 2 * margin
     noise = random_bytes(rng, height * width).reshape(height, width)
-    across /= BYTE_SIGMA
-    field = separable(noise, across, down, -BYTE_MEAN * float(across.sum() * down.sum()))
-    return field[top : top + shape[0], left : left + shape[1]]
-
-
-def _grid_step(correlation: float) -> int:
-    """Return the distance of grid points [px] at which linear interpolation loses 1 % of the variance."""
-    return max(1, int(correlation / GRID_POINTS))
+    across = kernel / BYTE_SIGMA
+    field = separable(noise, across, kernel, -BYTE_MEAN * float(across.sum() * kernel.sum()))
+    return field[margin : margin + shape[0], margin : margin + shape[1]]
 
 
 def _kernel(correlation: float) -> np.ndarray:

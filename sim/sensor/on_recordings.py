@@ -14,14 +14,14 @@ from digs_warp.sim.sensor.color import AUTO_EXPOSURE, PIXEL_EFFECTS, WHITE_BALAN
 from digs_warp.sim.sensor.color.encoding import decode
 from digs_warp.sim.sensor.color.protocol import EyeImages
 from digs_warp.sim.sensor.color.recorded import after_effects
-from digs_warp.sim.sensor.effects import AFTER_MATCHING
+from digs_warp.sim.sensor.effects.disparity_errors import Quantum, StaticField
 from digs_warp.sim.sensor.facts import STEP
 from digs_warp.sim.sensor.frame import Cause, Sensed
 from digs_warp.sim.sensor.law import ROUNDING, sense_depth, within_range
 from digs_warp.sim.sensor.steps import near_steps
 from digs_warp.sim.sensor.tiers import apply_effects
 
-# What matching two images does by itself in a simulated scene: the white noise of the tier "law", and no
+# What matching two images does by itself in a simulated scene: the noise of the tier "law", and no
 # depth where the window of the search lies across a depth step.
 DISPARITY_NOISE, STEP_HOLES = "disparity-noise", "step-holes"
 
@@ -30,7 +30,8 @@ _ON_IMAGES = tuple(each for each in PIXEL_EFFECTS if each not in (AUTO_EXPOSURE,
 
 EFFECTS_ON_RECORDINGS = (
     DISPARITY_NOISE,
-    *(effect.name for effect in AFTER_MATCHING),
+    StaticField.name,
+    Quantum.name,
     STEP_HOLES,
     *(effect.name for effect in _ON_IMAGES),
 )

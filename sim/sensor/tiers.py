@@ -15,7 +15,7 @@ from digs_warp.sim.sensor.effects.protocol import Choice
 from digs_warp.sim.sensor.error_attribution import attribute_errors
 from digs_warp.sim.sensor.filters import gray_of
 from digs_warp.sim.sensor.frame import Cause, FrameTruth, Sensed
-from digs_warp.sim.sensor.law import round_into_range, sense_depth, within_range
+from digs_warp.sim.sensor.law import round_into_range, sense_depth, with_holes, within_range
 
 
 def sense(
@@ -150,4 +150,5 @@ def code_missing(depth: np.ndarray, cause: np.ndarray) -> None:
 
 def _sense_law(truth: FrameTruth, seed: int, strength: float) -> Sensed:
     depth = sense_depth(truth.depth, truth.rig, seed, truth.number, strength)
-    return replace(Sensed.of(truth), disparity=np.float32(truth.rig.focal_baseline) / depth)
+    sensed = replace(Sensed.of(truth), disparity=np.float32(truth.rig.focal_baseline) / depth)
+    return with_holes(sensed, truth.disparity, truth.rig, seed, truth.number, strength)

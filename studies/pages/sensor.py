@@ -11,7 +11,7 @@ from digs_warp.sim.sensor.facts import SceneFacts
 from digs_warp.sim.sensor.frame import Cause
 from digs_warp.study.table import Table
 from scripts.page_marks import DOCS, fill
-from studies.pages.sensor_pictures import SensorStudio, draw_all
+from studies.pages.sensor_pictures import WITHOUT_PICTURE, SensorStudio, draw_all
 
 PAGE = "sensor.md"
 PICTURES = "images/sensor"
@@ -40,8 +40,10 @@ def section(effect: SensorEffect, facts: SceneFacts, studio: SensorStudio) -> st
         f"{first_paragraph(sys.modules[type(effect).__module__])} {first_paragraph(type(effect))}"
     )
     choice: Choice = effect.choose(facts, studio.rig)
-    picture = f"![{effect.name}, off and on]({PICTURES}/{effect.name}.jpg)"
-    return f"### {effect.name}\n\n{what}\n\n{rule(choice)}\n\n{picture}\n"
+    text = f"### {effect.name}\n\n{what}\n\n{rule(choice)}\n"
+    if effect.name in WITHOUT_PICTURE:
+        return text
+    return f"{text}\n![{effect.name}, off and on]({PICTURES}/{effect.name}.jpg)\n"
 
 
 def rule(choice: Choice) -> str:

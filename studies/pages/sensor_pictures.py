@@ -50,6 +50,9 @@ SEED = 0
 # A drift of common size does not show in a picture; this many times as much does.
 SHOWN_DRIFT = 20.0
 
+# What other cameras than that of the pictures do with their matches.
+WITHOUT_PICTURE = ("rejection", "smoothing", "speckle")
+
 # Of the picture of the tiers: its name, and the full scale of its errors [px].
 TIERS_PICTURE = "tiers"
 SHOWN_ERROR = 2.0
@@ -225,6 +228,8 @@ def color_strip(before: np.ndarray, after: np.ndarray, path: Path, eye: str = "l
 def draw_all(studio: SensorStudio, folder: Path) -> None:
     """Draw the strip of every effect into ``folder``."""
     for effect in AFTER_MATCHING:
+        if effect.name in WITHOUT_PICTURE:
+            continue
         depth_strip(studio.depth_figure(effect), folder / f"{effect.name}.jpg")
     for effect in SECOND_SURFACES:
         studio.surface_strip(effect, folder / f"{effect.name}.jpg")

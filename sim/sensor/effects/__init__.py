@@ -4,7 +4,13 @@ Whatever the images show is not here: the search errs on them by itself. To add 
 (`protocol.py`), and add a line to SECOND_SURFACES or AFTER_MATCHING. CONTRIBUTING.md has the rest.
 """
 
-from digs_warp.sim.sensor.effects.disparity_errors import Quantum, StaticField
+from digs_warp.sim.sensor.effects.disparity_errors import (
+    Quantum,
+    Rejection,
+    Smoothing,
+    Speckle,
+    StaticField,
+)
 from digs_warp.sim.sensor.effects.protocol import DepthEffect, SensorEffect
 from digs_warp.sim.sensor.effects.second_surfaces import Mirror, Transparency
 
@@ -12,8 +18,12 @@ from digs_warp.sim.sensor.effects.second_surfaces import Mirror, Transparency
 SECOND_SURFACES: tuple[SensorEffect, ...] = (Transparency(), Mirror())
 SECOND_SURFACE_NAMES = frozenset(effect.name for effect in SECOND_SURFACES)
 
-# What no image shows, in the order in which it acts: the error of the lenses, then how disparity is reported.
+# What no image shows, in the order in which it acts: what the device makes of its matches, the error of the
+# lenses, then how disparity is reported.
 AFTER_MATCHING: tuple[DepthEffect, ...] = (
+    Rejection(),
+    Smoothing(),
+    Speckle(),
     StaticField(),
     Quantum(),
 )

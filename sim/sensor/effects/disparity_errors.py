@@ -1,4 +1,4 @@
-"""Errors after matching: the smooth lens error that calibration leaves, and steps of disparity."""
+"""After matching: what the device drops and smooths, the lens error that calibration leaves, and steps."""
 
 import zlib
 from dataclasses import dataclass, replace
@@ -11,8 +11,99 @@ from digs_warp.sim.camera.rig import StereoRig
 from digs_warp.sim.sensor.effects.protocol import Choice, choose_above
 from digs_warp.sim.sensor.facts import SceneFacts
 from digs_warp.sim.sensor.filters import enlarge_smoothly
-from digs_warp.sim.sensor.frame import Sensed
-from digs_warp.sim.sensor.noise_field import smooth_normal
+from digs_warp.sim.sensor.frame import Cause, Sensed
+from digs_warp.sim.sensor.noise_field import octave_normal, smooth_normal
+
+REJECTION_COST = 3.0  # [ms/MP]
+
+
+@dataclass(frozen=True)
+class Rejection:
+    """The device keeps only matches that it trusts, by their confidence: small holes, as real ones have."""
+
+    name: ClassVar[str] = "rejection"
+
+    def choose(self, facts: SceneFacts, rig: StereoRig) -> Choice:
+        """On for every rig that states a least confidence."""
+        return choose_above(
+            self.name,
+            "least_confidence",
+            rig.least_confidence,
+            0.0,
+            "",
+            REJECTION_COST,
+            on="the device drops doubtful matches",
+            off="the device keeps all matches",
+        )
+
+    def apply(
+        self, sensed: Sensed, rig: StereoRig, rng: np.random.Generator, strength: float = 1.0
+    ) -> Sensed:
+        """Drop them; ``strength`` makes no difference."""
+        weak = sensed.confidence < np.float32(rig.least_confidence)
+        return sensed.with_holes(weak, Cause.LOW_CONFIDENCE)
+
+
+SMOOTHING_COST = 7.0  # [ms/MP]
+
+
+@dataclass(frozen=True)
+class Smoothing:
+    """The device averages its matches along rows and columns, but not across steps."""
+
+    name: ClassVar[str] = "smoothing"
+
+    def choose(self, facts: SceneFacts, rig: StereoRig) -> Choice:
+        """On for every rig that smooths."""
+        return choose_above(
+            self.name,
+            "smoothing",
+            rig.smoothing,
+            0.0,
+            "",
+            SMOOTHING_COST,
+            on="the device averages neighboring matches",
+            off="the device reports its matches as they are",
+        )
+
+    def apply(
+        self, sensed: Sensed, rig: StereoRig, rng: np.random.Generator, strength: float = 1.0
+    ) -> Sensed:
+        """Average them; ``strength`` makes no difference."""
+        from digs_warp.sim.sensor.post_filters.spatial import smooth_spatially
+
+        return replace(sensed, disparity=smooth_spatially(sensed.disparity, 1 - rig.smoothing))
+
+
+SPECKLE_COST = 3.0  # [ms/MP]
+
+
+@dataclass(frozen=True)
+class Speckle:
+    """Speckle of the laser: noise that changes from frame to frame and shows in no image here."""
+
+    name: ClassVar[str] = "speckle"
+
+    def choose(self, facts: SceneFacts, rig: StereoRig) -> Choice:
+        """On for every rig with a projector."""
+        return choose_above(
+            self.name,
+            "changing_sigma",
+            rig.changing_sigma if rig.projector_power > 0 else 0.0,
+            0.0,
+            "px",
+            SPECKLE_COST,
+            on="the speckle of a laser changes from frame to frame",
+            off="there is no laser, or it makes no noise",
+        )
+
+    def apply(
+        self, sensed: Sensed, rig: StereoRig, rng: np.random.Generator, strength: float = 1.0
+    ) -> Sensed:
+        """Add the noise; ``strength`` is a factor on it."""
+        noise = octave_normal(rng, sensed.disparity.shape, rig.disparity_correlation)
+        return sensed.shifted(np.float32(strength * rig.changing_sigma) * noise)
+
 
 # Correlation length, as a share of the image width: 46 px on the pair (741 px wide) that shows it.
 SCALE = 1 / 16

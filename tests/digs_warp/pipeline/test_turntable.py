@@ -30,7 +30,8 @@ pytestmark = pytest.mark.long
 
 FRAMES = 24
 # Of poses from the object alone, 110 pixels high, 0.9 m away [mm, degree].
-CENTERS_MM, TURNS_DEG = 8.0, 0.8
+# The errors of neighboring pixels are alike: all frames are turned by 1.3 degrees together.
+CENTERS_MM, TURNS_DEG = 8.0, 1.6
 
 
 @pytest.fixture(scope="module")

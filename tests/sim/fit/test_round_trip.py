@@ -35,6 +35,7 @@ DRIFTS = {
     1: Drift(yaw_deg=-0.04, roll_deg=0.05, focal=-1e-3, baseline=-1e-2),
     2: Drift(yaw_deg=0.05, roll_deg=-0.06, focal=1.5e-3, baseline=1.5e-2),
 }
+WHITE = {"disparity_correlation": 0.0, "temporal_share": 1.0}
 OF_LAW = {
     0: {"disparity_sigma": 0.06, "disparity_step": 1 / 32},
     1: {"disparity_sigma": 0.12, "disparity_step": 1 / 16},
@@ -96,7 +97,7 @@ def test_an_infrared_pair_is_fitted_from_its_own_images() -> None:
     """Depth comes in the image of a color camera that stands elsewhere, sees less, and has other noise."""
     known = {"image_noise": 1.5, "full_well": 9_000.0, "static_field": 0.15}
     drift = Drift(yaw_deg=0.04, roll_deg=0.03, focal=1e-3, baseline=8e-3)
-    native = load_profile("d435").rig(*SIZE)
+    native = replace(load_profile("d435").rig(*SIZE), least_confidence=0.0, smoothing=0.0)
     rig = replace(native, color_offset=-0.02, color_zoom=1.3, color_noise=3.0, unit=1, **known)
     capture = record_wall(in_memory(rig), rig, "guided", PLACES[:4], 3, seed=0, drift=drift)
     wall = read_wall(capture, baseline=1.0)
@@ -166,7 +167,7 @@ def test_what_a_mask_hides_is_no_hole() -> None:
 @pytest.mark.parametrize("seed", OF_SEEDS)
 def test_depth_by_the_law_gives_back_its_noise_and_steps(seed: int) -> None:
     known = OF_LAW[seed]
-    fit = fitted("law", known, seed)
+    fit = fitted("law", known | WHITE, seed)
     check(
         fit,
         known | RANGE,
@@ -174,6 +175,18 @@ def test_depth_by_the_law_gives_back_its_noise_and_steps(seed: int) -> None:
     )
     found = {figure.name: figure.estimate for figure in fit.figures}
     assert found["static_field"].value < 0.1 * known["disparity_sigma"], "white noise has none"
+    assert found["disparity_correlation"].value == 0
+    assert found["temporal_share"].value > 0.95
+
+
+def test_depth_by_the_law_gives_back_its_spectrum_and_what_changes() -> None:
+    """The field of the unit has no part in it: what stays is another at each distance."""
+    known = {"disparity_sigma": 0.2, "disparity_correlation": 12.0, "temporal_share": 0.4}
+    fit = fitted("law", known | {"disparity_step": 0.0}, 0)
+    found = {figure.name: figure.estimate.value for figure in fit.figures}
+    assert found["disparity_sigma"] == pytest.approx(0.2, rel=0.1)
+    assert found["disparity_correlation"] == pytest.approx(12.0, rel=0.3)
+    assert found["temporal_share"] == pytest.approx(0.4, abs=0.1)
 
 
 def test_the_simulated_wall_is_like_the_recorded_one() -> None:
@@ -186,7 +199,8 @@ def test_the_simulated_wall_is_like_the_recorded_one() -> None:
         "of that, temporal [px]": 0.05,
         "of that, fixed [px]": 0.05,
         "of that, common to all distances [px]": 0.1,
-        "correlation length of the temporal part [px]": 0.05,
+        "rest to a plane in windows of 8 px [px]": 0.1,
+        "rest to a plane in windows of 32 px [px]": 0.1,
         "noise of the images between frames [DN]": 0.02,
     }.items():
         row = rows[name]

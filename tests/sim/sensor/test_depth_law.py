@@ -6,11 +6,15 @@ import numpy as np
 import pytest
 
 from digs_warp.checks import DigsError
+from digs_warp.sim.camera.profiles import load_profile
 from digs_warp.sim.camera.rig import StereoRig
-from digs_warp.sim.sensor.law import sense_depth
+from digs_warp.sim.fit.device_figures import WINDOWS, holes, roughness, temporal_share
+from digs_warp.sim.sensor.frame import Cause, Sensed
+from digs_warp.sim.sensor.law import sense_depth, with_holes
 from reference.zed2 import zed2_like
 
-RIG = zed2_like(320, 200)
+WHITE = {"disparity_correlation": 0.0, "temporal_share": 1.0}
+RIG = replace(zed2_like(320, 200), **WHITE)
 FOCAL_BASELINE = RIG.intrinsics.fx * RIG.baseline
 
 
@@ -67,7 +71,15 @@ def test_default_rig_has_the_figures_of_a_zed2_in_proportion() -> None:
 
 @pytest.mark.parametrize(
     "changes",
-    [{"baseline": 0.0}, {"disparity_sigma": -1.0}, {"disparity_step": np.nan}, {"min_depth": 30.0}],
+    [
+        {"baseline": 0.0},
+        {"disparity_sigma": -1.0},
+        {"disparity_step": np.nan},
+        {"min_depth": 30.0},
+        {"disparity_correlation": 1.0},
+        {"temporal_share": 1.1},
+        {"hole_share": -0.1},
+    ],
 )
 def test_impossible_rigs_are_refused(changes: dict[str, float]) -> None:
     with pytest.raises(DigsError, match="rig"):
@@ -77,3 +89,77 @@ def test_impossible_rigs_are_refused(changes: dict[str, float]) -> None:
 def test_depth_of_another_size_is_refused() -> None:
     with pytest.raises(DigsError, match=r"shape \(3, 3\)"):
         sense_depth(np.ones((3, 3), np.float32), RIG, 0, 0)
+
+
+def wall_of(name: str, depth: float, frames: int, seed: int = 0) -> tuple[StereoRig, np.ndarray]:
+    """The rig of a profile, and frames of disparity [px] of a wall across the view."""
+    rig = load_profile(name).rig()
+    true = np.full((rig.intrinsics.height, rig.intrinsics.width), depth, np.float32)
+    return rig, np.stack(
+        [rig.focal_baseline / sense_depth(true, rig, seed, i) for i in range(frames)]
+    )
+
+
+# Of real devices, in windows of 8 to 64 px [px]: a D435 (d435_planes of the sample data), and a D455 before a
+# flat board.
+@pytest.mark.parametrize(
+    ("name", "real"),
+    [("d435", [0.020, 0.033, 0.071, 0.106]), ("d455", [0.031, 0.068, 0.113, 0.124])],
+)
+def test_walls_are_as_rough_in_windows_of_any_size_as_the_devices(
+    name: str, real: list[float]
+) -> None:
+    _, disparity = wall_of(name, 1.2, 2)
+    rough = [roughness(disparity, size).median() for size in WINDOWS]
+    np.testing.assert_array_less(np.abs(np.log(np.array(rough) / real)), np.log(1.3))
+
+
+# Of an Orbbec Gemini 33x before a white board: deviation of a pixel, and of a frame from its plane [mm].
+@pytest.mark.parametrize(
+    ("depth", "temporal", "rmse"),
+    [
+        (0.5, 0.44, 1.26),
+        (1.0, 1.47, 3.69),
+        (1.5, 2.77, 5.06),
+        (2.0, 4.66, 9.07),
+        (3.0, 11.55, 16.92),
+    ],
+)
+def test_noise_of_the_gemini_changes_and_grows_as_the_devices(
+    depth: float, temporal: float, rmse: float
+) -> None:
+    rig, disparity = wall_of("gemini-335", depth, 6)
+    error = disparity - rig.focal_baseline / depth
+    in_mm = 1000 * depth**2 / rig.focal_baseline
+    assert in_mm * np.sqrt(np.mean(error**2)) == pytest.approx(rmse, rel=0.2)
+    assert temporal_share(error) == pytest.approx((temporal / rmse) ** 2, abs=0.1)
+
+
+def with_holes_of(depth: np.ndarray, rig: StereoRig, frame: int = 0) -> Sensed:
+    true = np.float32(rig.focal_baseline) / depth
+    plain = Sensed(true, np.zeros(true.shape, np.uint8), np.ones(true.shape, np.float32))
+    return with_holes(plain, true, rig, 0, frame)
+
+
+def test_holes_have_the_number_and_the_sizes_of_the_devices() -> None:
+    rig = load_profile("d435").rig()
+    depth = np.full((480, 848), 1.2, np.float32)
+    first, second = (with_holes_of(depth, rig, frame) for frame in (0, 1))
+    found = holes(first.disparity)
+    assert found.share == pytest.approx(rig.hole_share, rel=0.2)
+    assert found.per_10000 == pytest.approx(10.5, rel=0.5)
+    assert found.small == pytest.approx(0.020, rel=0.5)
+    again = np.isnan(first.disparity) & np.isnan(second.disparity)
+    assert 0.4 < again.sum() / np.isnan(first.disparity).sum() < 0.9
+    assert set(np.unique(first.cause)) == {Cause.OK, Cause.RANDOM}
+
+
+def test_near_things_throw_a_shadow_to_their_left() -> None:
+    rig = load_profile("d435").rig()
+    depth = np.full((480, 848), 2.0, np.float32)
+    depth[100:300, 400:500] = 0.5
+    shadow = with_holes_of(depth, rig).cause == Cause.OCCLUDED
+    wide = rig.focal_baseline * (1 / 0.5 - 1 / 2.0)
+    assert shadow[100:300, 400 - int(wide) + 2 : 398].mean() > 0.9
+    shadow[100:300, 400 - int(wide) - 2 : 402] = False
+    assert not shadow.any()

@@ -7,8 +7,10 @@ from scipy import stats
 from digs_warp.sim.sensor.noise_field import (
     drawn_quantiles,
     normal_quantiles,
+    octave_normal,
     random_bytes,
 )
+from reference.octave_twin import octave_twin
 
 
 def generator(seed: int) -> np.random.Generator:
@@ -46,3 +48,20 @@ def test_the_same_seed_gives_the_same_noise() -> None:
 def test_random_bytes_are_those_of_the_generator(count: int) -> None:
     expected = np.frombuffer(generator(3).bytes(count), np.uint8)
     np.testing.assert_array_equal(random_bytes(generator(3), count), expected)
+
+
+@pytest.mark.parametrize("correlation", [1.5, 4.0, 16.0, 50.0])
+def test_octaves_equal_their_twin(correlation: float) -> None:
+    """The twin computes in float64 and without OpenCV."""
+    field = octave_normal(generator(2), (90, 131), correlation)
+    np.testing.assert_allclose(field, octave_twin(generator(2), (90, 131), correlation), atol=2e-5)
+
+
+@pytest.mark.parametrize("correlation", [2.0, 6.0, 16.0])
+def test_octaves_have_variance_one(correlation: float) -> None:
+    fields = [octave_normal(generator(seed), (400, 600), correlation) for seed in range(4)]
+    assert np.var(fields) == pytest.approx(1, abs=0.06)
+
+
+def test_octaves_bear_tiny_images() -> None:
+    assert octave_normal(generator(0), (1, 3), 16.0).shape == (1, 3)

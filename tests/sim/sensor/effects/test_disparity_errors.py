@@ -66,3 +66,37 @@ def test_the_parts_of_the_error_add_up_as_independent_ones() -> None:
     truth = make_frame(np.linspace(40, 60, 640)[None, :], rig)
     expected = np.sqrt(0.1**2 + (1 / 4) ** 2 / 12)
     assert error_of(truth, "static-field", "quantum").std() == pytest.approx(expected, rel=0.05)
+
+
+def test_the_device_smooths_noise_but_no_steps() -> None:
+    rig = make_rig(smoothing=0.4)
+    true = np.full((240, 320), 30.0, np.float32)
+    true[:, 160:] = 33.0
+    noise = 0.1 * np.random.default_rng(0).standard_normal(true.shape).astype(np.float32)
+    truth = make_frame(true, rig)
+    matched = replace(Sensed.of(truth), disparity=true + noise)
+    after = apply_effects(matched, rig, ["smoothing"]).disparity - true
+    assert after.std() < 0.5 * noise.std()
+    assert np.abs(after[:, 150:170]).max() < 0.4, "a step of 3 px stays"
+    same = apply_effects(matched, replace(rig, smoothing=0.0), ["smoothing"])
+    np.testing.assert_array_equal(same.disparity, matched.disparity)
+
+
+def test_the_device_drops_what_it_does_not_trust() -> None:
+    rig = make_rig(least_confidence=0.6)
+    plain = Sensed.of(make_frame(30.0, rig))
+    trust = np.linspace(0, 1, plain.confidence.size, dtype=np.float32)
+    trust = trust.reshape(plain.confidence.shape)
+    after = apply_effects(replace(plain, confidence=trust), rig, ["rejection"])
+    np.testing.assert_array_equal(after.known, trust >= np.float32(0.6))
+    assert (after.cause[~after.known] == Cause.LOW_CONFIDENCE).all()
+
+
+def test_speckle_is_what_changes_of_the_noise() -> None:
+    rig = make_rig(disparity_sigma=0.2, temporal_share=0.25, disparity_correlation=4.0)
+    first, second = (error_of(make_frame(30.0, rig, number=number), "speckle") for number in (0, 1))
+    assert first.std() == pytest.approx(0.1, rel=0.05)
+    assert abs(np.corrcoef(first.ravel(), second.ravel())[0, 1]) < 0.05
+    assert np.corrcoef(first[:, 1:].ravel(), first[:, :-1].ravel())[0, 1] > 0.5, (
+        "neighbors err alike"
+    )
