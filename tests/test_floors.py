@@ -37,16 +37,16 @@ LINE_BUDGETS = {
     "api": 440,
     "check": 2_080,
     "commands": 3_300,
-    "data": 3_550,
+    "data": 3_560,
     "device": 920,
     "engines": 1_010,
     "files at the top": 800,
     "formats": 6_070,
     "geometry": 625,
-    "init": 4_620,
-    "losses": 860,
+    "init": 4_610,
+    "losses": 810,
     "masks": 1_380,
-    "measure": 1_635,
+    "measure": 1_630,
     "pipeline": 2_530,
     "poses": 5_220,
     "record": 2_130,
@@ -60,12 +60,12 @@ LINE_BUDGETS = {
     "sim.testing": 970,
     "splat": 5_540,
     "study": 2_360,
-    "surface": 660,
+    "surface": 610,
     "torch": 200,
-    "train": 3_950,
-    "usd": 4_215,
+    "train": 3_930,
+    "usd": 4_130,
 }
-MOST_LINES, MOST_FILES = 81_390, 523  # of the product; 65,000 in 500 files are the goal
+MOST_LINES, MOST_FILES = 81_220, 523  # of the product; 65,000 in 500 files are the goal
 # A shorter file with a single client in its folder belongs into that client.
 CRUMB = 60
 

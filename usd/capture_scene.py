@@ -68,14 +68,13 @@ def author_mesh(stage: "Usd.Stage", path: str, mesh: TriangleMesh) -> None:
     from pxr import UsdGeom, Vt
 
     shape = UsdGeom.Mesh.Define(stage, path)
-    points = _in_asset(mesh.points_world)
-    positions = Vt.Vec3fArray.FromNumpy(points)
+    positions = Vt.Vec3fArray.FromNumpy(_in_asset(mesh.points_world))
     shape.CreatePointsAttr(positions)
     shape.CreateFaceVertexCountsAttr(Vt.IntArray(len(mesh), 3))
     indices = np.ascontiguousarray(mesh.triangles.reshape(-1))
     shape.CreateFaceVertexIndicesAttr(Vt.IntArray.FromNumpy(indices))
     shape.CreateSubdivisionSchemeAttr(UsdGeom.Tokens.none)
-    shape.CreateNormalsAttr(Vt.Vec3fArray.FromNumpy(_vertex_normals(points, mesh.triangles)))
+    shape.CreateNormalsAttr(Vt.Vec3fArray.FromNumpy(_in_asset(mesh.normals())))
     shape.SetNormalsInterpolation(UsdGeom.Tokens.vertex)
     shape.CreateExtentAttr(UsdGeom.PointBased.ComputeExtent(positions))
     shape.CreatePurposeAttr(UsdGeom.Tokens.guide)
@@ -107,19 +106,6 @@ def _typical_spacing(points: np.ndarray) -> float:
     sample = points[:: max(1, len(points) // _SAMPLED_POINTS)]
     distances, _ = KDTree(points).query(sample, k=2)
     return max(1e-6, float(np.median(distances[:, 1])))
-
-
-def _vertex_normals(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:
-    """Return unit normals, weighted by area, (n, 3), float32; up for a vertex without a face."""
-    corners = points.astype(np.float64)[triangles]
-    face = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    normals = np.zeros((len(points), 3))
-    for corner in range(3):
-        np.add.at(normals, triangles[:, corner], face)
-    length = np.linalg.norm(normals, axis=1, keepdims=True)
-    flat = length[:, 0] == 0
-    normals[flat], length[flat] = (0.0, 1.0, 0.0), 1.0
-    return np.ascontiguousarray(normals / length, dtype=np.float32)
 
 
 _FIELD_IN_PAYLOAD = "/Gaussians"

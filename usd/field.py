@@ -185,15 +185,13 @@ def is_field(prim: "Usd.Prim") -> bool:
     )
 
 
-def splat_count(prim: "Usd.Prim", time: float | None = None) -> int:
+def splat_count(prim: "Usd.Prim") -> int:
     """Return the number of splats: the length of the positions."""
-    positions = value_of(prim, names.POSITIONS, time)
+    positions = value_of(prim, names.POSITIONS)
     return 0 if positions is None else len(positions)
 
 
-def stored_sh_degree(
-    prim: "Usd.Prim", count: int, what: str, time: float | None = None
-) -> int | None:
+def stored_sh_degree(prim: "Usd.Prim", count: int, what: str) -> int | None:
     """Return the degree of the coefficients of ``count`` splats; None when there are no usable ones.
 
     If the authored degree does not fit the length of the array, the length counts.
@@ -201,7 +199,7 @@ def stored_sh_degree(
     attribute = prim.GetAttribute(names.SH_DEGREE)
     authored = attribute.Get() if attribute else None
     degree = max(0, authored) if isinstance(authored, int) else names.FALLBACK_DEGREE
-    values = value_of(prim, names.SH_COEFFICIENTS, time)
+    values = value_of(prim, names.SH_COEFFICIENTS)
     if count == 0:
         return degree
     if values is None:
@@ -223,7 +221,7 @@ def stored_sh_degree(
     return actual
 
 
-def read_arrays(prim: "Usd.Prim", what: str, time: float | None = None) -> SplatArrays:
+def read_arrays(prim: "Usd.Prim", what: str) -> SplatArrays:
     """Return the splats in the prim's local frame, float32 or float16 as they are stored.
 
     The arrays may still be in the mapped file: if they outlive the stage, USD copies them.
@@ -231,9 +229,9 @@ def read_arrays(prim: "Usd.Prim", what: str, time: float | None = None) -> Splat
     Raises:
         UsdError: an attribute has another type than the schema gives it.
     """
-    count = splat_count(prim, time)
+    count = splat_count(prim)
     of_splats = (names.POSITIONS, names.ORIENTATIONS, names.SCALES, names.OPACITIES)
-    found = {name: _counted(prim, name, count, what, time) for name in of_splats}
+    found = {name: _counted(prim, name, count, what) for name in of_splats}
 
     def or_default(name: str, value: float, *shape: int) -> np.ndarray:
         values = found[name]
@@ -244,45 +242,43 @@ def read_arrays(prim: "Usd.Prim", what: str, time: float | None = None) -> Splat
         orientations=or_default(names.ORIENTATIONS, 0.0, count, 4),
         scales=or_default(names.SCALES, 1.0, count, 3),
         opacities=or_default(names.OPACITIES, 1.0, count),
-        sh=_read_sh(prim, count, what, time),
+        sh=_read_sh(prim, count, what),
     )
 
 
-def _read_sh(prim: "Usd.Prim", count: int, what: str, time: float | None) -> np.ndarray:
-    stored = stored_sh_degree(prim, count, what, time)
+def _read_sh(prim: "Usd.Prim", count: int, what: str) -> np.ndarray:
+    stored = stored_sh_degree(prim, count, what)
     degree = min(stored or 0, MAX_DEGREE)
     if count == 0:
         return np.zeros((0, coefficient_count(degree), 3), dtype=np.float32)
     if stored is None:
-        return _display_colors(prim, count, what, time)
+        return _display_colors(prim, count, what)
     if stored > MAX_DEGREE:
         _log.warning("%s: SH degree %d is reduced to %d", what, stored, MAX_DEGREE)
-    rows = _counted(prim, names.SH_COEFFICIENTS, count * (stored + 1) ** 2, what, time)
+    rows = _counted(prim, names.SH_COEFFICIENTS, count * (stored + 1) ** 2, what)
     assert rows is not None  # stored_sh_degree has seen the array
     return rows.reshape(count, -1, 3)[:, : coefficient_count(degree)]
 
 
-def _display_colors(prim: "Usd.Prim", count: int, what: str, time: float | None) -> np.ndarray:
+def _display_colors(prim: "Usd.Prim", count: int, what: str) -> np.ndarray:
     """Return coefficients of degree 0 of a field without any, as Houdini writes it: its display colors.
 
     Those are linear, one for all splats or one for each. The schema's default is mid gray.
     """
-    value = value_of(prim, names.DISPLAY_COLOR, time)
+    value = value_of(prim, names.DISPLAY_COLOR)
     if value is None or len(value) not in (1, count):
         return np.zeros((count, 1, 3), dtype=np.float32)
     _log.warning("%s: no %s; drawn with %s", what, names.SH_COEFFICIENTS, names.DISPLAY_COLOR)
-    colors = _counted(prim, names.DISPLAY_COLOR, len(value), what, time)
+    colors = _counted(prim, names.DISPLAY_COLOR, len(value), what)
     assert colors is not None  # as long as it is
     coefficients = sh_from_rgb(srgb_from_linear(colors.astype(np.float64))).astype(np.float32)
     return np.ascontiguousarray(np.broadcast_to(coefficients, (count, 3))[:, None])
 
 
-def _counted(
-    prim: "Usd.Prim", name: str, count: int, what: str, time: float | None
-) -> np.ndarray | None:
+def _counted(prim: "Usd.Prim", name: str, count: int, what: str) -> np.ndarray | None:
     """Return ``count`` rows, or None where the default applies (absent or too short)."""
     try:
-        array = array_of(prim, name, time) if count else None
+        array = array_of(prim, name) if count else None
     except UsdError as error:
         raise UsdError(f"{what}: {error}") from None
     if array is not None and len(array) != count:

@@ -62,10 +62,10 @@ def similarity_from_matrix(b_from_a: np.ndarray, what: str) -> Similarity:
     return Similarity(scale, rotation, b_from_a[:3, 3])
 
 
-def world_from_prim(prim: "Usd.Prim", what: str, time: float | None = None) -> np.ndarray:
+def world_from_prim(prim: "Usd.Prim", what: str) -> np.ndarray:
     """Return the (4, 4) matrix from a prim's local frame to our world (z up, metres).
 
-    It is composed of the prim's transform in the stage (at ``time``, or its first sample),
+    It is composed of the prim's transform in the stage (its first sample),
     ``metersPerUnit`` and ``upAxis``, less the offset of a recording far from the origin.
 
     Raises:
@@ -78,7 +78,7 @@ def world_from_prim(prim: "Usd.Prim", what: str, time: float | None = None) -> n
     world_from_stage = np.eye(4) if up_axis == UsdGeom.Tokens.z else ASSET_FROM_WORLD.T.copy()
     world_from_stage[:3] *= metres
     # A prim of a type this USD does not know is no Xformable to the cache; its operations still count.
-    code = Usd.TimeCode.EarliestTime() if time is None else Usd.TimeCode(time)
+    code = Usd.TimeCode.EarliestTime()
     stage_from_prim = np.array(UsdGeom.XformCache(code).GetLocalToWorldTransform(prim)).T
     if not prim.IsA(UsdGeom.Xformable):
         local = UsdGeom.Xformable(prim).GetLocalTransformation(code)

@@ -2,7 +2,7 @@
 
 import logging
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -11,8 +11,7 @@ import numpy as np
 from digs_warp.checks import UsdError
 from digs_warp.data.gaussians import Gaussians
 from digs_warp.device.threads import over_rows
-from digs_warp.geometry.rigid import far_offset, matrix_from_quat_xyzw, quat_xyzw_from_matrix
-from digs_warp.geometry.sh import rotate_sh
+from digs_warp.geometry.rigid import far_offset
 from digs_warp.usd import names
 from digs_warp.usd.convert import (
     Precision,
@@ -52,54 +51,8 @@ _log = logging.getLogger(__name__)
 # sRGB as the scene or as the display: one curve.
 _SRGB = "srgb_rec709"
 
-# Splats per chunk, because of the (n, 3, 3) arrays.
-CHUNK = 65536
-
-
-def deformed(
-    arrays: SplatArrays, b_from_a: np.ndarray, what: str, sh_out: np.ndarray | None = None
-) -> SplatArrays:
-    """Return the splats of frame a in frame b under an affine ``b_from_a``, shape (4, 4).
-
-    A Gaussian of covariance C becomes one of ``L C L^T``, L the linear part: exact, even if L mirrors, shears
-    or scales the axes differently. There is no such rule for view-dependent colors: they are rotated (or
-    mirrored) by the orthogonal factor of L's polar decomposition, which is exact for similarities.
-    ``sh_out`` takes the coefficients where it is given.
-
-    Raises:
-        UsdError: the transform collapses a direction or is not finite.
-    """
-    linear = b_from_a[:3, :3]
-    if not np.isfinite(b_from_a).all() or abs(np.linalg.det(linear)) < np.finfo(np.float64).tiny:
-        raise UsdError(
-            f"{what}: the transform collapses or is not finite; expected an invertible one. Bake it first."
-        )
-    u, _, vt = np.linalg.svd(linear)
-    chunks = [
-        _turned_shapes(arrays.orientations[i : i + CHUNK], arrays.scales[i : i + CHUNK], linear)
-        for i in range(0, len(arrays), CHUNK)
-    ]
-    orientations = np.concatenate([quats for quats, _ in chunks] or [arrays.orientations])
-    scales = np.concatenate([scales for _, scales in chunks] or [arrays.scales])
-    return replace(
-        arrays,
-        positions=(arrays.positions @ linear.T + b_from_a[:3, 3]).astype(np.float32),
-        orientations=orientations.astype(np.float32),
-        scales=scales.astype(np.float32),
-        sh=rotate_sh(arrays.sh, u @ vt, sh_out),
-    )
-
-
-def _turned_shapes(
-    quats: np.ndarray, scales: np.ndarray, linear: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
-    """Return quaternions (n, 4) and scales (n, 3) whose covariances are ``L R S^2 R^T L^T``."""
-    # The left singular vectors of L R S are the axes, the singular values the scales: no squares, so
-    # that flat splats keep their thin side.
-    half = linear @ (matrix_from_quat_xyzw(quats) * scales[:, None, :].astype(np.float64))
-    axes, values, _ = np.linalg.svd(half)
-    axes[:, :, 2] *= np.linalg.det(axes)[:, None]  # right-handed: the sign of an axis means nothing
-    return quat_xyzw_from_matrix(axes), values
+# Splats that tell where a scene lies.
+SAMPLED = 65536
 
 
 @dataclass(frozen=True, eq=False)
@@ -117,29 +70,13 @@ class UsdScene:
     prim_path: str
 
 
-@dataclass(frozen=True, kw_only=True)
-class ReadOptions:
-    """What to read of a scene that holds more than one thing.
-
-    Attributes:
-        time: time code of animated splats and transforms; None reads the first sample of each.
-        variants: variant set -> variant; others keep the scene's own choice.
-        approximate: also read splats under transforms that shear or scale the axes differently: shapes
-            exactly, colors as if the transform were only a rotation.
-    """
-
-    time: float | None = None
-    variants: Mapping[str, str] = field(default_factory=dict)
-    approximate: bool = False
-
-
 def read_gaussians(path: Path, prim_path: str | None = None) -> Gaussians:
     """Return the Gaussians of a USD scene in our world; see `read_scene`."""
     return read_scene(path, prim_path).gaussians
 
 
 def read_scene(
-    path: Path, prim_path: str | None = None, options: ReadOptions | None = None
+    path: Path, prim_path: str | None = None, variants: Mapping[str, str] | None = None
 ) -> UsdScene:
     """Read the Gaussians and the metadata of a ``.usda``, ``.usdc`` or ``.usdz`` file.
 
@@ -154,17 +91,16 @@ def read_scene(
     Args:
         path: the scene.
         prim_path: which splats to read where a scene holds several fields.
-        options: time code, variants, tolerance.
+        variants: variant set -> variant; others keep the scene's own choice.
 
     Raises:
         UsdError: the file is missing, truncated or not USD; it holds no splats, or several fields and no
             ``prim_path`` is given; there is no such variant; values are NaN, infinite or not activated;
             the transform is not a similarity.
     """
-    options = options or ReadOptions()
     with opened_stage(path) as stage:
-        select_variants(stage, options.variants, path)
-        return _read(stage, find_field(stage, path, prim_path), path, options)
+        select_variants(stage, variants or {}, path)
+        return _read(stage, find_field(stage, path, prim_path), path)
 
 
 def read_metadata(stage: "Usd.Stage") -> dict[str, Any]:
@@ -174,29 +110,29 @@ def read_metadata(stage: "Usd.Stage") -> dict[str, Any]:
     return json_from_usd(ours) if isinstance(ours, dict) else {}
 
 
-def _read(stage: "Usd.Stage", prim: "Usd.Prim", path: Path, options: ReadOptions) -> UsdScene:
+def _read(stage: "Usd.Stage", prim: "Usd.Prim", path: Path) -> UsdScene:
     # A separate function, so that no array outlives the stage: USD would copy the mapped file.
     metadata = read_metadata(stage)
     gaussians = replace(
-        _read_gaussians(prim, f"USD scene '{path}', {prim.GetPath()}", options),
+        _read_gaussians(prim, f"USD scene '{path}', {prim.GetPath()}"),
         screen_filter=filter_of(metadata, f"USD scene '{path}', metadata"),
     )
     return UsdScene(gaussians, metadata, str(prim.GetPath()))
 
 
-def _read_gaussians(prim: "Usd.Prim", what: str, options: ReadOptions) -> Gaussians:
-    arrays = read_arrays(prim, what, options.time)
+def _read_gaussians(prim: "Usd.Prim", what: str) -> Gaussians:
+    arrays = read_arrays(prim, what)
     linear_of = _linear_colors(prim, what)
-    world_from_local = world_from_prim(prim, what, options.time)
+    world_from_local = world_from_prim(prim, what)
     offset = stage_offset(prim.GetStage())
-    some = arrays.positions[:: 1 + len(arrays) // CHUNK].astype(np.float64)
+    some = arrays.positions[:: 1 + len(arrays) // SAMPLED].astype(np.float64)
     some = some @ world_from_local[:3, :3].T + world_from_local[:3, 3]
     some = some[np.isfinite(some).all(axis=1)]
     if offset is None and len(some) and (far := far_offset(some)) is not None:
         world_from_local[:3, 3] -= far
         x, y, z = offset = tuple(far.tolist())
         _log.warning("%s: (%g, %g, %g) m are taken off, and kept as world_offset", what, x, y, z)
-    similarity = None if options.approximate else similarity_from_matrix(world_from_local, what)
+    similarity = similarity_from_matrix(world_from_local, what)
     count = len(arrays)
     read = Gaussians(
         means=np.empty((count, 3), np.float32),
@@ -213,10 +149,7 @@ def _read_gaussians(prim: "Usd.Prim", what: str, options: ReadOptions) -> Gaussi
         if linear_of is not None:
             part = replace(part, sh=srgb_coefficients(part.sh, linear_of))
         # The coefficients are most of the data: they are written straight to their place.
-        if similarity is None:
-            part = deformed(part, world_from_local, what, read.sh[rows])
-        else:
-            part = transformed(part, similarity, read.sh[rows])
+        part = transformed(part, similarity, read.sh[rows])
         raw = gaussians_from_arrays(part)
         for name in ("means", "log_scales", "quats", "opacity_logits"):
             getattr(read, name)[rows] = getattr(raw, name)

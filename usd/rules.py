@@ -202,13 +202,12 @@ def check_values(values: FieldValues) -> Iterator[Finding]:
         return  # comparisons with NaN would only add noise
     yield from _check_ranges(values)
     scales, quats = (values.of_each(name, count) for name in (names.SCALES, names.ORIENTATIONS))
-    is_complete = scales is not None and quats is not None
-    if is_complete:
-        yield from _check_plausible(values, positions, scales)
     if values.extent is None:
         yield Finding("extent", "error", "'extent' is not authored; viewers cannot frame the scene")
-    elif is_complete:
-        yield from _check_extent(positions, quats, scales, values.extent)
+    if scales is not None and quats is not None:
+        yield from _check_plausible(values, positions, scales)
+        if values.extent is not None:
+            yield from _check_extent(positions, quats, scales, values.extent)
 
 
 def _check_finite(arrays: dict[str, np.ndarray | None]) -> Iterator[Finding]:

@@ -43,3 +43,15 @@ class TriangleMesh:
     def __len__(self) -> int:
         """The number of triangles."""
         return len(self.triangles)
+
+    def normals(self) -> np.ndarray:
+        """Return unit normals at the vertices, weighted by area, outwards, shape (n, 3), float32."""
+        corners = self.points_world[self.triangles].astype(np.float64)
+        normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+        sums = np.zeros((len(self.points_world), 3))
+        for corner in range(3):
+            np.add.at(sums, self.triangles[:, corner], normals)
+        lengths = np.linalg.norm(sums, axis=1, keepdims=True)
+        up = (0.0, 0.0, 1.0)  # vertices of triangles without area
+        units = np.where(lengths > 0, sums / np.where(lengths > 0, lengths, 1.0), up)
+        return units.astype(np.float32)

@@ -17,10 +17,10 @@ from digs_warp.data.layers import Layer
 from digs_warp.data.point_cloud import PointCloud
 from digs_warp.device.threads import default_threads
 from digs_warp.geometry.camera import Camera
+from digs_warp.geometry.reproject import Reprojection, reproject
 from digs_warp.geometry.rigid import grown
 from digs_warp.init.config import InitConfig
 from digs_warp.init.depth_points import NoPointsError, require_layers
-from digs_warp.init.local_scales import pixels_at
 from digs_warp.init.random_points import SEED, cube_looked_at
 from digs_warp.init.view_points import map_frames
 from digs_warp.words import counted
@@ -198,9 +198,9 @@ def _inside(points: np.ndarray, views: Sequence[_View], slack: float) -> np.ndar
         showing, missing = np.zeros((2, len(part)), dtype=np.int32)
         left = np.arange(len(part))  # those that may still belong to the hull
         for view, mask in zip(views, masks, strict=True):
-            shown, masked = _seen(part[left], view.camera, mask)
-            showing[left] += shown
-            missing[left] += shown & ~masked
+            seen = _seen(part[left], view.camera)
+            showing[left] += seen.inside
+            missing[left] += seen.inside & ~mask[seen.rows, seen.columns]
             left = left[missing[left] <= (1 - AGREEING) * len(views)]
         agrees = missing <= (1 - AGREEING) * showing
         return agrees & (showing >= SHOWING * len(views))
@@ -209,14 +209,8 @@ def _inside(points: np.ndarray, views: Sequence[_View], slack: float) -> np.ndar
         return np.concatenate(list(pool.map(work, parts)))
 
 
-def _seen(points: np.ndarray, camera: Camera, mask: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return which points the view shows, and which of them are in its mask."""
-    height, width = mask.shape
-    px, z = camera.project(points)
-    with np.errstate(invalid="ignore"):
-        shown = (z > 0) & np.all((px >= 0) & (px < [width, height]), axis=1)
-    columns, rows = pixels_at(np.where(shown[:, None], px, 0.0), width, height)
-    return shown, shown & mask[rows, columns]
+def _seen(points: np.ndarray, camera: Camera) -> Reprojection:
+    return reproject(points, camera.cam_from_world, camera.intrinsics)
 
 
 def _mask_grown(view: _View, slack: float, center: np.ndarray) -> np.ndarray:
@@ -234,9 +228,7 @@ def _colors(points: np.ndarray, normals: np.ndarray, frames: Sequence[Frame]) ->
         image, mask = frame.load_image(), frame.load_mask() > HALF
         rays = frame.camera.center_world - points
         facing = (normals * rays).sum(axis=1) > FACING * np.linalg.norm(rays, axis=1)
-        px, z = frame.camera.project(points)
-        inside = frame.camera.shows(px, z)
-        columns, rows = pixels_at(np.where(inside[:, None], px, 0.0), mask.shape[1], mask.shape[0])
+        _, inside, rows, columns = _seen(points, frame.camera)
         use = facing & inside & mask[rows, columns]
         return use, image[rows[use], columns[use]] / 255.0
 

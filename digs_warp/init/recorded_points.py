@@ -49,8 +49,5 @@ def in_view(points_world: np.ndarray, cameras: Sequence[Camera]) -> np.ndarray:
     """Return which points lie in front of a camera and inside its image, shape (n,), bool."""
     shown = np.zeros(len(points_world), dtype=bool)
     for camera in cameras:
-        k = camera.intrinsics
-        px, depth = camera.project(points_world)
-        inside = np.all((px >= 0) & (px < [k.width, k.height]), axis=1)
-        shown |= (depth > 0) & inside
+        shown |= camera.shows(*camera.project(points_world))
     return shown

@@ -191,7 +191,6 @@ class DepthLoss:
         depth, transmittance: the rendered planes, one each.
         adj_depth: where dL/ddepth goes, same layout.
         weight: weight of the term.
-        threads: CPU threads; 0 means all cores.
 
     Attributes:
         sums: the array that `value` sums, on the device.
@@ -203,7 +202,6 @@ class DepthLoss:
         transmittance: ImagePlanes,
         adj_depth: ImagePlanes,
         weight: float,
-        threads: int = 0,
     ) -> None:
         device = str(depth.data.device)
         self.weight = weight
@@ -220,7 +218,6 @@ class DepthLoss:
             [depth.pitch, depth.origin, self._regions, transmittance.data, *empty]
             + [depth.data, 0.0, 0.0, adj_depth.data, self.sums],
             device,
-            threads,
             even=True,  # few launches: setting what changes takes longer than an idle moment of a core
         )
 

@@ -48,7 +48,6 @@ class StripSimilarity:
         target: ImagePlanes,
         weights: ImagePlanes,
         adj_image: ImagePlanes,
-        threads: int = 0,
     ) -> None:
         device = str(image.data.device)
         strips = 3 * active.shape[1] * -(-image.max_height // SEGMENT_ROWS)
@@ -59,7 +58,6 @@ class StripSimilarity:
             strips,
             [image.layout(), active, *read, 0.0, 0.0, adj_image.data, self.sums],
             device,
-            threads,
         )
 
     def weigh(self, layout: Any, l1_weight: float, dssim_weight: float) -> None:
@@ -82,8 +80,6 @@ class PhotometricLoss:
         target: planes of the same layout; zero outside the current size.
         weights: one plane of the same layout; `run` reads it only if ``weighted``.
         adj_image: where the gradient dL/dimage goes, same layout as ``image``.
-        dssim_weight: lambda, in 0..1.
-        threads: CPU threads; 0 means all cores.
         similarity: which kernels compute. Default: those for the device.
 
     Attributes:
@@ -96,27 +92,19 @@ class PhotometricLoss:
         target: ImagePlanes,
         weights: ImagePlanes,
         adj_image: ImagePlanes,
-        dssim_weight: float = DSSIM_WEIGHT,
-        threads: int = 0,
         similarity: Callable[..., Similarity] | None = None,
     ) -> None:
         device = str(image.data.device)
         width, height = image.max_width, image.max_height
-        self.dssim_weight = dssim_weight
         blocks_x, blocks_y = -(-width // BLOCK_COLUMNS), -(-height // BLOCK_ROWS)
         self._active = wp.zeros((blocks_y, blocks_x), dtype=int, device=device)
         self._layout = image.layout()
         chosen = similarity or (StripSimilarity if device == "cpu" else PixelSimilarity)
-        self._similarity = chosen(self._active, image, target, weights, adj_image, threads)
+        self._similarity = chosen(self._active, image, target, weights, adj_image)
         self.sums = self._similarity.sums
         self._resize(width, height)
 
-    def run(
-        self,
-        size: tuple[int, int],
-        blocks: np.ndarray,
-        weighted: bool = False,
-    ) -> None:
+    def run(self, size: tuple[int, int], blocks: np.ndarray, weighted: bool = False) -> None:
         """Compute the loss and its gradient.
 
         Args:
@@ -131,18 +119,14 @@ class PhotometricLoss:
         put(self._active, active)
         self._similarity.run(weighted)
 
-    def value(self) -> tuple[float, float, float]:
-        """Return (loss, L1, D-SSIM) of the last `run`; waits for the device."""
+    def value(self) -> float:
+        """Return the loss of the last `run`; waits for the device."""
         l1, dssim = self.sums.numpy().sum(axis=0, dtype=np.float64) / self._count
-        return (
-            float((1 - self.dssim_weight) * l1 + self.dssim_weight * dssim),
-            float(l1),
-            float(dssim),
-        )
+        return float((1 - DSSIM_WEIGHT) * l1 + DSSIM_WEIGHT * dssim)
 
     def _resize(self, width: int, height: int) -> None:
         self._size = width, height
         self._count = 3 * width * height
         self._layout.width, self._layout.height = width, height
-        l1_weight, dssim_weight = 1.0 - self.dssim_weight, self.dssim_weight
-        self._similarity.weigh(self._layout, l1_weight / self._count, dssim_weight / self._count)
+        weights = (1.0 - DSSIM_WEIGHT) / self._count, DSSIM_WEIGHT / self._count
+        self._similarity.weigh(self._layout, *weights)

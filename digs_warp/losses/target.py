@@ -139,7 +139,6 @@ class Target:
     Args:
         width, height: of the largest view [px].
         device: Warp device.
-        threads: CPU threads; 0 means all cores.
         with_mask: whether anybody reads ``mask``; otherwise it is not filled.
 
     Attributes:
@@ -148,12 +147,7 @@ class Target:
     """
 
     def __init__(
-        self,
-        width: int,
-        height: int,
-        device: str = "cpu",
-        threads: int = 0,
-        with_mask: bool = True,
+        self, width: int, height: int, device: str = "cpu", with_mask: bool = True
     ) -> None:
         self.image = ImagePlanes(width, height, 3, device)
         self.mask = ImagePlanes(width, height, 1, device)
@@ -168,18 +162,10 @@ class Target:
         self._compose = ParallelLaunch(
             compose_kernel,
             height * parts,
-            [
-                parts,
-                columns,
-                *layout,
-                wp.zeros(4, dtype=wp.uint8, device=device),
-                self._box,
-                0,
-                self._background,
-            ]
+            [parts, columns, *layout, wp.zeros(4, dtype=wp.uint8, device=device)]
+            + [self._box, 0, self._background]
             + [self._factors, 0, self.image.data, int(with_mask), self.image.data, self.mask.data],
             device,
-            threads,
             even=True,  # few launches: setting what changes takes longer than an idle moment of a core
         )
 
@@ -219,9 +205,8 @@ class Target:
         self._compose.run()
 
     def _take_off(self, gain: ColorGain | None, rendered: ImagePlanes | None) -> None:
-        if (
-            rendered is not None
-        ):  # also without a gain: a loop that reads what it writes is not vectorized
+        # Also without a gain: a loop that reads what it writes is not vectorized.
+        if rendered is not None:
             self._compose.set_param(_RENDERED, rendered.data)
         if gain is not None and rendered is not None:
             put(self._factors, np.concatenate(gain.removal()))

@@ -105,7 +105,6 @@ class LeftOut:
         target: planes of the same layout as ``image``.
         mask: the mask of the current view, one plane.
         adj_image: the gradient with respect to ``image``, same layout.
-        threads: CPU threads; 0 means all cores.
     """
 
     def __init__(
@@ -115,23 +114,15 @@ class LeftOut:
         target: ImagePlanes,
         mask: ImagePlanes,
         adj_image: ImagePlanes,
-        threads: int = 0,
     ) -> None:
         device = str(image.data.device)
         none = [wp.zeros(1, dtype=int, device=device), wp.zeros(1, dtype=int, device=device)]
         layout = [image.pitch, image.plane, image.origin]
         drawn = [image.data, transmittance.data]
         rows = image.max_height
-        self._accept = ParallelLaunch(
-            accept_kernel,
-            rows,
-            [*none, *layout, *drawn, target.data, mask.data],
-            device,
-            threads,
-        )
-        self._erase = ParallelLaunch(
-            erase_kernel, rows, [*none, *layout, adj_image.data], device, threads
-        )
+        accepted, erased = [*drawn, target.data, mask.data], [adj_image.data]
+        self._accept = ParallelLaunch(accept_kernel, rows, [*none, *layout, *accepted], device)
+        self._erase = ParallelLaunch(erase_kernel, rows, [*none, *layout, *erased], device)
 
     def accept(self, pixels: UnknownPixels) -> None:
         """Take what is rendered for the target; call it between target and terms."""

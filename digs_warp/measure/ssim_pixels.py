@@ -222,7 +222,6 @@ class PixelSimilarity:
         image, target: three planes each.
         weights: one plane.
         adj_image: where the gradient goes, three planes.
-        threads: CPU threads; 0 means all cores.
 
     Attributes:
         sums: weighted sums of |x - y| and of 1 - SSIM over parts of the image, (n, 2).
@@ -235,7 +234,6 @@ class PixelSimilarity:
         target: ImagePlanes,
         weights: ImagePlanes,
         adj_image: ImagePlanes,
-        threads: int = 0,
     ) -> None:
         device = str(image.data.device)
         pixels = 3 * image.max_width * image.max_height
@@ -248,7 +246,7 @@ class PixelSimilarity:
         slopes = wp.zeros_like(moments)
         x, y, w = image.data, target.data, weights.data
         self._launches = [
-            ParallelLaunch(kernel, count, [self._terms, *inputs], device, threads)
+            ParallelLaunch(kernel, count, [self._terms, *inputs], device)
             for kernel, count, inputs in (
                 (moments_kernel, pixels, [x, y, moments]),
                 (slopes_kernel, pixels, [w, moments, slopes]),

@@ -42,10 +42,7 @@ def visible_places(
     mesh = _mesh_of(surface)
     for camera in cameras:
         left = np.flatnonzero(~visible)
-        px, z = camera.project(places_world[left])
-        k = camera.intrinsics
-        with np.errstate(invalid="ignore"):
-            inside = (z > 0) & np.all((px >= 0) & (px < [k.width, k.height]), axis=1)
+        inside = camera.shows(*camera.project(places_world[left]))
         toward = places_world[left] - camera.center_world
         across = np.abs(np.einsum("ij,ij->i", toward, normals_world[left]))
         faced = across >= EDGE_ON * np.linalg.norm(toward, axis=1)

@@ -24,7 +24,6 @@ from digs_warp.record.run_log import RunLog, RunRecord
 from digs_warp.record.typed import to_json
 from digs_warp.train.config import TrainConfig
 from digs_warp.train.evaluate import TestViews, load_test_views
-from digs_warp.train.objective import OwnLoss
 from digs_warp.train.session import (
     Hooks,
     Trained,
@@ -35,7 +34,7 @@ from digs_warp.train.session import (
     train_gaussians,
 )
 from digs_warp.train.shutter import ShutterPlan, plan_blur, plan_shutter, with_motions
-from digs_warp.train.time_plan import TimePlan
+from digs_warp.train.trainer import Resolved
 from digs_warp.train.training import Training, read_course
 
 
@@ -83,14 +82,19 @@ def optimize(
     trained = _finished(folder, before, len(poses.posed.by_time)) if before else None
     with log.stage("load views"):
         seeds = _seeds(poses, start, config) if trained is None else None
+        resolved = Resolved(
+            train_poses=pose_training(poses.refinement, config.train), loss=hooks.loss
+        )
         views = _load_views(
-            poses.posed, start.points, seeds, shutter, config.train, folder, before is not None
+            *(poses.posed, start.points, seeds, shutter, config.train, folder),
+            *(before is not None, resolved),
         )
     if trained is None:
         assert seeds is not None
         plan = stored(Training, before, folder).plan
         if config.train.stop.time_budget is not None and plan is None:
-            plan = _plan(seeds, views, config.train, log, hooks.loss)
+            with log.stage("plan"):
+                plan = plan_training(*_colored(seeds, views, config.train), config.train)
             log.results["training"] = to_json(Training(plan=plan))
             log.save(folder / RUN_RECORD)
         if plan is not None:
@@ -100,7 +104,10 @@ def optimize(
         train = config.train
         if views.color is not None:
             train = replace(train, sh_degree=views.color.degree)
-        trained = _train(seeds, views, poses.refinement, train, folder, log, hooks, plan)
+        colored, data = _colored(seeds, views, train)
+        trained = train_gaussians(
+            *(colored, data, views.held_out, train, folder, log), watch=hooks.watch, plan=plan
+        )
     record = replace(
         trained.record,
         rolling_shutter=shutter,
@@ -167,6 +174,7 @@ def _load_views(
     config: TrainConfig,
     folder: Path,
     resume: bool,
+    resolved: Resolved,
 ) -> _LoadedViews:
     """Read the views; what takes one core is done beside the reading for the training.
 
@@ -187,41 +195,17 @@ def _load_views(
             found = first_exposures(points, frames, seen) if evens else None
             if found is not None:
                 points, constant = without_exposure(points, frames, found), not found.vary
-        data = replace(opening.result(), constant_exposure=constant) if opening else None
+        resolved = replace(resolved, held=points.hidden, constant_exposure=constant)
+        data = replace(opening.result(), resolved=resolved) if opening else None
         return _LoadedViews(data, held_out, judging.result() if judging else None, points)
 
 
-def _plan(
-    seeds: Gaussians,
-    views: _LoadedViews,
-    config: TrainConfig,
-    log: RunLog,
-    loss: OwnLoss | None,
-) -> TimePlan:
+def _colored(
+    seeds: Gaussians, views: _LoadedViews, config: TrainConfig
+) -> tuple[Gaussians, TrainingData]:
+    """Return the Gaussians in the colors of the first points, and the data to train them on."""
     assert views.data is not None
-    with log.stage("plan"):
-        colored = with_colors(seeds, views.points.colors, config.usual_sh_degree)
-        return plan_training(colored, views.data, config, views.points.hidden, loss)
-
-
-def _train(
-    seeds: Gaussians,
-    views: _LoadedViews,
-    refinement: PoseRefinement | None,
-    config: TrainConfig,
-    folder: Path,
-    log: RunLog,
-    hooks: Hooks,
-    plan: TimePlan | None,
-) -> Trained:
-    seeds = with_colors(seeds, views.points.colors, config.usual_sh_degree)
-    assert views.data is not None
-    return train_gaussians(
-        *(seeds, views.data, views.held_out, config, folder, log, hooks),
-        held=views.points.hidden,
-        train_poses=pose_training(refinement, config),
-        plan=plan,
-    )
+    return with_colors(seeds, views.points.colors, config.usual_sh_degree), views.data
 
 
 def pose_training(refinement: PoseRefinement | None, config: TrainConfig) -> PoseTraining:

@@ -30,18 +30,6 @@ def write_mesh(path: Path, mesh: TriangleMesh) -> None:
     write_atomically(path, _glb(mesh) if suffix == ".glb" else _ply(mesh))
 
 
-def vertex_normals(mesh: TriangleMesh) -> np.ndarray:
-    """Return unit normals at the vertices, weighted by area, outwards, shape (n, 3), float32."""
-    corners = mesh.points_world[mesh.triangles].astype(np.float64)
-    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    sums = np.zeros((len(mesh.points_world), 3))
-    for corner in range(3):
-        np.add.at(sums, mesh.triangles[:, corner], normals)
-    lengths = np.linalg.norm(sums, axis=1, keepdims=True)
-    up = (0.0, 0.0, 1.0)  # vertices of triangles without area
-    return np.where(lengths > 0, sums / np.where(lengths > 0, lengths, 1.0), up).astype(np.float32)
-
-
 def _ply(mesh: TriangleMesh) -> bytes:
     import trimesh
 
@@ -60,7 +48,7 @@ def _glb(mesh: TriangleMesh) -> bytes:
     linear[:, :3] = linear_from_srgb(mesh.colors)
     attributes = {
         "POSITION": points,
-        "NORMAL": (vertex_normals(mesh) @ GLTF_FROM_WORLD.T).astype("<f4"),
+        "NORMAL": (mesh.normals() @ GLTF_FROM_WORLD.T).astype("<f4"),
         "COLOR_0": np.rint(65535 * linear).astype("<u2"),
     }
     # The colors hold the light of the scene already: fully rough, no metal.

@@ -145,4 +145,4 @@ class Objective:
     def value(self) -> float:
         """Return the loss of the last image; waits for the device."""
         depth = self._depth.value() if self._depth else 0.0
-        return self._photometric.value()[0] + depth + float(self._own_value)
+        return self._photometric.value() + depth + float(self._own_value)

@@ -129,7 +129,6 @@ class Adam:
         rates: initial learning rates.
         extent: of the scene, the unit of the rate of the centers [m].
         progress: along which the rates fall.
-        threads: CPU threads; 0: all cores.
     """
 
     def __init__(
@@ -139,7 +138,6 @@ class Adam:
         rates: LearningRates,
         extent: float,
         progress: Progress,
-        threads: int = 0,
     ) -> None:
         self._first_rates = rates
         self.progress = progress
@@ -170,9 +168,7 @@ class Adam:
             shares = wp.array(shares, dtype=float, device=device)
             inputs = [count, block, len(pattern), shares, steps, *arrays, self._flag]
             blocks = -(-count // block)
-            self._launches.append(
-                ParallelLaunch(adam_kernel, blocks, inputs, device, threads, even=True)
-            )
+            self._launches.append(ParallelLaunch(adam_kernel, blocks, inputs, device, even=True))
 
     def hold(self, rows: np.ndarray) -> None:
         """Keep the Gaussians at ``rows`` (a bool mask) as they are.

@@ -3,7 +3,7 @@
 import logging
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TypeAlias
 
@@ -12,7 +12,7 @@ import numpy as np
 from digs_warp.checks import check_finite, check_shape
 from digs_warp.data.frame import Frame
 from digs_warp.data.gaussians import Gaussians
-from digs_warp.poses.in_training import PoseTraining, TrainedPoses
+from digs_warp.poses.in_training import TrainedPoses
 from digs_warp.record.arrays import open_arrays, write_arrays
 from digs_warp.record.files import remove
 from digs_warp.record.interruption import deferred_interrupt
@@ -28,7 +28,7 @@ from digs_warp.train.objective import OwnLoss
 from digs_warp.train.recorder import LOG_EVERY, CourseRecorder
 from digs_warp.train.shutter import NO_SHUTTER, ShutterPlan
 from digs_warp.train.time_plan import MOST_DENSE_STEPS, Clock, TimePlan, plan_time
-from digs_warp.train.trainer import Trainer
+from digs_warp.train.trainer import Resolved, Trainer
 from digs_warp.train.training import Training
 from digs_warp.train.view_store import ViewStore, open_views
 
@@ -54,8 +54,7 @@ class Hooks:
 
     Attributes:
         watch: looks on.
-        loss: a further term, see `digs_warp.train.objective.OwnLoss`; a training that is resumed needs the
-            same.
+        loss: a further term, see `digs_warp.train.objective.OwnLoss`.
     """
 
     watch: Watch | None = None
@@ -90,13 +89,13 @@ class TrainingData:
         views: to train on.
         measured: views whose measured depth the surface is compared with.
         first_step: the step that the training starts or goes on at.
-        constant_exposure: whether the exposure of the views is known to be constant.
+        resolved: what else was found out.
     """
 
     views: ViewStore
     measured: Sequence[MeasuredView]
     first_step: int = 0
-    constant_exposure: bool = False
+    resolved: Resolved = field(default_factory=Resolved)
 
 
 def open_data(
@@ -130,9 +129,7 @@ def train_gaussians(
     config: TrainConfig,
     folder: Path,
     log: RunLog,
-    hooks: Hooks = NO_HOOKS,
-    held: np.ndarray | None = None,
-    train_poses: PoseTraining = "held",
+    watch: Watch | None = None,
     plan: TimePlan | None = None,
 ) -> Trained:
     """Train ``seeds`` on ``data``; also save the Gaussians and the training progress to ``folder``.
@@ -146,9 +143,7 @@ def train_gaussians(
         config: settings.
         folder: where gaussians.npz, training.jsonl and checkpoint.npz go; must exist.
         log: receives the times of the stages.
-        hooks: what the caller adds.
-        held: which seeds stay as they are, shape (n,), bool; None: none.
-        train_poses: what the cameras do until their photographs fit, held-out ones at the end.
+        watch: looks on.
         plan: for the time budget; ``config`` has its iterations.
 
     Raises:
@@ -159,11 +154,7 @@ def train_gaussians(
     checkpoint = folder / CHECKPOINT
     try:
         with log.stage("prepare kernels"):
-            trainer = Trainer(
-                *(seeds, data.views, config, held, train_poses),
-                constant_exposure=data.constant_exposure,
-                loss=hooks.loss,
-            )
+            trainer = Trainer(seeds, data.views, config, data.resolved)
         if plan is not None:
             trainer.progress.most = plan.most
         if data.first_step:
@@ -171,7 +162,7 @@ def train_gaussians(
         course = CourseRecorder(folder / TRAINING, trainer, test_views, data.measured)
         try:
             with log.stage("train"):
-                stopped = _run_steps(trainer, course, checkpoint, hooks)
+                stopped = _run_steps(trainer, course, checkpoint, watch)
         finally:
             log.seconds["train"] -= course.seconds
             log.seconds["measure course"] = log.seconds.get("measure course", 0.0) + course.seconds
@@ -233,10 +224,7 @@ def _all_poses(
 
 
 def _run_steps(
-    trainer: Trainer,
-    course: CourseRecorder,
-    checkpoint: Path,
-    hooks: Hooks,
+    trainer: Trainer, course: CourseRecorder, checkpoint: Path, watch: Watch | None
 ) -> str:
     """Take the remaining steps; return what ended the run."""
     budget = trainer.config.stop.time_budget
@@ -259,8 +247,8 @@ def _run_steps(
             measure = _measures(trainer, clock)
             if measure or step % LOG_EVERY == 0:
                 bar.set_postfix_str(course.record(measure), refresh=False)
-                if hooks.watch is not None:
-                    hooks.watch(step, trainer.gaussians)
+                if watch is not None:
+                    watch(step, trainer.gaussians)
             if interruption.asked is not None:
                 save_checkpoint(checkpoint, trainer)
                 interruption.end()
@@ -288,26 +276,19 @@ def _reason_to_stop(trainer: Trainer, clock: Clock | None) -> str:
     return "time budget" if clock and clock.is_over(step, trainer.seconds) else ""
 
 
-def plan_training(
-    seeds: Gaussians,
-    data: TrainingData,
-    config: TrainConfig,
-    held: np.ndarray | None = None,
-    loss: OwnLoss | None = None,
-) -> TimePlan:
+def plan_training(seeds: Gaussians, data: TrainingData, config: TrainConfig) -> TimePlan:
     """Choose the steps that fit into the time budget by how long a few steps of a copy take.
 
     Args:
         seeds: the Gaussians to start from.
         data: of the frames to train on.
         config: settings with a time budget; not more than its iterations are planned.
-        held: as of `train_gaussians`.
-        loss: as of `Hooks`.
     """
     budget = config.stop.time_budget
     assert budget is not None
-    constant = data.constant_exposure
-    copy = Trainer(seeds, data.views, config, held, constant_exposure=constant, loss=loss)
+    # Cameras stay where they are: their steps take no longer.
+    resolved = replace(data.resolved, train_poses="held")
+    copy = Trainer(seeds, data.views, config, resolved)
     copy.step()  # may compile kernels: not timed
     copy.seconds, steps = 0.0, 0
     while steps < PLANNING_STEPS or copy.seconds < PLANNING_SHARE * budget:

@@ -220,7 +220,6 @@ class SmoothingFilter:
         gaussians: with the scales to start from, effective ones.
         gradients: of the loss in them.
         cameras: of the training views.
-        threads: CPU threads; 0: all cores.
 
     Attributes:
         learned: ln s, (n,) vec3.
@@ -232,7 +231,6 @@ class SmoothingFilter:
         gaussians: DeviceGaussians,
         gradients: DeviceGaussians,
         cameras: Sequence[Camera],
-        threads: int = 0,
     ) -> None:
         device = gaussians.device
         self._gaussians, self._cameras = gaussians, cameras
@@ -246,9 +244,9 @@ class SmoothingFilter:
         scales, learned = flat(gaussians.log_scales), flat(self.learned)
         blocks = -(-count // BLOCK)
         given = [count, learned, scales, flat(gradients.log_scales)]
-        self._before = ParallelLaunch(learned_kernel, blocks, given, device, threads, even=True)
+        self._before = ParallelLaunch(learned_kernel, blocks, given, device, even=True)
         given = [count, self._widths, scales, learned]
-        self._after = ParallelLaunch(effective_kernel, blocks, given, device, threads, even=True)
+        self._after = ParallelLaunch(effective_kernel, blocks, given, device, even=True)
         gaussians.log_scales.assign(self.learned)
         self.after_update()
 

@@ -1,7 +1,7 @@
 """The training loop: render a view, compare, backpropagate, step (paper section 3.4)."""
 
 import time
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -39,6 +39,23 @@ from digs_warp.words import counted
 SH_WARM_UP_SHARE = 0.1
 
 
+@dataclass(frozen=True, eq=False)
+class Resolved:
+    """What was found out for a training, beside its settings.
+
+    Attributes:
+        held: which Gaussians stay as they are, shape (n,), bool; None: none.
+        train_poses: what the cameras do until their photographs fit, held-out ones at the end.
+        constant_exposure: whether the exposure of the views is known to be constant.
+        loss: a further term of the loss, of the caller; a training that is resumed needs the same.
+    """
+
+    held: np.ndarray | None = None
+    train_poses: PoseTraining = "held"
+    constant_exposure: bool = False
+    loss: OwnLoss | None = None
+
+
 class Trainer:
     """Optimizes Gaussians against views. Everything random follows from (seed, step).
 
@@ -46,10 +63,7 @@ class Trainer:
         gaussians: the initial Gaussians, at least one.
         views: what to train on; their sizes may differ.
         config: settings.
-        held: which of them stay as they are, shape (n,), bool; None: none.
-        train_poses: what the cameras do until their photographs fit.
-        constant_exposure: whether the exposure of the views is known to be constant.
-        loss: a further term of the loss; None: there is none.
+        resolved: what was found out before.
 
     Attributes:
         gaussians: the parameters on the device, with effective scales; `DeviceGaussians.to_numpy` gives a
@@ -69,14 +83,11 @@ class Trainer:
         gaussians: Gaussians,
         views: ViewStore,
         config: TrainConfig,
-        held: np.ndarray | None = None,
-        train_poses: PoseTraining = "held",
-        *,
-        constant_exposure: bool = False,
-        loss: OwnLoss | None = None,
+        resolved: Resolved | None = None,
     ) -> None:
         if len(gaussians) == 0:
             raise DigsError("no Gaussians to train; the initialization found no points")
+        resolved = resolved or Resolved()
         self.views = views
         self.config = config
         self.seconds = 0.0
@@ -97,21 +108,21 @@ class Trainer:
         self.progress = Progress(config.stop.iterations)
         self._extent = scene_extent(views.cameras)
         self.objective = Objective(self.renderer, config, depth_weight)
-        self._loss = loss
+        self._loss = resolved.loss
         self._center = gaussians.means.mean(axis=0)
         self.control = density_control(len(gaussians), config, self._extent)
         self.exposures: Exposures | None = None
         if config.fit_exposure == "on":
-            self.exposures = Exposures(len(views), constant_exposure)
+            self.exposures = Exposures(len(views), resolved.constant_exposure)
         trusted = TRUSTED_SPREAD if views.have_masks else TRUSTED_IN_SCENES
         self.depth_judge = DepthJudge(len(views), trusted) if depth_weight > 0 else None
         self.poses: TrainedPoses | None = None
-        if train_poses != "held":
-            steps, shifts = config.stop.iterations, train_poses == "moved"
+        if resolved.train_poses != "held":
+            steps, shifts = config.stop.iterations, resolved.train_poses == "moved"
             self.poses = TrainedPoses(views.cameras, gaussians.means, steps, shifts)
         self._build_optimizer(step=0)
-        if held is not None:
-            self.optimizer.hold(held)
+        if resolved.held is not None:
+            self.optimizer.hold(resolved.held)
 
     def step(self) -> None:
         """Take one step on one view.

@@ -12,7 +12,7 @@ from digs_warp.data.images import linear_from_srgb
 from digs_warp.splat.render import render
 from digs_warp.usd.capture_scene import CaptureScene, SceneVariant, write_capture_scene
 from digs_warp.usd.lod import LEVELS, level_of_detail
-from digs_warp.usd.reader import ReadOptions, read_scene
+from digs_warp.usd.reader import read_scene
 from digs_warp.usd.writer import WriteOptions
 from reference.capture_scenes import (
     BASELINE,
@@ -51,8 +51,7 @@ def test_every_variant_holds_its_reconstruction_and_its_level(package: Path):
     scene = full_scene()
     for each, variant in zip(scene.variants, ("depth", "random_points", "sfm"), strict=True):
         for level, share in LEVELS.items():
-            options = ReadOptions(variants={"init": variant, "lod": level})
-            read = read_scene(package, options=options).gaussians
+            read = read_scene(package, variants={"init": variant, "lod": level}).gaussians
             expected = level_of_detail(each.gaussians, share)
             assert_array_equal(read.means, expected.means)
             assert_allclose(read.log_scales, expected.log_scales, atol=1e-6)
@@ -155,15 +154,6 @@ def test_between_two_views_the_camera_turns_along_the_shorter_arc(package: Path)
     quats = [orient.Get(i) for i in range(9)]
     numbers = np.array([[q.GetReal(), *q.GetImaginary()] for q in quats])
     assert ((numbers[1:] * numbers[:-1]).sum(axis=1) > 0).all()
-
-
-def test_a_single_camera_is_no_stereo_rig(tmp_path: Path):
-    path = tmp_path / "scene.usdz"
-    views = camera_path(views=1, baseline=None)
-    write_capture_scene(path, CaptureScene((SceneVariant("a", splats(5)),), cameras=views))
-    stage = open_stage(path)
-    rig = stage.GetPrimAtPath("/Asset/Rig")
-    assert [p.GetName() for p in rig.GetChildren()] == ["mono"]
 
 
 def test_the_course_of_the_training_is_there_but_switched_off(package: Path):
@@ -273,9 +263,9 @@ def test_scenes_that_make_no_sense_are_refused():
 
 def test_variants_that_are_not_there_are_listed(package: Path):
     with pytest.raises(UsdError, match=r"no variant 'mesh' of 'init'.*depth, random_points, sfm"):
-        read_scene(package, options=ReadOptions(variants={"init": "mesh"}))
+        read_scene(package, variants={"init": "mesh"})
     with pytest.raises(UsdError, match=r"no variant 'full' of 'detail'"):
-        read_scene(package, options=ReadOptions(variants={"detail": "full"}))
+        read_scene(package, variants={"detail": "full"})
 
 
 def test_the_offset_of_a_recording_is_a_double_translation(tmp_path: Path):

@@ -12,7 +12,7 @@ from digs_warp.data.posed_frames import PosedFrames
 from digs_warp.record.files import read_json, to_json
 from digs_warp.record.run_log import RunLog
 from digs_warp.train.training import save_snapshot
-from digs_warp.usd.reader import ReadOptions, read_scene
+from digs_warp.usd.reader import read_scene
 from digs_warp.usd.validate import validate
 from reference.capture_scenes import cloud, splats
 from reference.tiny_capture import write_tiny_capture
@@ -47,7 +47,7 @@ def test_reconstructions_of_one_capture_become_variants_with_its_cameras(
     arguments = ["export-usd", first, "--capture", capture.folder, "--also", second, "--out", path]
     assert main([*map(str, arguments), "--precision", "mixed", "--sh-degree", "1"]) == EXIT_OK
     for variant, count in (("depth", 30), ("random", 20)):
-        scene = read_scene(path, options=ReadOptions(variants={"init": variant}))
+        scene = read_scene(path, variants={"init": variant})
         assert len(scene.gaussians) == count
         assert scene.gaussians.sh_degree == 1
     assert scene.metadata["kernel"]["dilation_px2"] == 0
@@ -70,7 +70,7 @@ def test_same_strategies_are_numbered(capture: Capture, tmp_path: Path):
     arguments = ["export-usd", folders[0], "--capture", capture.folder, "--also", folders[1]]
     assert main([*map(str, arguments), "--out", str(path)]) == EXIT_OK
     for variant in ("depth_1", "depth_2"):
-        read_scene(path, options=ReadOptions(variants={"init": variant}))
+        read_scene(path, variants={"init": variant})
 
 
 def test_variants_need_the_capture(tmp_path: Path):

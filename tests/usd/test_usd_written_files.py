@@ -1,10 +1,8 @@
 """The files that the writer leaves: their bytes and members, and what happens to those that are there."""
 
 import hashlib
-import zipfile
 from pathlib import Path
 
-import numpy as np
 import pytest
 
 from digs_warp.checks import UsdError
@@ -32,20 +30,6 @@ def test_same_input_gives_the_same_bytes_in_another_process(
     # Another time zone: packages must not carry local times.
     run_fresh(program, TZ="Asia/Tokyo")
     assert_same_bytes(here, there)
-
-
-def test_package_stores_one_aligned_member_named_default(tmp_path: Path, random_gaussians):
-    path = tmp_path / "scene.usdz"
-    write_gaussians(path, random_gaussians(100))
-    with zipfile.ZipFile(path) as package:
-        (member,) = package.infolist()
-    assert member.filename == "default.usdc"
-    assert member.compress_type == zipfile.ZIP_STORED
-    header = path.read_bytes()[member.header_offset :]
-    name_length, extra_length = np.frombuffer(header[26:30], dtype="<u2")
-    start = member.header_offset + 30 + int(name_length) + int(extra_length)
-    assert start % 64 == 0
-    assert path.read_bytes()[start : start + 8] == b"PXR-USDC"
 
 
 def test_files_of_the_same_name_and_other_suffixes_are_left_alone(tmp_path: Path, random_gaussians):

@@ -19,7 +19,6 @@ from digs_warp.show.film.camera_path import Subject, orbit
 from digs_warp.sim.config import SimulateConfig
 from digs_warp.sim.record.record import simulate
 from digs_warp.splat.skin import REACH
-from digs_warp.surface.files import vertex_normals
 from digs_warp.surface.true_surface import read_true_surface
 from reference.optional import open3d_or_skip
 from reference.tiny_capture import ball, write_tiny_capture
@@ -61,7 +60,7 @@ def built_in(tmp_path_factory: pytest.TempPathFactory) -> Path:
     shutil.copy(folder / "recording/run.json", folder / "capture/run.json")
     deviation, opacity_logit = 0.003, 3.0
     skin = REACH * deviation  # what lies on the surface
-    inner = replace(surface, points_world=surface.points_world - skin * vertex_normals(surface))
+    inner = replace(surface, points_world=surface.points_world - skin * surface.normals())
     points = sample_surface(inner, 20_000)
     Gaussians(
         means=points,

@@ -163,11 +163,6 @@ def test_small_exposures_of_a_matte_object_are_believed() -> None:
     np.testing.assert_allclose(found.log_factors, logs, atol=0.005)
 
 
-def test_white_balance_alone_varies() -> None:
-    logs = np.cos(ANGLES)[:, None] * [0.1, 0.0, -0.1]
-    assert FirstExposures.of(toned(logs)[0]).vary
-
-
 def test_gains_are_taken_off() -> None:
     colors, true = toned(-0.15 * np.cos(ANGLES), points=1500)
     found = FirstExposures.of(colors)

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from digs_warp.checks import DigsError
+from digs_warp.data.capture import Capture
 from digs_warp.data.frame import Frame
 from digs_warp.data.layers import Layer
 from digs_warp.init.config import InitConfig
@@ -18,10 +19,9 @@ HULL = InitConfig(strategy="hull")
 
 
 @pytest.fixture(scope="module")
-def frames(tmp_path_factory: pytest.TempPathFactory) -> list[Frame]:
+def frames(ball_ring: Capture) -> list[Frame]:
     """Photographs and masks, without depth."""
-    capture = write_capture(tmp_path_factory.mktemp("ball"), ball_views(12))
-    return [frame.without_layer(Layer.DEPTH) for frame in capture.frames]
+    return [frame.without_layer(Layer.DEPTH) for frame in ball_ring.frames]
 
 
 def test_the_hull_of_a_ball_is_the_ball_but_for_what_no_view_touches(frames: list[Frame]) -> None:

@@ -41,14 +41,6 @@ def test_coarse_voxels_under_fine_ones_are_dropped_and_others_stay() -> None:
     assert (kept[1].voxels.points_world[:, :2].max(axis=1) > 0.2).all()
 
 
-def test_a_voxel_with_one_fine_point_of_four_stays() -> None:
-    coarse = plate(0.02, 0.02)
-    fine = plate(0.01, 0.02)
-    one, two = np.arange(4) < 1, np.arange(4) < 2
-    assert len(coarse.uncovered_by([fine.select(one)]).voxels) == 1
-    assert len(coarse.uncovered_by([fine.select(two)]).voxels) == 0
-
-
 def test_several_grids_cover_together() -> None:
     coarse, middle, fine = plate(0.04, 0.04), plate(0.02, 0.04), plate(0.01, 0.04)
     a_quarter = middle.select(np.arange(4) < 1)

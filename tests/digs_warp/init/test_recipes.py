@@ -22,15 +22,19 @@ def views() -> list[View]:
     return ball_views()
 
 
+@pytest.fixture(scope="module")
+def frames(tmp_path_factory: pytest.TempPathFactory, views: list[View]) -> tuple[Frame, ...]:
+    return write_capture(tmp_path_factory.mktemp("ball"), views).frames
+
+
 def without(frame: Frame, key: Layer) -> Frame:
     return replace(frame, layers={k: path for k, path in frame.layers.items() if k != key})
 
 
 def test_points_lie_on_the_ball_with_its_colors_and_cover_its_sides(
-    tmp_path: Path, views: list[View]
+    frames: tuple[Frame, ...],
 ) -> None:
-    capture = write_capture(tmp_path, views)
-    points = initial_points(capture.frames, CONFIG)
+    points = initial_points(frames, CONFIG)
     radii = np.linalg.norm(points.points_world, axis=1)
     # The mean of surface points inside a voxel lies below the surface by its sagitta at most:
     # (diagonal / 2)^2 / (2 radius) = 0.75 mm.
@@ -43,13 +47,12 @@ def test_points_lie_on_the_ball_with_its_colors_and_cover_its_sides(
 
 
 def test_the_same_frames_give_the_same_bits_with_one_thread_and_four(
-    tmp_path: Path, views: list[View], monkeypatch: pytest.MonkeyPatch
+    frames: tuple[Frame, ...], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    capture = write_capture(tmp_path, views)
     found = []
     for threads in ("1", "4"):
         monkeypatch.setenv("DIGS_WARP_THREADS", threads)
-        found.append(initial_points(capture.frames, CONFIG))
+        found.append(initial_points(frames, CONFIG))
     np.testing.assert_array_equal(found[0].points_world, found[1].points_world)
     np.testing.assert_array_equal(found[0].colors, found[1].colors)
 
@@ -89,12 +92,11 @@ def test_foreground_filter_removes_the_wall_that_a_mask_lets_in(
 
 
 def test_without_the_mask_filter_the_wall_beside_the_ball_comes_in(
-    tmp_path: Path, views: list[View]
+    frames: tuple[Frame, ...],
 ) -> None:
-    capture = write_capture(tmp_path, views)
     config = replace(CONFIG, mask_filter=False)
-    near = initial_points(capture.frames, config)
-    everything = initial_points(capture.frames, replace(config, foreground_filter=False))
+    near = initial_points(frames, config)
+    everything = initial_points(frames, replace(config, foreground_filter=False))
     radii = np.linalg.norm(everything.points_world, axis=1)
     assert np.count_nonzero(radii > 2.5) > 0.3 * len(radii)
     # The k-means tells the ball from the wall without a mask.

@@ -19,19 +19,14 @@ from digs_warp.init.config import InitConfig
 from digs_warp.init.random_points import random_points
 from digs_warp.init.recipes import initialize
 from digs_warp.study.engine.synthetic_sfm import sfm_from_truth
-from reference.ball_capture import INTRINSICS, RADIUS, ball_views, write_capture
+from reference.ball_capture import INTRINSICS, RADIUS
 
 SFM_PER_METRE = 2.5
 
 
 @pytest.fixture(scope="module")
-def capture(tmp_path_factory: pytest.TempPathFactory) -> Capture:
-    return write_capture(tmp_path_factory.mktemp("ball"), ball_views(12))
-
-
-@pytest.fixture(scope="module")
-def sfm(capture: Capture) -> SfmModel:
-    return sfm_from_truth(capture.frames, SFM_PER_METRE, points=3000)
+def sfm(ball_ring: Capture) -> SfmModel:
+    return sfm_from_truth(ball_ring.frames, SFM_PER_METRE, points=3000)
 
 
 @pytest.fixture(scope="module")
@@ -43,16 +38,18 @@ def radii(points: np.ndarray) -> np.ndarray:
     return np.linalg.norm(points, axis=1)
 
 
-def test_default_is_all_points_of_structure_from_motion(capture: Capture, metric: SfmModel) -> None:
-    found = initialize(capture.frames, InitConfig(strategy="default"), metric)
+def test_default_is_all_points_of_structure_from_motion(
+    ball_ring: Capture, metric: SfmModel
+) -> None:
+    found = initialize(ball_ring.frames, InitConfig(strategy="default"), metric)
     assert found.points is metric.points
     assert found.sources == {"sfm": len(metric.points)}
     assert radii(found.points.points_world).max() > 2.5  # the wall is among them
 
 
-def test_depth_is_coarser_than_highdepth_by_the_papers_ratio(capture: Capture) -> None:
-    high = initialize(capture.frames, InitConfig(strategy="highdepth"))
-    low = initialize(capture.frames, InitConfig(strategy="depth"))
+def test_depth_is_coarser_than_highdepth_by_the_papers_ratio(ball_ring: Capture) -> None:
+    high = initialize(ball_ring.frames, InitConfig(strategy="highdepth"))
+    low = initialize(ball_ring.frames, InitConfig(strategy="depth"))
     assert high.depth is not None and low.depth is not None
     assert low.depth.voxel_size / high.depth.voxel_size == pytest.approx(0.1 / 0.04)
     assert len(low.points) < len(high.points)
@@ -63,10 +60,10 @@ def test_depth_is_coarser_than_highdepth_by_the_papers_ratio(capture: Capture) -
 
 
 def test_fusion_unites_depth_with_unmasked_sparse_points(
-    capture: Capture, metric: SfmModel
+    ball_ring: Capture, metric: SfmModel
 ) -> None:
-    alone = initialize(capture.frames, InitConfig()).points
-    found = initialize(capture.frames, InitConfig(strategy="fusion"), metric)
+    alone = initialize(ball_ring.frames, InitConfig()).points
+    found = initialize(ball_ring.frames, InitConfig(strategy="fusion"), metric)
     assert found.sources["depth"] == len(alone)
     np.testing.assert_array_equal(found.points.points_world[: len(alone)], alone.points_world)
     added = found.points.points_world[len(alone) :]
@@ -75,10 +72,10 @@ def test_fusion_unites_depth_with_unmasked_sparse_points(
 
 
 def test_fusion_rejects_by_brute_force_what_the_formula_rejects(
-    capture: Capture, metric: SfmModel
+    ball_ring: Capture, metric: SfmModel
 ) -> None:
-    masks = {frame.name: frame.load_mask() for frame in capture.frames}
-    box = initialize(capture.frames, InitConfig()).points.bounds
+    masks = {frame.name: frame.load_mask() for frame in ball_ring.frames}
+    box = initialize(ball_ring.frames, InitConfig()).points.bounds
     kept = []
     for j, point in enumerate(metric.points.points_world):
         rows = np.flatnonzero(metric.observations.points == j)
@@ -92,13 +89,13 @@ def test_fusion_rejects_by_brute_force_what_the_formula_rejects(
         ]
         if rows.size and all(inside) and np.all(point >= box[0]) and np.all(point <= box[1]):
             kept.append(point)
-    found = initialize(capture.frames, InitConfig(strategy="fusion"), metric)
+    found = initialize(ball_ring.frames, InitConfig(strategy="fusion"), metric)
     np.testing.assert_array_equal(found.points.points_world[found.sources["depth"] :], kept)
 
 
-def test_fusion_does_not_ask_held_out_views(capture: Capture, metric: SfmModel) -> None:
+def test_fusion_does_not_ask_held_out_views(ball_ring: Capture, metric: SfmModel) -> None:
     """Half of the ring trains; what only the other half saw is left out, however good it is."""
-    found = initialize(capture.frames[6:], InitConfig(strategy="fusion"), metric)
+    found = initialize(ball_ring.frames[6:], InitConfig(strategy="fusion"), metric)
     seen = np.isin(metric.observations.cameras, range(6, 12))
     only_held_out = np.setdiff1d(
         metric.observations.points[~seen], metric.observations.points[seen]
@@ -112,17 +109,17 @@ def test_fusion_does_not_ask_held_out_views(capture: Capture, metric: SfmModel) 
 
 
 def test_random_points_fill_the_cube_that_the_cameras_look_at(
-    capture: Capture, metric: SfmModel
+    ball_ring: Capture, metric: SfmModel
 ) -> None:
-    found = initialize(capture.frames, InitConfig(strategy="random"), metric)
+    found = initialize(ball_ring.frames, InitConfig(strategy="random"), metric)
     assert len(found.points) == len(metric.points)
     distance = 0.9 * np.hypot(1.0, 0.3)
     half = distance * 30 / INTRINSICS.fy
     low, high = found.points.bounds
     np.testing.assert_allclose([low, high], [[-half] * 3, [half] * 3], atol=0.01 * half)
-    again = initialize(capture.frames, InitConfig(strategy="random"), metric)
+    again = initialize(ball_ring.frames, InitConfig(strategy="random"), metric)
     np.testing.assert_array_equal(again.points.points_world, found.points.points_world)
-    asked = initialize(capture.frames, InitConfig(strategy="random", target_points=77))
+    asked = initialize(ball_ring.frames, InitConfig(strategy="random", target_points=77))
     assert len(asked.points) == 77
 
 
@@ -139,10 +136,10 @@ def test_cameras_in_one_direction_have_no_target() -> None:
         random_points(cameras, 10)
 
 
-def test_the_report_counts_what_each_filter_leaves(capture: Capture) -> None:
-    found = initialize(capture.frames, InitConfig())
+def test_the_report_counts_what_each_filter_leaves(ball_ring: Capture) -> None:
+    found = initialize(ball_ring.frames, InitConfig())
     assert found.depth is not None
-    in_mask = sum(np.count_nonzero(frame.load_mask() > 20) for frame in capture.frames)
+    in_mask = sum(np.count_nonzero(frame.load_mask() > 20) for frame in ball_ring.frames)
     counts = list(found.depth.pixels.values())
     assert counts[0] == counts[1] == in_mask
     assert counts == sorted(counts, reverse=True)
@@ -167,12 +164,12 @@ def spoiled(
     return changed
 
 
-def test_depth_with_holes(capture: Capture, tmp_path: Path) -> None:
+def test_depth_with_holes(ball_ring: Capture, tmp_path: Path) -> None:
     rng = np.random.default_rng(0)
-    depths = [frame.load_depth() for frame in capture.frames]
+    depths = [frame.load_depth() for frame in ball_ring.frames]
     for depth in depths:
         depth[rng.random(depth.shape) < 0.5] = np.nan
-    frames = spoiled(tmp_path, capture.frames, Layer.DEPTH, depths)
+    frames = spoiled(tmp_path, ball_ring.frames, Layer.DEPTH, depths)
     # Half of the pixels missing leave hardly a full neighborhood: the edge filter cannot judge.
     points = initialize(frames, InitConfig(edge_filter=False)).points.points_world
     assert len(points) > 1000
@@ -180,19 +177,19 @@ def test_depth_with_holes(capture: Capture, tmp_path: Path) -> None:
 
 
 def test_masks_that_disagree_with_the_depth_are_told(
-    capture: Capture, tmp_path: Path, caplog: pytest.LogCaptureFixture
+    ball_ring: Capture, tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
-    masks = [frame.load_mask().copy() for frame in capture.frames]
+    masks = [frame.load_mask().copy() for frame in ball_ring.frames]
     for mask in masks:
         mask[:, 70:] = 255  # more than a third of the mask is wall
-    frames = spoiled(tmp_path, capture.frames, Layer.MASK, masks)
+    frames = spoiled(tmp_path, ball_ring.frames, Layer.MASK, masks)
     initialize(frames, InitConfig(edge_filter=False))
     assert "of its mask in the background" in caplog.text
 
 
 def test_without_structure_from_motion_other_strategies_say_what_they_need(
-    capture: Capture,
+    ball_ring: Capture,
 ) -> None:
     for strategy in ("default", "random", "fusion"):
         with pytest.raises(DigsError, match=rf"'{strategy}': needs .*--poses sfm"):
-            initialize(capture.frames, InitConfig(strategy=strategy))
+            initialize(ball_ring.frames, InitConfig(strategy=strategy))

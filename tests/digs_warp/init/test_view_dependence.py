@@ -84,11 +84,6 @@ def test_the_exposure_of_a_recording_is_taken_off(tmp_path: Path) -> None:
     assert found.degree == 1 and found.points > 40
 
 
-def test_the_exposure_of_photographs_hides_no_gloss() -> None:
-    directions, changed, _ = adapting(*seen(3, points=200))
-    assert chosen(directions, in_one_exposure(changed)).degree == 3
-
-
 def exposures_alone(colors: np.ndarray) -> np.ndarray:
     """Colors without the gains of their photographs; clipped values stay."""
     factors = joint_log_factors(np.concatenate([colors[..., k] for k in range(3)]))

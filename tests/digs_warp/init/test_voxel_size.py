@@ -14,15 +14,10 @@ from digs_warp.data.capture import Capture
 from digs_warp.init import voxel
 from digs_warp.init.config import InitConfig
 from digs_warp.init.recipes import Start, initialize
-from reference.ball_capture import INTRINSICS, RADIUS, ball_views, write_capture
+from reference.ball_capture import INTRINSICS, RADIUS
 from reference.larger_world import larger
 
 SFM_PER_METRE = 2.5
-
-
-@pytest.fixture(scope="module")
-def capture(tmp_path_factory: pytest.TempPathFactory) -> Capture:
-    return write_capture(tmp_path_factory.mktemp("ball"), ball_views(12))
 
 
 def radii(points: np.ndarray) -> np.ndarray:
@@ -34,70 +29,72 @@ def edge_length(found: Start) -> float:
     return found.depth.voxel_size
 
 
-def test_voxel_sizes_in_units_of_structure_from_motion(capture: Capture) -> None:
+def test_voxel_sizes_in_units_of_structure_from_motion(ball_ring: Capture) -> None:
     for strategy, gamma in (("highdepth", 0.04), ("depth", 0.1)):
         config = InitConfig(strategy=strategy, voxel_unit="sfm")  # pyright: ignore[reportArgumentType]
-        found = initialize(capture.frames, config, sfm_per_metre=SFM_PER_METRE)
+        found = initialize(ball_ring.frames, config, sfm_per_metre=SFM_PER_METRE)
         assert edge_length(found) == pytest.approx(gamma / SFM_PER_METRE)
     with pytest.raises(DigsError, match="voxel_unit sfm: needs structure from motion"):
-        initialize(capture.frames, InitConfig(voxel_unit="sfm"))
+        initialize(ball_ring.frames, InitConfig(voxel_unit="sfm"))
 
 
-def test_voxel_sizes_as_shares_of_the_object(capture: Capture) -> None:
+def test_voxel_sizes_as_shares_of_the_object(ball_ring: Capture) -> None:
     config = InitConfig(voxel_unit="object", voxel_size=0.1)
-    assert edge_length(initialize(capture.frames, config)) == pytest.approx(
+    assert edge_length(initialize(ball_ring.frames, config)) == pytest.approx(
         0.1 * 2 * RADIUS, rel=0.03
     )
 
 
 def test_a_share_finer_than_the_depth_maps_is_told(
-    capture: Capture, caplog: pytest.LogCaptureFixture
+    ball_ring: Capture, caplog: pytest.LogCaptureFixture
 ) -> None:
     config = InitConfig(voxel_unit="object", voxel_size=1e-4)
     pixel = 0.75 / INTRINSICS.fx
-    assert edge_length(initialize(capture.frames, config)) == pytest.approx(2 * pixel, rel=0.1)
+    assert edge_length(initialize(ball_ring.frames, config)) == pytest.approx(2 * pixel, rel=0.1)
     assert "finer than its depth maps" in caplog.text
 
 
 @pytest.mark.parametrize("factor", [0.05, 30.0])
-def test_the_default_voxel_is_two_pixels_whatever_the_size(capture: Capture, factor: float) -> None:
-    frames = [larger(frame, factor) for frame in capture.frames]
+def test_the_default_voxel_is_two_pixels_whatever_the_size(
+    ball_ring: Capture, factor: float
+) -> None:
+    frames = [larger(frame, factor) for frame in ball_ring.frames]
     found = initialize(frames, InitConfig())
     pixel = 0.75 / INTRINSICS.fx  # the middle of the ball's near side is 0.7 m away, its rim 0.85 m
     assert edge_length(found) == pytest.approx(2 * factor * pixel, rel=0.1)
-    same = initialize(capture.frames, InitConfig())
+    same = initialize(ball_ring.frames, InitConfig())
     assert len(found.points) == pytest.approx(len(same.points), rel=0.02)
     given = initialize(frames, InitConfig(voxel_size=0.02 * factor))
     assert edge_length(given) == 0.02 * factor
 
 
 def test_the_default_voxel_grows_where_there_would_be_too_many_points(
-    capture: Capture, caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
+    ball_ring: Capture, caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    usual = initialize(capture.frames, InitConfig())
+    usual = initialize(ball_ring.frames, InitConfig())
     wanted = len(usual.points) // 3
     monkeypatch.setattr(voxel, "MOST_POINTS", wanted)
     caplog.set_level(logging.INFO)
-    fewer = initialize(capture.frames, InitConfig())
+    fewer = initialize(ball_ring.frames, InitConfig())
     assert 0.7 * wanted < len(fewer.points) <= wanted
     assert edge_length(fewer) > edge_length(usual)
     assert "--voxel-size" in caplog.text
     # What somebody asks for is not corrected.
-    fine = initialize(capture.frames, InitConfig(voxel_size=edge_length(usual)))
+    fine = initialize(ball_ring.frames, InitConfig(voxel_size=edge_length(usual)))
     assert len(fine.points) == len(usual.points)
 
 
 @pytest.mark.parametrize("wanted", [50, 1500])
-def test_the_voxel_size_for_a_number_of_points(capture: Capture, wanted: int) -> None:
-    found = initialize(capture.frames, InitConfig(target_points=wanted))
+def test_the_voxel_size_for_a_number_of_points(ball_ring: Capture, wanted: int) -> None:
+    found = initialize(ball_ring.frames, InitConfig(target_points=wanted))
     assert 0.85 * wanted < len(found.points) <= wanted
     np.testing.assert_allclose(radii(found.points.points_world), RADIUS, atol=0.02)
 
 
 def test_more_points_than_there_are_pixels_gives_what_there_is(
-    capture: Capture, caplog: pytest.LogCaptureFixture
+    ball_ring: Capture, caplog: pytest.LogCaptureFixture
 ) -> None:
-    found = initialize(capture.frames, InitConfig(target_points=10**6))
+    found = initialize(ball_ring.frames, InitConfig(target_points=10**6))
     assert "--target-points: 1000000 wanted" in caplog.text
     assert "the edge filter dropped most" in caplog.text
     assert 1000 < len(found.points) < 10**5
@@ -108,13 +105,13 @@ def test_sizes_and_counts_exclude_each_other() -> None:
         InitConfig(voxel_size=0.01, target_points=100)
 
 
-def test_a_world_far_from_its_origin(capture: Capture) -> None:
+def test_a_world_far_from_its_origin(ball_ring: Capture) -> None:
     """Recordings in geographic coordinates have their object a thousand kilometres away."""
     shift = np.eye(4)
     shift[:3, 3] = [1e6, -1e6, 1e3]
     moved = [
         replace(f, camera=replace(f.camera, world_from_cam=shift @ f.camera.world_from_cam))
-        for f in capture.frames
+        for f in ball_ring.frames
     ]
     points = initialize(moved, InitConfig(voxel_size=1.0)).points.points_world
     assert 8 <= len(points) <= 16

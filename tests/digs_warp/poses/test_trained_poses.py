@@ -20,7 +20,7 @@ from digs_warp.splat.device import DeviceGaussians, move_gaussians
 from digs_warp.train.checkpoint import load_checkpoint, save_checkpoint
 from digs_warp.train.config import Stop, TrainConfig
 from digs_warp.train.evaluate import load_test_views, moved_views
-from digs_warp.train.trainer import Trainer
+from digs_warp.train.trainer import Resolved, Trainer
 from digs_warp.train.view_store import open_views
 from reference.tiny_capture import ball, write_tiny_capture
 
@@ -145,7 +145,7 @@ def trainer_of(
     capture: Capture, config: TrainConfig, first_step: int = 0, poses: PoseTraining = "moved"
 ) -> Trainer:
     views = open_views(capture.frames, config, first_step)
-    return Trainer(ball(300), views, config, train_poses=poses)
+    return Trainer(ball(300), views, config, Resolved(train_poses=poses))
 
 
 def test_cameras_that_only_turn_keep_their_centers(capture: Capture) -> None:

@@ -169,4 +169,4 @@ def test_options_out_of_range_are_refused() -> None:
         ({"depth_of": "edge"}, "depth_of: 'edge', expected center or skin"),
     ):
         with pytest.raises(DigsError, match=found):
-            RasterOptions(**change)
+            RasterOptions(**change)  # pyright: ignore[reportArgumentType]

@@ -23,7 +23,6 @@ from reference.splat_scenes import (
     hard_cases,
     random_gaussians,
 )
-from reference.splat_twin import Parameters, render_twin
 
 MANY = random_gaussians(3000, seed=1)
 SIZE = (200, 150)
@@ -113,16 +112,6 @@ def test_blocks_of_threads_have_to_be_switched_on_on_a_cpu(monkeypatch: pytest.M
         rendered(random_gaussians(1, seed=0), backend=CooperativeBackend())
 
 
-def test_no_pixel_above_the_cut_is_lost_by_the_tile_lists() -> None:
-    """The twin knows no tiles: seven by five of them must show the same."""
-    gaussians, view = random_gaussians(120, seed=4), camera(110, 75, fx=90.0, fy=90.0)
-    twin = render_twin(Parameters.of(gaussians), view, NEAR, BACKGROUND)
-    renderer = rendered(gaussians, view)
-    difference = np.abs(renderer.image.to_numpy() - twin.image).max(axis=-1)
-    assert twin.ambiguous.mean() < 0.01
-    assert difference[~twin.ambiguous].max() < 5e-6
-
-
 def test_the_order_in_memory_does_not_matter() -> None:
     order = np.random.default_rng(0).permutation(len(MANY))
     shuffled = Gaussians(*(getattr(MANY, name)[order] for name in FIELDS))
@@ -130,13 +119,6 @@ def test_the_order_in_memory_does_not_matter() -> None:
     np.testing.assert_array_equal(a.image.to_numpy(), b.image.to_numpy())
     for before, after in zip(a.gradients.arrays, b.gradients.arrays, strict=True):
         np.testing.assert_array_equal(before.numpy()[order], after.numpy())
-
-
-def test_an_empty_scene_shows_the_background_and_its_gradient_is_empty() -> None:
-    renderer = rendered(random_gaussians(0, seed=0))
-    expected = np.broadcast_to(BACKGROUND, (SIZE[1], SIZE[0], 3))
-    np.testing.assert_allclose(renderer.image.to_numpy(), expected, atol=1e-7)
-    assert [len(array.numpy()) for array in renderer.gradients.arrays] == [0] * 5
 
 
 def test_buffers_grow_and_results_do_not_change() -> None:

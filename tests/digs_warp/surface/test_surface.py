@@ -19,7 +19,7 @@ from digs_warp.show.film.camera_path import Subject, orbit
 from digs_warp.splat.skin import REACH
 from digs_warp.surface.depth_views import DepthView, depth_views
 from digs_warp.surface.extract import Scene, extract_surface, remove_floaters, within_mask
-from digs_warp.surface.files import vertex_normals, write_mesh
+from digs_warp.surface.files import write_mesh
 from digs_warp.surface.fuse import fuse_views, inside_ball
 from reference.optional import open3d_or_skip
 from reference.tiny_capture import RADIUS, ball
@@ -82,15 +82,6 @@ def test_exact_depth_gives_the_sphere_to_a_fraction_of_a_voxel() -> None:
     np.testing.assert_allclose(found.colors, 0.25, atol=1e-3)
 
 
-def test_the_sphere_stays_where_it_is() -> None:
-    """Half a pixel of shift in the image would move the surface by a tenth of a voxel and more."""
-    found = fuse_views(exact_views(), VOXEL, ORIGIN, 1.2 * RADIUS).points_world.astype(np.float64)
-    # |p|^2 = 2 p.c + (r^2 - |c|^2): the sphere through the points, by least squares.
-    system = np.column_stack([2 * found, np.ones(len(found))])
-    center = np.linalg.lstsq(system, (found**2).sum(axis=1), rcond=None)[0][:3]
-    np.testing.assert_allclose(center, 0, atol=0.01 * VOXEL)
-
-
 def test_gaussians_give_their_surface_and_colors(mesh: TriangleMesh) -> None:
     radii = np.linalg.norm(mesh.points_world, axis=1)
     # The skins of the discs lie in front of their centers, most at grazing angles.
@@ -105,7 +96,7 @@ def test_gaussians_give_their_surface_and_colors(mesh: TriangleMesh) -> None:
 
 
 def test_triangles_face_outwards(mesh: TriangleMesh) -> None:
-    normals = vertex_normals(mesh)
+    normals = mesh.normals()
     outwards = np.einsum("ni,ni->n", normals, mesh.points_world)
     assert (outwards > 0).mean() > 0.995
     np.testing.assert_allclose(np.linalg.norm(normals, axis=1), 1, atol=1e-5)

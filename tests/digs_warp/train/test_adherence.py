@@ -20,12 +20,9 @@ from digs_warp.train.config import TrainConfig
 from digs_warp.train.shutter import ShutterPlan
 from digs_warp.train.trainer import Trainer
 from digs_warp.train.view_store import open_views
-from reference.tiny_capture import ball, drawn_depth, write_tiny_capture
+from reference.tiny_capture import ball, drawn_depth
 
-
-@pytest.fixture(scope="module")
-def capture(tmp_path_factory: pytest.TempPathFactory) -> Capture:
-    return write_tiny_capture(tmp_path_factory.mktemp("tiny") / "capture", frames=6)
+FRAMES = 6
 
 
 def measured(frames: tuple[Frame, ...] | list[Frame], gaussians: Gaussians) -> float | None:

@@ -6,7 +6,7 @@ from typing import Literal
 import numpy as np
 import pytest
 
-from digs_warp.data.capture import Frame
+from digs_warp.data.capture import Capture, Frame
 from digs_warp.data.gaussians import Gaussians
 from digs_warp.data.images import linear_from_srgb, srgb_from_linear, to_uint8
 from digs_warp.data.layers import Layer
@@ -24,14 +24,14 @@ from digs_warp.train.evaluate import (
 from digs_warp.train.exposure import ColorSamples, Exposures
 from digs_warp.train.trainer import Trainer
 from digs_warp.train.view_store import open_views
-from reference.tiny_capture import ball, write_tiny_capture
+from reference.tiny_capture import ball
 
 STEPS = 60
 
 
 @pytest.fixture(scope="module")
-def frames(tmp_path_factory: pytest.TempPathFactory) -> tuple[Frame, ...]:
-    return write_tiny_capture(tmp_path_factory.mktemp("tiny") / "capture", frames=8).frames
+def frames(capture: Capture) -> tuple[Frame, ...]:
+    return capture.frames
 
 
 @pytest.fixture(scope="module")

@@ -15,14 +15,12 @@ from digs_warp.splat.render import render
 from digs_warp.train.config import DEPTH_WEIGHT, Stop, TrainConfig
 from digs_warp.train.trainer import Trainer
 from digs_warp.train.view_store import open_views
-from reference.tiny_capture import ball, drawn_depth, write_tiny_capture
+from reference.tiny_capture import ball, drawn_depth
 
 STEPS = 40
 
 
-@pytest.fixture(scope="module")
-def capture(tmp_path_factory: pytest.TempPathFactory) -> Capture:
-    return write_tiny_capture(tmp_path_factory.mktemp("tiny") / "capture", frames=6)
+FRAMES = 6
 
 
 def trained(

@@ -101,7 +101,7 @@ def test_settings_out_of_range_are_refused_by_their_flag() -> None:
         (TrainConfig, {"sh_degree": 4}, "--sh-degree: 4, expected 0 to 3"),
     ):
         with pytest.raises(DigsError, match=message):
-            settings(**wrong)
+            settings(**wrong)  # pyright: ignore[reportArgumentType]
 
 
 def test_held_gaussians_stay_where_they_are_and_the_others_do_not_notice() -> None:

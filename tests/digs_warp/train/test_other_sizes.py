@@ -17,7 +17,6 @@ from digs_warp.train.other_sizes import (
     MOST_VIEWS,
     SIZES,
     at_size,
-    averaged,
     measure_other_sizes,
     over_areas,
     psnr_at_size,
@@ -67,21 +66,6 @@ def test_the_size_of_the_photographs_gives_the_usual_score() -> None:
     score = measure_views(scene, [view]).scores[0]
     assert score.psnr_object_aligned > score.psnr_object + 1
     assert psnr_at_size(scene, [view], 1.0) == score.psnr_object_aligned
-
-
-@pytest.mark.parametrize("size", [1.0, SIZES["double"]])
-def test_a_dilated_splat_covers_less_the_larger_it_is_drawn(size: float) -> None:
-    """Closed form: alpha exp(-r^2 / 2 d) down to the alpha cut m covers 2 pi d (alpha - m) [px^2]."""
-    alpha, cut = 0.8, RasterOptions().min_alpha
-    area = 2 * np.pi * DILATION * (alpha - cut)
-    thin, filtered = sheet(6.0, 1e-3, alpha, 7), sheet(6.0, DILATION**0.5, alpha, 7)
-    for scene, options, wanted in (
-        (thin, DILATED, area / size**2),  # so many pixels of the drawing, whatever the splat
-        (filtered, AS_THEY_ARE, area),
-    ):
-        drawn = drawn_with(scene, at_size(blank_view(), size), options)
-        found = averaged(drawn, blank_view()).coverage.sum() / 49
-        assert found == pytest.approx(wanted, rel=0.06)
 
 
 def drawn_with(scene: DeviceGaussians, view: TestView, options: RasterOptions) -> Rendering:

@@ -15,15 +15,13 @@ from digs_warp.train.checkpoint import checkpoint_step, load_checkpoint, save_ch
 from digs_warp.train.config import Density, DensityStrategy, Stop, TrainConfig
 from digs_warp.train.trainer import Trainer
 from digs_warp.train.view_store import open_views
-from reference.tiny_capture import ball, write_tiny_capture
+from reference.tiny_capture import ball
 
 # Refined every 6 steps from the 4th on, reset at the 18th: what takes thousands of steps otherwise.
 STEPS = 40
 
 
-@pytest.fixture(scope="module")
-def capture(tmp_path_factory: pytest.TempPathFactory) -> Capture:
-    return write_tiny_capture(tmp_path_factory.mktemp("tiny") / "capture", frames=6)
+FRAMES = 6
 
 
 @pytest.fixture(autouse=True)

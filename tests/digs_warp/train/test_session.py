@@ -23,12 +23,7 @@ from digs_warp.train.session import Trained, open_data, train_gaussians
 from digs_warp.train.trainer import Trainer
 from digs_warp.train.training import load_snapshots, save_snapshot
 from reference.interrupted_training import STEP, train_until
-from reference.tiny_capture import ball, write_tiny_capture
-
-
-@pytest.fixture(scope="module")
-def capture(tmp_path_factory: pytest.TempPathFactory) -> Capture:
-    return write_tiny_capture(tmp_path_factory.mktemp("tiny") / "capture", frames=8)
+from reference.tiny_capture import ball
 
 
 def run(capture: Capture, folder: Path, config: TrainConfig) -> Trained:

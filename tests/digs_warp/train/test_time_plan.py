@@ -14,7 +14,7 @@ from digs_warp.train.config import Stop, TrainConfig
 from digs_warp.train.session import plan_training
 from digs_warp.train.time_plan import Clock, Progress, plan_time
 from digs_warp.train.trainer import Trainer
-from reference.tiny_capture import ball, write_tiny_capture
+from reference.tiny_capture import ball
 from reference.trained_ball import interrupt
 
 
@@ -64,9 +64,7 @@ CONFIG = ReconstructConfig(
 )
 
 
-@pytest.fixture(scope="module")
-def capture(tmp_path_factory: pytest.TempPathFactory) -> Capture:
-    return write_tiny_capture(tmp_path_factory.mktemp("tiny") / "capture", frames=9)
+FRAMES = 9
 
 
 def test_the_plan_is_recorded_and_kept_by_a_resumed_run(

@@ -13,12 +13,7 @@ from digs_warp.train.checkpoint import load_checkpoint, save_checkpoint
 from digs_warp.train.config import Rates, Stop, TrainConfig
 from digs_warp.train.trainer import Trainer
 from digs_warp.train.view_store import open_views, view_index
-from reference.tiny_capture import ball, write_tiny_capture
-
-
-@pytest.fixture(scope="module")
-def capture(tmp_path_factory: pytest.TempPathFactory) -> Capture:
-    return write_tiny_capture(tmp_path_factory.mktemp("tiny") / "capture", frames=8)
+from reference.tiny_capture import ball
 
 
 def gray_start() -> Gaussians:

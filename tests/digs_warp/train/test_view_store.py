@@ -18,11 +18,6 @@ from digs_warp.train.views import View, load_view
 from reference.tiny_capture import HEIGHT, WIDTH, write_tiny_capture
 
 
-@pytest.fixture(scope="module")
-def capture(tmp_path_factory: pytest.TempPathFactory) -> Capture:
-    return write_tiny_capture(tmp_path_factory.mktemp("tiny") / "capture", frames=8)
-
-
 def bounded(capture: Capture, memory: float, loads: list[str]) -> ViewStore:
     def load(frame: Frame) -> View:
         loads.append(frame.name)
