@@ -8,8 +8,8 @@ import tyro
 
 from digs_warp.checks import CaptureError
 from digs_warp.commands.command import Command
-from digs_warp.commands.output import check_output_file
-from digs_warp.record.files import to_json, write_atomically
+from digs_warp.commands.output import JsonFile
+from digs_warp.record.files import to_json
 from digs_warp.words import counted
 
 if TYPE_CHECKING:
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Check(Command):
+class Check(JsonFile, Command):
     """Say what is wrong with a capture, and how to mend it; the exit code is 1 if there is an error.
 
     Errors: wrong units, focal length, pose convention or order; depth or masks that do not lie over the
@@ -30,23 +30,15 @@ class Check(Command):
     capture: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="CAPTURE")]
     """A capture folder."""
 
-    json: Path | None = None
-    """Also write the findings to this file, with what was measured."""
-
-    overwrite: tyro.conf.FlagCreatePairsOff[bool] = False
-    """Replace that file if it exists."""
-
     def execute(self) -> str:
         """Look; a capture with errors is raised, so that the exit code tells."""
         from digs_warp.check.check import check_capture
         from digs_warp.data.capture import read_capture
 
-        if self.json is not None:
-            check_output_file(self.json, self.overwrite, [self.capture], flag="--json")
+        self.check(self.capture)
         capture = read_capture(self.capture)
         found = check_capture(capture)
-        if self.json is not None:
-            write_atomically(self.json, to_json(found.as_json()).encode())
+        self.write(to_json(found.as_json()))
         text = "\n".join([f"{capture}: {counted(len(capture), 'frame')}", *_lines(found)])
         if found.has_errors:
             raise CaptureError(text)

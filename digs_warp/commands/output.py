@@ -15,7 +15,7 @@ from digs_warp.data.imu import IMU, IMU_TRUE
 from digs_warp.data.index_rules import INDEX_NAME
 from digs_warp.data.layers import Layer
 from digs_warp.record import layout
-from digs_warp.record.files import read_json
+from digs_warp.record.files import read_json, write_atomically
 from digs_warp.record.layout import LOCK, MANIFEST, REPLACING, RUN_RECORD, UNFINISHED
 from digs_warp.record.lock import remove_leftovers_of, sole_writer
 from digs_warp.record.manifest import recorded_files
@@ -197,6 +197,27 @@ def check_output_file(
             raise DigsError(f"{flag} '{path}': is the source itself; name another file")
     _check_writable(path, flag)
     remove_leftovers_of(path)
+
+
+@dataclass(frozen=True, kw_only=True)
+class JsonFile:
+    """Where the result goes, besides the terminal."""
+
+    json: Path | None = None
+    """Also write the result to this file, with all details."""
+
+    overwrite: tyro.conf.FlagCreatePairsOff[bool] = False
+    """Replace that file if it exists."""
+
+    def check(self, *inputs: Path | None) -> None:
+        """Raise a `DigsError` when the file exists and may not be replaced, or is one of the inputs."""
+        if self.json is not None:
+            check_output_file(self.json, self.overwrite, inputs, flag="--json")
+
+    def write(self, text: str) -> None:
+        """Write the file, if there is to be one."""
+        if self.json is not None:
+            write_atomically(self.json, text.encode())
 
 
 def is_ours(folder: Path) -> bool:

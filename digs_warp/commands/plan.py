@@ -2,14 +2,13 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import Annotated, Any, ClassVar, Literal, Self
 
 import tyro
 
 from digs_warp.commands.command import SettingsCommand
-from digs_warp.commands.output import check_output_file
-from digs_warp.record.files import to_json, write_atomically
+from digs_warp.commands.output import JsonFile
+from digs_warp.record.files import to_json
 from digs_warp.record.typed import from_json
 from digs_warp.sim.config import SimulateConfig
 from digs_warp.words import counted
@@ -24,18 +23,12 @@ class _PlanOptions(SimulateConfig):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Plan(SettingsCommand):
+class Plan(JsonFile, SettingsCommand):
     """Render a few frames of a scene and list the sensor effects that matter on it, and why."""
 
     recording: Annotated[_PlanOptions, tyro.conf.OmitArgPrefixes] = field(
         default_factory=_PlanOptions
     )
-    json: Path | None = None
-    """Also write the plan and the measured facts to this file."""
-
-    overwrite: tyro.conf.FlagCreatePairsOff[bool] = False
-    """Replace that file if it exists."""
-
     recorded_as: ClassVar[str] = "simulate"
     recorded: ClassVar[type] = SimulateConfig
     main_flags: ClassVar[tuple[str, ...]] = (
@@ -55,14 +48,11 @@ class Plan(SettingsCommand):
         from digs_warp.sim.record.session import prepare_session
         from digs_warp.sim.sensor.planner import format_plan
 
-        if self.json is not None:
-            inputs = self.recording.input_files
-            check_output_file(self.json, self.overwrite, inputs, flag="--json")
+        self.check(*self.recording.input_files)
         check_effects(self.recording)
         session = prepare_session(self.recording, load_inputs(self.recording))
         plan = make_plan(session)
-        if self.json is not None:
-            write_atomically(self.json, to_json(plan.as_json()).encode())
+        self.write(to_json(plan.as_json()))
         looked = plan.facts.frames if plan.facts else 0
         parts = [f"{session.profile.title}, measured on {counted(looked, 'frame')}"]
         for name, choices in (("On the images", plan.color), ("On depth", plan.depth)):

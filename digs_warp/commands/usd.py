@@ -8,8 +8,8 @@ import tyro
 
 from digs_warp.checks import DigsError, UsdError
 from digs_warp.commands.command import Command, Group
-from digs_warp.commands.output import check_output_file
-from digs_warp.record.files import to_json, write_atomically
+from digs_warp.commands.output import JsonFile, check_output_file
+from digs_warp.record.files import to_json
 from digs_warp.usd.convert import WriteOptions
 from digs_warp.words import counted, format_facts
 
@@ -74,27 +74,6 @@ class ExportUsd(Command):
 Scene = Annotated[Path, tyro.conf.Positional]
 
 SAME = "the Gaussians and what is recorded about them are the same (cameras, meshes and points: not compared)"
-
-
-@dataclass(frozen=True, kw_only=True)
-class JsonFile:
-    """Where the result goes, besides the terminal."""
-
-    json: Path | None = None
-    """Also write the result to this file, with all details."""
-
-    overwrite: tyro.conf.FlagCreatePairsOff[bool] = False
-    """Replace that file if it exists."""
-
-    def check(self, *inputs: Path) -> None:
-        """Raise a `DigsError` when the file exists and may not be replaced, or is one of the inputs."""
-        if self.json is not None:
-            check_output_file(self.json, self.overwrite, inputs, flag="--json")
-
-    def write(self, text: str) -> None:
-        """Write the file, if there is to be one."""
-        if self.json is not None:
-            write_atomically(self.json, text.encode())
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -2,7 +2,7 @@
 
 import html
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
@@ -148,23 +148,17 @@ class DegradationCurve:
             pieces.append((s0, s1, exponent))
         return pieces
 
-    def shares(self) -> list[float]:
-        """Return each error as a share of the largest, 0 to 1; 0 for those that are no numbers."""
-        largest = max((error for error in self.errors if math.isfinite(error)), default=0.0)
-        return [
-            max(error / largest, 0.0) if math.isfinite(error) and largest > 0 else 0.0
-            for error in self.errors
-        ]
-
     def to_json(self) -> dict[str, list[float]]:
         """Return the curve as lists."""
         return {"strengths": list(self.strengths), "errors": list(self.errors)}
 
     def __str__(self) -> str:
         """A table with a bar per strength."""
+        largest = max((error for error in self.errors if math.isfinite(error)), default=0.0)
         lines = ["strength        error"]
-        for strength, error, share in zip(self.strengths, self.errors, self.shares(), strict=True):
-            bar = "#" * round(BAR_WIDTH * share)
+        for strength, error in zip(self.strengths, self.errors, strict=True):
+            is_shown = math.isfinite(error) and largest > 0
+            bar = "#" * (round(BAR_WIDTH * error / largest) if is_shown else 0)
             lines.append(f"{strength:8g} {error:12.5g} {bar}".rstrip())
         return "\n".join(lines)
 
@@ -177,10 +171,7 @@ body { font: 16px/1.5 system-ui, sans-serif; max-width: 52rem; margin: 2rem auto
 h1 { font-size: 1.5rem; }
 h2 { font-size: 1rem; overflow-wrap: anywhere; margin: 2rem 0 .3rem; }
 p { margin: .3rem 0; overflow-wrap: anywhere; }
-table { border-collapse: collapse; width: 100%; }
-td, th { text-align: right; padding: .1rem .8rem .1rem 0; font-weight: normal; white-space: nowrap; }
-td:last-child { width: 70%; padding-right: 0; }
-.bar { background: #3b76af; height: .8rem; min-width: 1px; }
+pre { overflow-x: auto; }
 .failed { color: #b3261e; }
 @media (prefers-color-scheme: dark) {
   body { background: #16181c; color: #e6e6e6; }
@@ -266,12 +257,5 @@ def _section(measured: Measured) -> str:
         text += f"<p>{html.escape(measured.why)}</p>"
     if measured.curve is None:
         return text + "<p>It failed before an error was measured at all strengths.</p>"
-    head = "<tr><th>strength</th><th>error</th><th></th></tr>"
-    rows = "".join(_rows(measured.curve))
-    return f"{text}<p><code>{html.escape(measured.of)}</code></p><table>{head}{rows}</table>"
-
-
-def _rows(curve: DegradationCurve) -> Iterable[str]:
-    for strength, error, share in zip(curve.strengths, curve.errors, curve.shares(), strict=True):
-        bar = f'<div class="bar" style="width:{100 * share:.1f}%"></div>'
-        yield f"<tr><td>{strength:g}</td><td>{error:.4g}</td><td>{bar}</td></tr>"
+    shown = f"<pre>{html.escape(str(measured.curve))}</pre>"
+    return f"{text}<p><code>{html.escape(measured.of)}</code></p>{shown}"

@@ -6,6 +6,7 @@ import subprocess
 import sys
 from collections.abc import Iterator
 from dataclasses import is_dataclass
+from itertools import product
 from pathlib import Path
 from typing import Any, get_type_hints
 
@@ -62,81 +63,58 @@ def flat_settings(kind: type) -> Iterator[tuple[str, Any]]:
         yield from flat_settings(inner) if isinstance(inner, type) else [(name, hint)]
 
 
-@pytest.mark.parametrize(
-    "arguments",
-    [
-        [],
-        ["nonsense"],
-        ["info"],
-        ["info", "x", "--nonsense"],
-        ["simulate", "--out", "x", "--frames", "many"],
-        ["simulate", "--out", "x", "--frames", "0"],
-        ["simulate", "--out", "x", "--tier", "perfect"],
-        ["simulate", "--out", "x", "--resume", "--overwrite"],
-        ["study", "run", "nonsense"],
-        ["study"],
-        ["simulate", "--quiet", "--verbose", "--out", "x"],
-    ],
-)
-def test_wrong_usage_exits_with_2_and_says_something(
-    arguments: list[str], capsys: pytest.CaptureFixture[str]
-) -> None:
-    assert main(arguments) == EXIT_WRONG_USAGE
-    captured = capsys.readouterr()
-    assert captured.out == ""
-    assert captured.err.strip()
+def test_wrong_usage_exits_with_2_and_says_something(capsys: pytest.CaptureFixture[str]) -> None:
+    of_simulate = (
+        "--frames many",
+        "--frames 0",
+        "--tier perfect",
+        "--resume --overwrite",
+        "--quiet --verbose",
+    )
+    lines = ["", "nonsense", "info", "info x --nonsense", "study run nonsense", "study"]
+    for line in [*lines, *(f"simulate --out x {flags}" for flags in of_simulate)]:
+        assert main(line.split()) == EXIT_WRONG_USAGE, line
+        captured = capsys.readouterr()
+        assert captured.out == "" and captured.err.strip()
 
 
 # Bad input
 
 
-@pytest.mark.parametrize(
-    "arguments",
-    [
-        ["info", "{missing}"],
-        ["info", "{missing}.npz"],
-        ["export-usd", "{missing}", "--out", "{out}.usdz"],
-        ["simulate", "--mesh", "{missing}.glb", "--out", "{out}"],
-        ["simulate", "--environment", "{missing}.hdr", "--out", "{out}"],
-    ],
-)
-def test_a_missing_file_exits_with_1_and_a_message_that_names_it(
-    arguments: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+def test_missing_and_unusable_files_exit_with_1_and_a_message_that_names_them(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    missing = str(tmp_path / "missing")
-    filled = [a.format(missing=missing, out=tmp_path / "out") for a in arguments]
-    assert main(filled) == EXIT_BAD_INPUT
-    captured = capsys.readouterr()
-    assert missing in captured.err
-    assert "Traceback" not in captured.err
-    assert captured.out == ""
+    out, missing = tmp_path / "out", tmp_path / "missing"
+    broken = [tmp_path / f"broken.{suffix}" for suffix in ("blend", "npz", "usdz", "glb")]
+    for path in broken:
+        path.write_bytes(b"PK\x03\x04 not what it seems")
+    for path, *arguments in (
+        *((path, "info", str(path)) for path in broken),
+        (missing, "info", str(missing)),
+        (missing, "info", f"{missing}.npz"),
+        (missing, "export-usd", str(missing), "--out", f"{out}.usdz"),
+        (missing, "simulate", "--mesh", f"{missing}.glb", "--out", str(out)),
+        (missing, "simulate", "--environment", f"{missing}.hdr", "--out", str(out)),
+    ):
+        assert main(arguments) == EXIT_BAD_INPUT
+        captured = capsys.readouterr()
+        assert str(path) in captured.err and "Traceback" not in captured.err
+        assert captured.out == ""
 
 
-@pytest.mark.parametrize("device", ["foo", "cuda", "cuda:7", ""])
 def test_a_device_that_is_not_there_is_refused_before_anything_else(
-    device: str, capture_folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    capture_folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    if device == "cuda" and wp.get_cuda_device_count():
-        pytest.skip("there is one")
     out = our_folder(tmp_path / "out")
-    for command in (["run"], ["reconstruct", str(capture_folder)]):
+    devices = ["foo", "cuda:77", "", *(() if wp.get_cuda_device_count() else ("cuda",))]
+    commands = (["run"], ["reconstruct", str(capture_folder)])
+    for device, command in product(devices, commands):
         words = [*command, "--out", str(out), "--overwrite", "--device", device]
         assert main(words) == EXIT_BAD_INPUT
         error = capsys.readouterr().err
         assert f"--device: '{device}', which Warp does not find" in error
         assert "expected one of cpu" in error and len(error.splitlines()) == 1
     assert (out / "old.txt").exists()
-
-
-@pytest.mark.parametrize(
-    "name", ["scene.blend", "truncated.npz", "truncated.usdz", "truncated.glb"]
-)
-def test_info_on_an_unusable_file_names_it(
-    name: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    (tmp_path / name).write_bytes(b"PK\x03\x04 not what it seems")
-    assert main(["info", str(tmp_path / name)]) == EXIT_BAD_INPUT
-    assert name in capsys.readouterr().err
 
 
 def test_a_folder_of_pictures_needs_from_to_be_converted(
@@ -184,7 +162,7 @@ def test_the_installed_command_prints_results_to_stdout_and_complaints_to_stderr
     assert bad.stderr.startswith("digs-warp: ")
 
 
-@pytest.mark.parametrize("arguments", [["--help"], ["study", "--help"], ["--version-of-nothing"]])
+@pytest.mark.parametrize("arguments", [["study", "--help"], ["--version-of-nothing"]])
 def test_a_reader_that_goes_away_is_no_error_to_talk_about(arguments: list[str]):
     program = "import sys; from digs_warp.cli import main; sys.exit(main())"
     reading, writing = os.pipe()
@@ -210,8 +188,9 @@ def test_the_package_runs_as_a_module() -> None:
 
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="no device that is always full")
-@pytest.mark.parametrize("buffered", [True, False])
-@pytest.mark.parametrize("arguments", [["--version"], ["--help"], ["info", "{capture}"]])
+@pytest.mark.parametrize(
+    ("arguments", "buffered"), [(["--help"], True), (["info", "{capture}"], False)]
+)
 def test_output_to_a_full_disk_is_an_error_in_one_line(
     arguments: list[str], buffered: bool, capture_folder: Path
 ) -> None:
@@ -231,7 +210,7 @@ def test_output_to_a_full_disk_is_an_error_in_one_line(
     assert "could not be written: No space left on device" in line
 
 
-@pytest.mark.parametrize("suffix", [".ply", ".npz", ".spz", ".splat", ".usda", ".usdz"])
+@pytest.mark.parametrize("suffix", [".ply", ".npz", ".usda"])
 def test_a_name_that_is_no_text_is_read_or_named(
     tmp_path: Path, suffix: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -254,14 +233,16 @@ def test_a_name_that_is_no_text_is_read_or_named(
         )  # it names its source
 
 
-@pytest.mark.parametrize(("closing", "code"), [(">&-", 0), ("2>&-", 0), (">&- 2>&- <&-", 0)])
-@pytest.mark.parametrize("arguments", ["--version", "--help", "study list"])
-def test_closed_streams_and_a_locale_of_ascii(closing: str, code: int, arguments: str) -> None:
+@pytest.mark.parametrize(
+    ("arguments", "closing"),
+    [("--version", ">&-"), ("--help", "2>&-"), ("study list", ">&- 2>&- <&-")],
+)
+def test_closed_streams_and_a_locale_of_ascii(arguments: str, closing: str) -> None:
     ascii_only = {"LC_ALL": "C", "PYTHONUTF8": "0", "PYTHONCOERCECLOCALE": "0"}
     command = f"{shlex.quote(sys.executable)} -m digs_warp {arguments} {closing}"
     env = os.environ | ascii_only
     done = subprocess.run(command, check=False, shell=True, env=env, stderr=subprocess.PIPE)
-    assert (done.returncode, done.stderr) == (code, b"")
+    assert (done.returncode, done.stderr) == (0, b"")
 
 
 def test_the_list_of_commands_says_what_they_say() -> None:

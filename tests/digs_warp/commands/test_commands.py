@@ -24,16 +24,6 @@ def test_export_and_info_agree_on_the_number_of_gaussians(
         assert "5" in capsys.readouterr().out.splitlines()[1].split()
 
 
-def test_export_replaces_a_file_only_when_told(gaussians_file: Path, tmp_path: Path) -> None:
-    scene = tmp_path / "scene.usda"
-    scene.write_text("precious")
-    arguments = ["export-usd", str(gaussians_file), "--out", str(scene)]
-    assert main(arguments) == EXIT_BAD_INPUT
-    assert scene.read_text() == "precious"
-    assert main([*arguments, "--overwrite"]) == EXIT_OK
-    assert scene.read_text().startswith("#usda")
-
-
 def test_reconstruct_then_info_and_export_work_on_its_folder(
     capture_folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -109,19 +99,16 @@ def test_one_seed_serves_all_stages_of_a_run() -> None:
     assert config.sfm == SfmConfig(poses="capture", sfm_seed=5)
 
 
-@pytest.mark.parametrize(
-    ("flags", "density"),
-    [
+def test_density_control_follows_the_start() -> None:
+    for flags, density in [
         ([], "fixed"),
         (["--strategy", "random"], "adaptive"),
         (["--strategy", "random", "--density", "absgrad"], "absgrad"),
         (["--density", "absgrad"], "absgrad"),
-    ],
-)
-def test_density_control_follows_the_start(flags: list[str], density: str) -> None:
-    command = cli.parse(["reconstruct", "capture", "--out", "x", *flags])
-    assert isinstance(command, Reconstruct)
-    assert command.reconstruct_config(0).train.density.strategy == density
+    ]:
+        command = cli.parse(["reconstruct", "capture", "--out", "x", *flags])
+        assert isinstance(command, Reconstruct)
+        assert command.reconstruct_config(0).train.density.strategy == density
 
 
 def test_a_time_budget_is_read_as_seconds() -> None:
@@ -134,11 +121,9 @@ def test_a_time_budget_is_read_as_seconds() -> None:
     assert unlimited.reconstruct_config(0).train.stop.time_budget is None
 
 
-@pytest.mark.parametrize("text", ["0s", "soon", "5 days", "1e9s", "nan"])
-def test_what_is_no_time_is_refused_with_its_flag(
-    text: str, capsys: pytest.CaptureFixture[str]
-) -> None:
-    arguments = ["reconstruct", "capture", "--out", "x", "--time-budget", text]
-    assert main(arguments) == EXIT_WRONG_USAGE
-    message = " ".join(capsys.readouterr().err.replace("\u2502", " ").split())
-    assert f"--time-budget: '{text}', expected a time such as 60s, 20min or 2h" in message
+def test_what_is_no_time_is_refused_with_its_flag(capsys: pytest.CaptureFixture[str]) -> None:
+    for text in ["0s", "soon", "5 days", "1e9s", "nan"]:
+        arguments = ["reconstruct", "capture", "--out", "x", "--time-budget", text]
+        assert main(arguments) == EXIT_WRONG_USAGE
+        message = " ".join(capsys.readouterr().err.replace("\u2502", " ").split())
+        assert f"--time-budget: '{text}', expected a time such as 60s, 20min or 2h" in message

@@ -39,26 +39,24 @@ def run(
     return code, out + err
 
 
-@pytest.mark.parametrize(
-    ("source", "target"), list(pairwise([*scene_files.WRITABLE, scene_files.WRITABLE[0]]))
-)
-def test_any_pair(tmp_path: Path, gaussians: Gaussians, source: str, target: str, capsys) -> None:
+def test_any_pair(tmp_path: Path, gaussians: Gaussians, capsys) -> None:
     """The scene survives, to the precision of the coarsest format."""
-    first, second, third = (
-        tmp_path / f"{name}" for name in ("start.npz", "a" + source, "b" + target)
-    )
-    gaussians.save(first)
-    assert run(capsys, first, second)[0] == EXIT_OK
-    code, text = run(capsys, second, third)
-    assert code == EXIT_OK, text
-    assert "20 Gaussians" in text
-    read = scene_files.read_scene(third).gaussians
-    nearest = np.linalg.norm(read.means[:, None] - gaussians.means, axis=2).argmin(axis=0)
-    read = read.select(nearest)  # some formats sort
-    np.testing.assert_allclose(read.means, gaussians.means, atol=2e-3)
-    np.testing.assert_allclose(shapes(read), shapes(gaussians), atol=0.4)
-    np.testing.assert_allclose(read.opacities, gaussians.opacities, atol=1.1 / 255)
-    np.testing.assert_allclose(read.sh[:, 0], gaussians.sh[:, 0], atol=0.05)
+    for source, target in list(pairwise([*scene_files.WRITABLE, scene_files.WRITABLE[0]])):
+        first, second, third = (
+            tmp_path / f"{name}" for name in ("start.npz", "a" + source, "b" + target)
+        )
+        gaussians.save(first)
+        assert run(capsys, first, second)[0] == EXIT_OK
+        code, text = run(capsys, second, third)
+        assert code == EXIT_OK, text
+        assert "20 Gaussians" in text
+        read = scene_files.read_scene(third).gaussians
+        nearest = np.linalg.norm(read.means[:, None] - gaussians.means, axis=2).argmin(axis=0)
+        read = read.select(nearest)  # some formats sort
+        np.testing.assert_allclose(read.means, gaussians.means, atol=2e-3)
+        np.testing.assert_allclose(shapes(read), shapes(gaussians), atol=0.4)
+        np.testing.assert_allclose(read.opacities, gaussians.opacities, atol=1.1 / 255)
+        np.testing.assert_allclose(read.sh[:, 0], gaussians.sh[:, 0], atol=0.05)
 
 
 def test_a_reconstruction_folder_is_a_source(tmp_path: Path, gaussians: Gaussians, capsys) -> None:
@@ -110,9 +108,8 @@ def test_broken_rows_are_dropped_on_request(tmp_path: Path, gaussians: Gaussians
     assert "19 Gaussians" in text
 
 
-@pytest.mark.parametrize(
-    ("source", "target", "message"),
-    [
+def test_what_cannot_be_converted_is_said(tmp_path: Path, gaussians: Gaussians, capsys) -> None:
+    for source, target, message in [
         ("none.ply", "b.spz", "no such file"),
         ("a.npz", "b.obj", "suffix '.obj', expected one of .npz, .ply"),
         ("a.npz", "b", "suffix '', expected one of"),
@@ -120,19 +117,15 @@ def test_broken_rows_are_dropped_on_request(tmp_path: Path, gaussians: Gaussians
         ("a.npz", "a.npz", "the file exists"),
         ("capture", "b.ply", "a capture; add --to with one of colmap"),
         (".", "b.ply", "no gaussians.npz in it"),
-    ],
-)
-def test_what_cannot_be_converted_is_said(
-    tmp_path: Path, gaussians: Gaussians, source: str, target: str, message: str, capsys
-) -> None:
-    gaussians.save(tmp_path / "a.npz")
-    (tmp_path / "notes.txt").write_text("hello")
-    if source == "capture":
-        write_tiny_capture(tmp_path / "capture", frames=2)
-    before = sorted(tmp_path.rglob("*"))
-    code, text = run(capsys, tmp_path / source, tmp_path / target)
-    assert (code, message in text) == (EXIT_BAD_INPUT, True), text
-    assert sorted(tmp_path.rglob("*")) == before
+    ]:
+        gaussians.save(tmp_path / "a.npz")
+        (tmp_path / "notes.txt").write_text("hello")
+        if source == "capture":
+            write_tiny_capture(tmp_path / "capture", frames=2)
+        before = sorted(tmp_path.rglob("*"))
+        code, text = run(capsys, tmp_path / source, tmp_path / target)
+        assert (code, message in text) == (EXIT_BAD_INPUT, True), text
+        assert sorted(tmp_path.rglob("*")) == before
 
 
 def classic(folder: Path) -> Path:
@@ -162,34 +155,31 @@ def test_files_for_classic_viewers_have_thinner_splats(tmp_path: Path, suffix: s
     assert (code, "already made for viewers" in text) == (EXIT_BAD_INPUT, True), text
 
 
-@pytest.mark.parametrize(
-    ("target", "flags", "message"),
-    [
+def test_what_no_file_for_classic_viewers_can_be_made_of(
+    tmp_path: Path, gaussians: Gaussians, capsys
+) -> None:
+    for target, flags, message in [
         ("b.usdz", ["--for", "classic"], "expected .ply, .compressed.ply, .spz"),
         ("b.npz", ["--for", "classic"], "expected .ply, .compressed.ply, .spz"),
         ("b.ply", ["--for", "classic"], "no recording with cameras"),
         ("b.ply", ["--for-width", "640"], "--for-width needs --for classic"),
-    ],
-)
-def test_what_no_file_for_classic_viewers_can_be_made_of(
-    tmp_path: Path, gaussians: Gaussians, target: str, flags: list[str], message: str, capsys
-) -> None:
-    gaussians.save(tmp_path / "a.npz")
-    code, text = run(capsys, tmp_path / "a.npz", tmp_path / target, *flags)
-    assert code != EXIT_OK
-    assert message in " ".join(text.split())
-    assert not (tmp_path / target).exists()
+    ]:
+        gaussians.save(tmp_path / "a.npz")
+        code, text = run(capsys, tmp_path / "a.npz", tmp_path / target, *flags)
+        assert code != EXIT_OK
+        assert message in " ".join(text.split())
+        assert not (tmp_path / target).exists()
 
 
-@pytest.mark.parametrize("suffix", scene_files.USD_SUFFIXES)
-def test_a_scene_of_thinner_splats_says_so(tmp_path: Path, suffix: str, gaussians, capsys) -> None:
+def test_a_scene_of_thinner_splats_says_so(tmp_path: Path, gaussians, capsys) -> None:
     """USD has no attribute for it and its renderers add nothing; our own reading does."""
-    for made_for, warns in ((NO_FILTER, False), (CLASSIC, True), (ANTIALIASED, True)):
-        source, target = tmp_path / "a.ply", tmp_path / f"b{suffix}"
-        write_splat_file(source, replace(gaussians, screen_filter=made_for))
-        code, text = run(capsys, source, target, "--overwrite")
-        assert (code, "show them thinner" in text) == (EXIT_OK, warns), text
-        assert scene_files.read_scene(target).gaussians.screen_filter == made_for
+    for suffix in scene_files.USD_SUFFIXES:
+        for made_for, warns in ((NO_FILTER, False), (CLASSIC, True), (ANTIALIASED, True)):
+            source, target = tmp_path / "a.ply", tmp_path / f"b{suffix}"
+            write_splat_file(source, replace(gaussians, screen_filter=made_for))
+            code, text = run(capsys, source, target, "--overwrite")
+            assert (code, "show them thinner" in text) == (EXIT_OK, warns), text
+            assert scene_files.read_scene(target).gaussians.screen_filter == made_for
 
 
 def test_existing_files_are_replaced_only_on_request(

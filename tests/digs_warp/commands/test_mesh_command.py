@@ -146,24 +146,19 @@ def test_a_mesh_that_is_gone_is_no_reason_to_fail(
     assert "no longer there" in text
 
 
-@pytest.mark.parametrize(
-    ("arguments", "code", "message"),
-    [
+def test_what_cannot_be_done_is_said(tmp_path: Path, monkeypatch, capsys) -> None:
+    for arguments, code, message in [
         (["--out", "a.obj"], EXIT_BAD_INPUT, "expected .glb or .ply"),
         (["--out", "a.glb", "--capture", "none"], EXIT_BAD_INPUT, "no such folder"),
         (["--out", "a.glb", "--voxel-size", "0"], EXIT_WRONG_USAGE, "--voxel"),
         (["--out", "a.glb", "--views", "2"], EXIT_WRONG_USAGE, "--views: 2, expected 3 to"),
         (["--out", "a.glb", "--voxel-size", "1e-6"], EXIT_BAD_INPUT, "use at least"),
-    ],
-)
-def test_what_cannot_be_done_is_said(
-    tmp_path: Path, monkeypatch, arguments, code, message, capsys
-) -> None:
-    monkeypatch.chdir(tmp_path)
-    ball(50).save(tmp_path / "a.npz")
-    found, text = run(capsys, "a.npz", *arguments)
-    assert (found, message in text) == (code, True), text
-    assert [p.name for p in tmp_path.iterdir()] == ["a.npz"]
+    ]:
+        monkeypatch.chdir(tmp_path)
+        ball(50).save(tmp_path / "a.npz")
+        found, text = run(capsys, "a.npz", *arguments)
+        assert (found, message in text) == (code, True), text
+        assert [p.name for p in tmp_path.iterdir()] == ["a.npz"]
 
 
 def test_the_mesh_goes_into_the_usd_scene(built_in: Path, tmp_path: Path, capsys) -> None:

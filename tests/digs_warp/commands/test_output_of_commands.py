@@ -23,52 +23,46 @@ def capture(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return write_tiny_capture(tmp_path_factory.mktemp("tiny") / "capture", frames=8).folder
 
 
-@pytest.mark.parametrize(
-    "flags",
-    [
-        ["--effects", "nosuch", "--tier", "guided"],
-        ["--environment", "missing.hdr"],
-        ["--mesh", "README.txt"],
-        ["--profile", "no-such-camera"],
-        ["--meshes", "no/such/*.glb"],
-    ],
-)
 def test_a_recording_that_cannot_be_made_changes_nothing(
-    flags: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
     Path("README.txt").write_text("no mesh")
     our_folder(tmp_path / "used")
     before = state(tmp_path)
-    for command in ("simulate", "run"):
-        if command == "run" and "--meshes" in flags:
-            continue
-        assert main([command, "--out", "used", "--overwrite", *SMALL, *flags]) == EXIT_BAD_INPUT
-        assert main([command, "--out", "new/folder", *SMALL, *flags]) == EXIT_BAD_INPUT
-    assert state(tmp_path) == before
+    for flags in [
+        ["--effects", "nosuch", "--tier", "guided"],
+        ["--environment", "missing.hdr"],
+        ["--mesh", "README.txt"],
+        ["--profile", "no-such-camera"],
+        ["--meshes", "no/such/*.glb"],
+    ]:
+        for command in ("simulate", "run"):
+            if command == "run" and "--meshes" in flags:
+                continue
+            assert main([command, "--out", "used", "--overwrite", *SMALL, *flags]) == EXIT_BAD_INPUT
+            assert main([command, "--out", "new/folder", *SMALL, *flags]) == EXIT_BAD_INPUT
+        assert state(tmp_path) == before
 
 
-@pytest.mark.parametrize(
-    "flags",
-    [
-        ["--mask-folder", "empty", "--masks", "folder"],
-        ["--masks", "isnet", "--mask-model", "missing.onnx"],
-        ["--device", "cuda:7"],
-        ["--voxel-size", "1e-9"],
-        ["--test-every", "1"],
-    ],
-)
 def test_a_reconstruction_that_cannot_be_made_changes_nothing(
-    flags: list[str], capture: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    capture: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
     Path("empty").mkdir()
     our_folder(tmp_path / "used", "reconstruct")
     before = state(tmp_path)
-    arguments = ["reconstruct", str(capture), *SHORT, *flags]
-    assert main([*arguments, "--out", "used", "--overwrite"]) != EXIT_OK
-    assert main([*arguments, "--out", "new/folder"]) != EXIT_OK
-    assert state(tmp_path) == before
+    for flags in [
+        ["--mask-folder", "empty", "--masks", "folder"],
+        ["--masks", "isnet", "--mask-model", "missing.onnx"],
+        ["--device", "cuda:7"],
+        ["--voxel-size", "1e-9"],
+        ["--test-every", "1"],
+    ]:
+        arguments = ["reconstruct", str(capture), *SHORT, *flags]
+        assert main([*arguments, "--out", "used", "--overwrite"]) != EXIT_OK
+        assert main([*arguments, "--out", "new/folder"]) != EXIT_OK
+        assert state(tmp_path) == before
 
 
 def test_a_data_set_with_a_failed_scene_replaces_nothing(

@@ -71,18 +71,16 @@ def test_help_of_a_group_lists_its_commands(capsys: pytest.CaptureFixture[str]) 
                 assert re.search(rf"• {words[len(group)]}\b", text)
 
 
-@pytest.mark.parametrize("name", ["run", "simulate", "reconstruct"])
-def test_help_shows_the_main_flags_and_counts_the_rest(
-    name: str, capsys: pytest.CaptureFixture[str]
-) -> None:
-    short = help_lines([name, "--help"], capsys)
-    full = help_lines([name, "--help-all"], capsys)
-    hidden = set(flags_in(full)) - set(flags_in(short))
-    assert set(flags_in(short)) < set(flags_in(full))
-    assert len(flags_in(short)) <= 15
-    assert len(flags_in(full)) <= 70
-    assert short[-1] == f"'digs-warp {name} --help-all' shows {len(hidden)} more flags."
-    assert "can be set in a file for --config" in full[-1]
+def test_help_shows_the_main_flags_and_counts_the_rest(capsys: pytest.CaptureFixture[str]) -> None:
+    for name in ["run", "simulate", "reconstruct"]:
+        short = help_lines([name, "--help"], capsys)
+        full = help_lines([name, "--help-all"], capsys)
+        hidden = set(flags_in(full)) - set(flags_in(short))
+        assert set(flags_in(short)) < set(flags_in(full))
+        assert len(flags_in(short)) <= 15
+        assert len(flags_in(full)) <= 70
+        assert short[-1] == f"'digs-warp {name} --help-all' shows {len(hidden)} more flags."
+        assert "can be set in a file for --config" in full[-1]
 
 
 def test_hidden_flags_still_work() -> None:
@@ -104,9 +102,8 @@ def test_every_study_is_a_command() -> None:
 # Suggestions
 
 
-@pytest.mark.parametrize(
-    ("words", "suggestion"),
-    [
+def test_a_close_miss_is_suggested_in_a_few_lines(capsys: pytest.CaptureFixture[str]) -> None:
+    for words, suggestion in [
         (["simulte"], "did you mean 'simulate'?"),
         (["study", "run", "tradof"], "did you mean 'tradeoff'?"),
         (["usd", "vaildate"], "did you mean 'validate'?"),
@@ -127,31 +124,26 @@ def test_every_study_is_a_command() -> None:
         (["run", "--budget", "1s"], "no flag '--budget'; did you mean '--time-budget'?"),
         (["usd", "info", "--jsn"], "no flag '--jsn'; did you mean '--json'?"),
         (["run", "--out", "x", "--normals"], "no flag '--normals' any more; use --labels normals"),
-    ],
-)
-def test_a_close_miss_is_suggested_in_a_few_lines(
-    words: list[str], suggestion: str, capsys: pytest.CaptureFixture[str]
-) -> None:
-    assert main(words) == EXIT_WRONG_USAGE
-    captured = capsys.readouterr()
-    assert captured.out == ""
-    assert suggestion in captured.err
-    assert len(captured.err.splitlines()) <= 16
+    ]:
+        assert main(words) == EXIT_WRONG_USAGE
+        captured = capsys.readouterr()
+        assert captured.out == ""
+        assert suggestion in captured.err
+        assert len(captured.err.splitlines()) <= 16
 
 
-@pytest.mark.parametrize(("words", "known"), [(["qqq"], "reconstruct"), (["usd"], "diff")])
 def test_without_a_close_miss_the_error_says_what_there_is(
-    words: list[str], known: str, capsys: pytest.CaptureFixture[str]
+    capsys: pytest.CaptureFixture[str],
 ) -> None:
-    assert main(words) == EXIT_WRONG_USAGE
-    error = capsys.readouterr().err
-    assert known in error
-    assert len(error.splitlines()) == 1
+    for words, known in [(["qqq"], "reconstruct"), (["usd"], "diff")]:
+        assert main(words) == EXIT_WRONG_USAGE
+        error = capsys.readouterr().err
+        assert known in error
+        assert len(error.splitlines()) == 1
 
 
-@pytest.mark.parametrize(
-    ("words", "reason"),
-    [
+def test_refused_settings_are_explained_in_one_line(capsys: pytest.CaptureFixture[str]) -> None:
+    for words, reason in [
         (["simulate", "--out", "x", "--frames", "0"], "--frames: 0, expected 1 to 100,000"),
         (
             ["simulate", "--out", "x", "--trajectories", "0"],
@@ -160,15 +152,11 @@ def test_without_a_close_miss_the_error_says_what_there_is(
         (["run", "--out", "x", "--test-every", "1"], "--test-every: 1, expected 2 to 1,000,000"),
         (["reconstruct", "a", "--out", "x", "--test-every", "0"], "--test-every: 0, expected 2"),
         (["study", "run", "tradeoff", "--seeds", "0"], "--seeds: 0, expected 1 to 1,000"),
-    ],
-)
-def test_refused_settings_are_explained_in_one_line(
-    words: list[str], reason: str, capsys: pytest.CaptureFixture[str]
-) -> None:
-    assert main(words) == EXIT_WRONG_USAGE
-    error = capsys.readouterr().err
-    assert error.startswith(f"digs-warp: {reason}")
-    assert len(error.splitlines()) == 1
+    ]:
+        assert main(words) == EXIT_WRONG_USAGE
+        error = capsys.readouterr().err
+        assert error.startswith(f"digs-warp: {reason}")
+        assert len(error.splitlines()) == 1
 
 
 # Every flag
@@ -272,25 +260,20 @@ def run_in_process(*words: str) -> subprocess.CompletedProcess[str]:
 USUAL = ["WARNING: digs_warp.x", "ERROR: digs_warp.x", "INFO: digs_warp.kernels"]
 
 
-@pytest.mark.parametrize(
-    ("words", "logged"),
-    [
+def test_quiet_and_verbose_change_the_log_and_not_the_result() -> None:
+    for words, logged in [
         (["info", "x"], USUAL),
         (["--quiet", "info", "x"], ["ERROR: digs_warp.x"]),
         (["info", "x", "--quiet"], ["ERROR: digs_warp.x"]),
         (["--verbose", "info", "x"], [*USUAL, "DEBUG: digs_warp.x", "DEBUG: digs_warp.kernels"]),
-    ],
-)
-def test_quiet_and_verbose_change_the_log_and_not_the_result(
-    words: list[str], logged: list[str]
-) -> None:
-    done = run_in_process(*words)
-    assert done.stdout == "result\n"
-    lines = done.stderr.splitlines()
-    assert set(logged) <= set(lines)
-    assert ("WARNING: digs_warp.x" in lines) == ("--quiet" not in words)
-    assert ("DEBUG: digs_warp.x" in lines) == ("--verbose" in words)
-    assert "INFO: PIL" not in lines
+    ]:
+        done = run_in_process(*words)
+        assert done.stdout == "result\n"
+        lines = done.stderr.splitlines()
+        assert set(logged) <= set(lines)
+        assert ("WARNING: digs_warp.x" in lines) == ("--quiet" not in words)
+        assert ("DEBUG: digs_warp.x" in lines) == ("--verbose" in words)
+        assert "INFO: PIL" not in lines
 
 
 # Completion

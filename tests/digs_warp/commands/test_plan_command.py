@@ -35,9 +35,8 @@ def test_a_list_of_effects_overrides_what_the_scene_calls_for(
     assert on == {"mirror", "shot-noise"}
 
 
-@pytest.mark.parametrize(
-    ("arguments", "code", "word"),
-    [
+def test_wrong_settings_are_explained(capsys: pytest.CaptureFixture[str]) -> None:
+    for arguments, code, word in [
         (
             ["--effects", "vigneting"],
             EXIT_BAD_INPUT,
@@ -45,10 +44,6 @@ def test_a_list_of_effects_overrides_what_the_scene_calls_for(
         ),
         (["--profile", "kinect"], EXIT_BAD_INPUT, "profile 'kinect': not known"),
         (["--tier", "law"], EXIT_WRONG_USAGE, "law"),
-    ],
-)
-def test_wrong_settings_are_explained(
-    arguments: list[str], code: int, word: str, capsys: pytest.CaptureFixture[str]
-) -> None:
-    assert main(["plan", *TINY, *arguments]) == code
-    assert word in capsys.readouterr().err
+    ]:
+        assert main(["plan", *TINY, *arguments]) == code
+        assert word in capsys.readouterr().err

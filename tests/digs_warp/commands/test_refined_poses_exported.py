@@ -52,19 +52,19 @@ def work(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, list[np.ndarra
     return folder, poses, capture
 
 
-@pytest.mark.parametrize("form", ["nerfstudio", "colmap", "colmap-text", "tum"])
 def test_an_export_of_a_reconstruction_has_its_poses_and_masks(
-    form: str, work: tuple[Path, list[np.ndarray], Capture], tmp_path: Path
+    work: tuple[Path, list[np.ndarray], Capture], tmp_path: Path
 ) -> None:
-    folder, poses, _ = work
-    out = tmp_path / form
-    line = ["convert", str(folder / "reconstruction"), "--to", form, "--out", str(out)]
-    assert main(line) == EXIT_OK
-    frames = read_recording(out, form.removesuffix("-text")).frames
-    found = [frame.world_from_cam for frame in frames if frame.world_from_cam is not None]
-    assert_allclose(np.stack(found), np.stack(poses), atol=1e-5)
-    for mask in out.glob("masks/*"):
-        assert read_image(mask, "mask").min() == 255
+    for form in ["nerfstudio", "colmap", "colmap-text", "tum"]:
+        folder, poses, _ = work
+        out = tmp_path / form
+        line = ["convert", str(folder / "reconstruction"), "--to", form, "--out", str(out)]
+        assert main(line) == EXIT_OK
+        frames = read_recording(out, form.removesuffix("-text")).frames
+        found = [frame.world_from_cam for frame in frames if frame.world_from_cam is not None]
+        assert_allclose(np.stack(found), np.stack(poses), atol=1e-5)
+        for mask in out.glob("masks/*"):
+            assert read_image(mask, "mask").min() == 255
 
 
 def test_an_export_of_a_reconstruction_holds_out_the_same_frames(

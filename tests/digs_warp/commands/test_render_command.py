@@ -79,33 +79,25 @@ def test_along_the_path_of_a_capture(tmp_path: Path, scene: Path, capsys) -> Non
     assert np.abs(film - photograph[rows][:, columns])[mask].mean() < 12
 
 
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
+def test_what_cannot_be_filmed_is_said(tmp_path: Path, scene: Path, monkeypatch, capsys) -> None:
+    for arguments, message in [
         (["--out", "a.avi"], "suffix '.avi', expected .mp4, .gif, or a folder"),
         (["--out", "a.mp4", "--follow", "none"], "no such folder"),
-    ],
-)
-def test_what_cannot_be_filmed_is_said(
-    tmp_path: Path, scene: Path, monkeypatch, arguments, message, capsys
-) -> None:
-    monkeypatch.chdir(tmp_path)
-    code, text = run(capsys, scene, *arguments)
-    assert (code, message in text) == (EXIT_BAD_INPUT, True), text
-    assert not list(tmp_path.glob("a.*"))
+    ]:
+        monkeypatch.chdir(tmp_path)
+        code, text = run(capsys, scene, *arguments)
+        assert (code, message in text) == (EXIT_BAD_INPUT, True), text
+        assert not list(tmp_path.glob("a.*"))
 
 
-@pytest.mark.parametrize(
-    "arguments",
-    [
+def test_values_out_of_range_are_wrong_usage(scene: Path, capsys) -> None:
+    for arguments in [
         ["--fps", "0"],
         ["--elevation-deg", "95"],
         ["--background", "0", "0", "2"],
         ["--fov-deg", "180"],
-    ],
-)
-def test_values_out_of_range_are_wrong_usage(scene: Path, arguments, capsys) -> None:
-    assert run(capsys, scene, "--out", "a.mp4", *arguments)[0] == EXIT_WRONG_USAGE
+    ]:
+        assert run(capsys, scene, "--out", "a.mp4", *arguments)[0] == EXIT_WRONG_USAGE
 
 
 def test_frames_of_an_earlier_film_are_replaced_only_on_request(

@@ -76,27 +76,19 @@ def test_files_are_replaced_only_on_request(
     assert not (tmp_path / "mine.yaml").exists()
 
 
-@pytest.mark.parametrize(
-    ("words", "message"),
-    [
+def test_wrong_flags_are_explained(
+    wall: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    for words, message in [
         (["--out", "p.json"], "suffix '.json', expected .yaml or .yml"),
         (["--out", "p.yaml", "--base", "zed2"], "--base 'zed2': unknown; did you mean 'zed2-"),
         (["--out", "p.yaml", "--distances", "1", "2", "3"], "3 values, expected 2, one for each"),
         (["--out", "p.yaml", "--distances", "2", "1"], "not in rising order"),
-    ],
-)
-def test_wrong_flags_are_explained(
-    wall: Path,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
-    words: list[str],
-    message: str,
-) -> None:
-    monkeypatch.chdir(tmp_path)
-    assert fit(wall, *words) == EXIT_BAD_INPUT
-    assert message in capsys.readouterr().err
-    assert not any(tmp_path.iterdir())
+    ]:
+        monkeypatch.chdir(tmp_path)
+        assert fit(wall, *words) == EXIT_BAD_INPUT
+        assert message in capsys.readouterr().err
+        assert not any(tmp_path.iterdir())
 
 
 def test_distances_have_a_range(wall: Path, capsys: pytest.CaptureFixture[str]) -> None:

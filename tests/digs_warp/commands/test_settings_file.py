@@ -63,24 +63,19 @@ def test_files_are_found_from_another_folder(
     assert settings_of(again) == settings_of(command)
 
 
-@pytest.mark.parametrize(
-    ("name", "source", "flags"),
-    [
+def test_settings_come_back_identical(tmp_path: Path) -> None:
+    for name, source, flags in [
         ("run", [], [*RECORDING, *RECONSTRUCTION]),
         ("run", [], []),
         ("reconstruct", ["capture"], ["--seed", "9", *RECONSTRUCTION]),
         ("simulate", [], RECORDING),
         ("simulate", [], ["--meshes", "*.glb", "--trajectories", "2", "--frames", "3"]),
-    ],
-)
-def test_settings_come_back_identical(
-    name: str, source: list[str], flags: list[str], tmp_path: Path
-) -> None:
-    first = cli.parse([name, *source, "--out", "a", *flags])
-    record = save(tmp_path / "run.json", name, settings_of(first))
-    second = cli.parse([name, *source, "--config", str(record), "--out", "b"])
-    assert settings_of(second) == settings_of(first)
-    assert second != first  # the folder
+    ]:
+        first = cli.parse([name, *source, "--out", "a", *flags])
+        record = save(tmp_path / "run.json", name, settings_of(first))
+        second = cli.parse([name, *source, "--config", str(record), "--out", "b"])
+        assert settings_of(second) == settings_of(first)
+        assert second != first  # the folder
 
 
 def test_a_run_can_be_repeated_from_its_record(tmp_path: Path) -> None:
@@ -153,9 +148,8 @@ def test_a_plan_takes_the_settings_of_a_recording(tmp_path: Path) -> None:
     assert (command.recording.frames, command.recording.mesh) == (7, Path("a b.glb"))
 
 
-@pytest.mark.parametrize(
-    ("command", "settings", "message"),
-    [
+def test_settings_that_do_not_fit_are_refused(tmp_path: Path) -> None:
+    for command, settings, message in [
         ("simulate", {"frames": 3}, "settings of 'digs-warp simulate'.*'digs-warp run'"),
         ("run", {"recording": {"framse": 3}}, "unknown setting 'framse'.*frames"),
         ("run", {"recordings": {}}, "unknown setting 'recordings'"),
@@ -167,14 +161,10 @@ def test_a_plan_takes_the_settings_of_a_recording(tmp_path: Path) -> None:
         ("run", {"recording": {"tier": "x"}}, "recording: tier is 'x', expected one of truth, law"),
         ("run", {"recording": 3}, "recording: expected a JSON object, found 3"),
         ("run", {"recording": {"frames": 0}}, "frames"),
-    ],
-)
-def test_settings_that_do_not_fit_are_refused(
-    command: str, settings: object, message: str, tmp_path: Path
-) -> None:
-    path = save(tmp_path / "run.json", command, settings)
-    with pytest.raises(DigsError, match=message):
-        cli.parse(["run", "--config", str(path), "--out", "x"])
+    ]:
+        path = save(tmp_path / "run.json", command, settings)
+        with pytest.raises(DigsError, match=message):
+            cli.parse(["run", "--config", str(path), "--out", "x"])
 
 
 UNUSABLE = {

@@ -50,19 +50,16 @@ def test_an_error_that_falls_with_rising_noise_is_refused() -> None:
     DegradationCurve((0, 1, 2, 4), (1.0, 0.9, 1.1, 0.8)).assert_no_cliff()  # by chance
 
 
-@pytest.mark.parametrize("strengths", [(0,), (0, 1), (1,)])
-def test_a_curve_that_shows_no_growth_proves_nothing(strengths: tuple[float, ...]) -> None:
-    with pytest.raises(DigsError, match="expected two above 0"):
-        DegradationCurve(strengths, tuple(range(len(strengths)))).assert_no_cliff()
-
-
-@pytest.mark.parametrize("broken", [math.nan, math.inf])
-def test_errors_that_are_no_numbers_never_pass(broken: float) -> None:
-    curve = DegradationCurve((0, 1, 2), (0.0, broken, 0.1))
-    with pytest.raises(AssertionError, match="no numbers"):
-        curve.assert_no_cliff()
-    with pytest.raises(AssertionError, match="at noise strength 1 "):
-        curve.assert_at_most({1: 5.0})
+def test_a_curve_without_growth_or_numbers_proves_nothing() -> None:
+    for strengths in ((0,), (0, 1), (1,)):
+        with pytest.raises(DigsError, match="expected two above 0"):
+            DegradationCurve(strengths, tuple(range(len(strengths)))).assert_no_cliff()
+    for broken in (math.nan, math.inf):
+        curve = DegradationCurve((0, 1, 2), (0.0, broken, 0.1))
+        with pytest.raises(AssertionError, match="no numbers"):
+            curve.assert_no_cliff()
+        with pytest.raises(AssertionError, match="is no number at noise strength 1 "):
+            curve.assert_at_most({1: 5.0})
 
 
 def test_limits_hold_at_the_strengths_they_name() -> None:
@@ -72,5 +69,3 @@ def test_limits_hold_at_the_strengths_they_name() -> None:
         curve.assert_at_most({1: 0.1, 2: 0.4})
     with pytest.raises(DigsError, match="strength 3 was not measured, expected some of"):
         curve.assert_at_most({3: 1.0})
-    with pytest.raises(AssertionError, match="the error is no number at noise strength 1"):
-        DegradationCurve((0, 1), (0.0, math.nan)).assert_at_most({1: 0.1})

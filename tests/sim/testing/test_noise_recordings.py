@@ -170,28 +170,26 @@ def test_an_effect_is_a_test_of_its_own(tmp_path: Path) -> None:
     assert source.recording.effects == {"quantum"}
 
 
-@pytest.mark.parametrize(
-    ("settings", "reason"),
-    [
-        ({"effects": "mirror"}, "'mirror' needs a simulated scene"),
-        ({"effects": "image-blur,quantum"}, "'image-blur' needs a simulated scene"),
-        ({"effects": each("auto-exposure")}, "'auto-exposure' needs a simulated scene"),
-        ({"effects": "disparity-nose"}, "did you mean 'disparity-noise'?"),
-        ({"effects": "none"}, "nothing would change the recording"),
-        ({"frames": 3}, "'frames' is a setting of simulated recordings"),
-        ({"mesh": "box.obj"}, "'mesh' is a setting of simulated recordings"),
-        ({"tier": "law"}, "'tier' is a setting of simulated recordings"),
-        ({"profil": "d435"}, "no setting 'profil'; did you mean 'profile'?"),
-        ({"profile": "d434"}, "profile 'd434': not known; did you mean 'd435'?"),
-        ({"seed": -1}, "--seed: -1"),
-    ],
-)
-def test_a_setting_that_does_not_fit_is_told_before_any_test(
-    settings: dict[str, Any], reason: str, tmp_path: Path
-) -> None:
+WRONG: list[tuple[dict[str, Any], str]] = [
+    ({"effects": "mirror"}, "'mirror' needs a simulated scene"),
+    ({"effects": "image-blur,quantum"}, "'image-blur' needs a simulated scene"),
+    ({"effects": each("auto-exposure")}, "'auto-exposure' needs a simulated scene"),
+    ({"effects": "disparity-nose"}, "did you mean 'disparity-noise'?"),
+    ({"effects": "none"}, "nothing would change the recording"),
+    ({"frames": 3}, "'frames' is a setting of simulated recordings"),
+    ({"mesh": "box.obj"}, "'mesh' is a setting of simulated recordings"),
+    ({"tier": "law"}, "'tier' is a setting of simulated recordings"),
+    ({"profil": "d435"}, "no setting 'profil'; did you mean 'profile'?"),
+    ({"profile": "d434"}, "profile 'd434': not known; did you mean 'd435'?"),
+    ({"seed": -1}, "--seed: -1"),
+]
+
+
+def test_a_setting_that_does_not_fit_is_told_before_any_test(tmp_path: Path) -> None:
     folder = record(tmp_path / "own", frames=1)
-    with pytest.raises(DigsError, match=re.escape(reason)):
-        source_of(folder, **settings)
+    for settings, reason in WRONG:
+        with pytest.raises(DigsError, match=re.escape(reason)):
+            source_of(folder, **settings)
 
 
 def test_a_recording_that_cannot_be_used_is_told_before_any_test(tmp_path: Path) -> None:
