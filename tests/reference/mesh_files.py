@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import trimesh
 from PIL import Image
+from scipy.spatial import ConvexHull
 from trimesh.visual import TextureVisuals
 from trimesh.visual.material import PBRMaterial
 
@@ -51,6 +52,15 @@ def check_scene(scene: Scene, size: float | None = None) -> None:
             assert material.texture.dtype == np.uint8
             assert material.texture.ndim == 3
             assert material.texture.shape[2] == 3
+
+
+def assert_rests(scene: Scene) -> None:
+    """Points less than 1 mm above the ground surround the center of mass of the convex hull."""
+    vertices = scene.vertices.astype(np.float64)
+    solid = trimesh.Trimesh(vertices, process=False).convex_hull
+    touching = vertices[vertices[:, 2] < vertices[:, 2].min() + 1e-3]
+    edges = ConvexHull(touching[:, :2]).equations
+    assert (edges @ [*solid.center_mass[:2], 1.0]).max() < 1e-3
 
 
 def face_vectors(scene: Scene) -> np.ndarray:

@@ -8,10 +8,8 @@ from urllib.parse import unquote
 from digs_warp.bounds import FREE_UNPACKED, TRIANGLES
 from digs_warp.checks import DigsError, MeshError
 from digs_warp.data.ply_table import ASCII, PlyElement, PlyHeader, read_ply_header
+from digs_warp.sim.scene.mesh.gltf import COMPONENTS, TYPES
 
-# glTF 2.0, section 3.6.2: bytes per component, components per element.
-_COMPONENT_BYTES = {5120: 1, 5121: 1, 5122: 2, 5123: 2, 5125: 4, 5126: 4}
-_COMPONENTS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT2": 4, "MAT3": 9, "MAT4": 16}
 # Views of the same bytes: attributes that lie between each other, or that several meshes share.
 _MOST_VIEWS = 8
 # Nodes may show a mesh many times; each time it takes memory. The wheels of a train do not reach this.
@@ -143,7 +141,7 @@ def _check_gltf(path: Path, header: dict[str, Any], where: str) -> None:
 
 
 def _element_bytes(accessor: dict[str, Any]) -> int:
-    return _COMPONENT_BYTES[accessor["componentType"]] * _COMPONENTS[accessor["type"]]
+    return int(TYPES[accessor["componentType"]][-1]) * COMPONENTS[accessor["type"]]
 
 
 def _counts(accessor: dict[str, Any]) -> list[int]:

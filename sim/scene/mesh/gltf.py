@@ -1,13 +1,8 @@
-"""The header and the accessors of a glTF or GLB file, and checks before its geometry is read.
-
-trimesh silently ignores missing textures, compressed geometry and truncated files, so the header is checked
-first.
-"""
+"""The header of a glTF or GLB file, what is wrong with it, and its accessors and images."""
 
 import base64
 import struct
-from collections.abc import Iterable, Iterator
-from copy import deepcopy
+from collections.abc import Iterator
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -158,53 +153,28 @@ def glb_binary(path: Path) -> bytes:
     return data[start + GLB_CHUNK.size : start + GLB_CHUNK.size + length]
 
 
-def check_gltf(path: Path, header: dict[str, Any]) -> None:
-    """Raise a `MeshError` if files beside ``path`` are missing."""
-    for kind in ("buffers", "images"):
-        for entry in header.get(kind, []):
-            uri = entry.get("uri", "data:")
-            if not uri.startswith("data:") and not (path.parent / unquote(uri)).is_file():
-                raise MeshError(
-                    f"mesh '{path}': its {kind[:-1]} {quoted(unquote(uri))} is missing in "
-                    f"'{path.parent}'; copy the whole folder, or export one GLB file"
-                )
+def check_extensions(path: Path, header: dict[str, Any]) -> None:
+    """Raise a `MeshError` for data that cannot be read, without plain data beside it, or for splats alone."""
+    lacking = set[str]()
 
+    def check(place: dict[str, Any], has_plain: bool) -> None:
+        if not has_plain:
+            lacking.update(UNREADABLE_EXTENSIONS.keys() & place.get("extensions", {}))
 
-def with_fallbacks(path: Path, header: dict[str, Any]) -> dict[str, Any]:
-    """Return a header without extensions that cannot be read, where plain data stands beside theirs.
-
-    Images that nothing uses then become empty.
-
-    Raises:
-        MeshError: some has none, or all of the file is Gaussian splats.
-    """
-    plain, lacking = deepcopy(header), set[str]()
-    required = {*header.get("extensionsRequired", [])}
-
-    def drop(place: dict[str, Any], has_plain: bool) -> None:
-        for extension in UNREADABLE_EXTENSIONS.keys() & place.get("extensions", {}):
-            if has_plain:
-                del place["extensions"][extension]
-            else:
-                lacking.add(extension)
-
-    primitives = [each for mesh in plain.get("meshes", []) for each in mesh["primitives"]]
+    accessors, buffers = header.get("accessors", []), header.get("buffers", [])
+    primitives = [each for mesh in header.get("meshes", []) for each in mesh["primitives"]]
     for each in primitives:
         numbers = [*each["attributes"].values(), each.get("indices")]
-        drop(each, all("bufferView" in plain["accessors"][n] for n in numbers if n is not None))
-    for view in plain.get("bufferViews", []):
-        buffer = plain["buffers"][view["buffer"]]
+        check(each, all("bufferView" in accessors[n] for n in numbers if n is not None))
+    for view in header.get("bufferViews", []):
+        buffer = buffers[view["buffer"]]
         stands_in = any(e.get("fallback") for e in buffer.get("extensions", {}).values())
-        drop(view, "uri" in buffer or not (view["buffer"] or stands_in))
-    for node in plain.get("nodes", []):
-        drop(node, "EXT_mesh_gpu_instancing" not in required)
-    shown = set()
-    for texture in plain.get("textures", []):
-        drop(texture, "source" in texture)
-        webp = texture.get("extensions", {}).get("EXT_texture_webp", {})
-        shown |= {texture.get("source"), webp.get("source")}
-    for number in range(len(images := plain.get("images", []))):
-        images[number] = images[number] if number in shown else {}
+        check(view, "uri" in buffer or not (view["buffer"] or stands_in))
+    required = header.get("extensionsRequired", [])
+    for node in header.get("nodes", []):
+        check(node, "EXT_mesh_gpu_instancing" not in required)
+    for texture in header.get("textures", []):
+        check(texture, "source" in texture)
     for each in sorted(lacking):
         raise MeshError(
             f"mesh '{path}': uses {each}, which cannot be read, without plain data beside it; "
@@ -215,41 +185,42 @@ def with_fallbacks(path: Path, header: dict[str, Any]) -> dict[str, Any]:
             f"mesh '{path}': Gaussian splats ({SPLATS}), expected triangles; 'digs-warp view', 'convert' "
             "and 'info' read them"
         )
-    return plain
 
 
-def check_textures(path: Path, header: dict[str, Any], loaded: Iterable[Any]) -> None:
-    """Raise a `MeshError` if a base-color texture named in the header is not in ``loaded``.
+def image_of(texture: dict[str, Any]) -> int | None:
+    """Return the number of the image that a texture of the header shows; None: it has none."""
+    webp = texture.get("extensions", {}).get("EXT_texture_webp", {})
+    return webp.get("source", texture.get("source"))
 
-    Args:
-        path: for the message.
-        header: of the file.
-        loaded: the materials that trimesh made of it; it drops textures that it cannot decode.
-    """
-    promised = {
-        material.get("name"): "baseColorTexture" in material.get("pbrMetallicRoughness", {})
-        for material in header.get("materials", [])
-    }
-    for material in loaded:
-        name = getattr(material, "name", None)
-        if promised.get(name) and material.baseColorTexture is None:
+
+def shown_images(header: dict[str, Any]) -> dict[int, dict[str, Any]]:
+    """Return the images that some texture shows, by number; others may be of an unknown kind."""
+    numbers = {image_of(texture) for texture in header.get("textures", [])}
+    return {n: image for n, image in enumerate(header.get("images", [])) if n in numbers}
+
+
+def check_files(path: Path, header: dict[str, Any]) -> None:
+    """Raise a `MeshError` if files beside ``path`` are missing."""
+    entries = [("buffer", each) for each in header.get("buffers", [])]
+    entries += [("image", each) for each in shown_images(header).values()]
+    for kind, entry in entries:
+        uri = entry.get("uri", "data:")
+        if not uri.startswith("data:") and not (path.parent / unquote(uri)).is_file():
             raise MeshError(
-                f"mesh '{path}': the texture of material {quoted(str(name))} cannot be decoded; "
-                "export it again with PNG or JPEG textures"
+                f"mesh '{path}': its {kind} {quoted(unquote(uri))} is missing in '{path.parent}'; copy the "
+                "whole folder, or export one GLB file"
             )
 
 
 def undecodable_images(path: Path, header: dict[str, Any]) -> Iterator[str]:
-    """Yield a sentence for every image that is damaged; trimesh leaves it out without a word.
+    """Yield a sentence for every image that is damaged: the mesh is drawn without it.
 
-    For a base color that is an error, which `check_textures` raises; other maps are missed less.
+    For a base color that is an error, which its material raises; other maps are missed less.
 
     Raises:
         DigsError: an image is larger than `digs_warp.bounds.TEXTURE`.
     """
-    for number, image in enumerate(header.get("images", [])):
-        if not image:
-            continue
+    for number, image in shown_images(header).items():
         what = f"image {number} {quoted(image.get('name') or image.get('uri', ''))}"
         try:
             check_texture(what, image_bytes(path, header, image), decode=False)
@@ -276,8 +247,8 @@ def uri_bytes(path: Path, uri: str) -> bytes:
 
 
 # glTF 2.0, section 3.6.2.2: types of components, and components per element.
-_TYPES = {5120: "<i1", 5121: "<u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
-_COMPONENTS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT4": 16}
+TYPES = {5120: "<i1", 5121: "<u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
+COMPONENTS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT2": 4, "MAT3": 9, "MAT4": 16}
 
 
 class GltfNumbers:
@@ -291,15 +262,6 @@ class GltfNumbers:
     def __init__(self, path: Path, header: dict[str, Any]) -> None:
         self._path, self._header = path, header
 
-    def is_plain(self, number: int) -> bool:
-        """Whether the stored numbers are the values: no share of a whole, no replacements."""
-        accessor = self._header["accessors"][number]
-        return not accessor.get("normalized") and "sparse" not in accessor
-
-    def count(self, number: int) -> int:
-        """Return the rows of an accessor."""
-        return self._header["accessors"][number]["count"]
-
     def values(self, number: int) -> np.ndarray:
         """Return an accessor, shape (count, components).
 
@@ -307,14 +269,14 @@ class GltfNumbers:
         accessor replaces is replaced.
         """
         accessor = self._header["accessors"][number]
-        kind, width = np.dtype(_TYPES[accessor["componentType"]]), _COMPONENTS[accessor["type"]]
+        kind, width = np.dtype(TYPES[accessor["componentType"]]), COMPONENTS[accessor["type"]]
         count = accessor["count"]
         values = np.zeros((count, width), kind)
         if "bufferView" in accessor:
             values = self._rows(accessor, kind, width, count)
         if "sparse" in accessor:
             sparse = accessor["sparse"]
-            index_kind = np.dtype(_TYPES[sparse["indices"]["componentType"]])
+            index_kind = np.dtype(TYPES[sparse["indices"]["componentType"]])
             rows = self._rows(sparse["indices"], index_kind, 1, sparse["count"])[:, 0]
             values = values.copy()
             values[rows] = self._rows(sparse["values"], kind, width, sparse["count"])

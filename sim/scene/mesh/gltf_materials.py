@@ -1,6 +1,7 @@
-"""What trimesh leaves out of glTF materials: extensions, strengths, and transforms of texture coordinates."""
+"""Materials of glTF files, with the extensions that change how a surface looks, as `Material`."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from io import BytesIO
 from pathlib import Path
@@ -8,116 +9,243 @@ from typing import Any
 
 import numpy as np
 
-from digs_warp.sim.scene.mesh.gltf import SPLATS, GltfNumbers, image_bytes
-from digs_warp.sim.scene.scene import DIELECTRIC_IOR, DIELECTRIC_REFLECTANCE
+from digs_warp.checks import MeshError
+from digs_warp.data.images import linear_from_srgb
+from digs_warp.sim.scene.mesh.files_beside import UndecodableError, decoding
+from digs_warp.sim.scene.mesh.gltf import SPLATS, GltfNumbers, image_bytes, image_of
+from digs_warp.sim.scene.mesh.materials import (
+    MIN_OPACITY,
+    alpha_pixels,
+    color_texture,
+    mean_over_surface,
+    rgb_pixels,
+)
+from digs_warp.sim.scene.mesh.parts import MeshPart
+from digs_warp.sim.scene.scene import DIELECTRIC_IOR, Material
 from digs_warp.words import cut, quoted
 
 # Attenuation colors are not darker: black would absorb without limit.
 DARKEST = 1e-4
 
+# glTF's default cut-off for alphaMode MASK.
+DEFAULT_CUTOFF = 0.5
 
-@dataclass(frozen=True, eq=False)
-class GltfExtras:
-    """Of one material.
+# Zero of x and y in a normal map.
+FLAT = 128
 
-    Attributes:
-        transmission: factor of KHR_materials_transmission.
-        transmission_image: PIL image whose red channel multiplies it; None: none.
-        ior: of KHR_materials_ior.
-        reflectance: at normal incidence, by that and the factor of KHR_materials_specular.
-        absorption: of KHR_materials_volume, linear RGB per unit of the file; None: a thin wall.
-        clear_coat: factor of KHR_materials_clearcoat.
-        clear_coat_image: PIL image whose red channel multiplies it; None: none.
-        clear_coat_roughness: of that layer.
-        sheen: color of KHR_materials_sheen, linear RGB.
-        sheen_image: PIL image, sRGB, that multiplies it; None: none.
-        sheen_roughness: of the fibers.
-        emissive_strength: of KHR_materials_emissive_strength.
-        normal_scale: of the normal map.
+GLOSSINESS = "KHR_materials_pbrSpecularGlossiness"
+
+# Extensions of materials whose entries are read beside those of the standard; no two name one alike.
+MATERIAL_EXTENSIONS = (
+    *("KHR_materials_clearcoat", "KHR_materials_emissive_strength", "KHR_materials_ior"),
+    *("KHR_materials_sheen", "KHR_materials_specular", "KHR_materials_transmission"),
+    "KHR_materials_volume",
+)
+
+Color = tuple[float, float, float]
+BLACK: Color = (0.0, 0.0, 0.0)
+
+
+class GltfMaterials:
+    """Converts the materials of a file.
+
+    Args:
+        path: of a .gltf or .glb file.
+        header: of the file, checked.
     """
 
-    transmission: float = 0.0
-    transmission_image: Any = None
-    ior: float = DIELECTRIC_IOR
-    reflectance: float = DIELECTRIC_REFLECTANCE
-    absorption: tuple[float, float, float] | None = None
-    clear_coat: float = 0.0
-    clear_coat_image: Any = None
-    clear_coat_roughness: float = 0.0
-    sheen: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    sheen_image: Any = None
-    sheen_roughness: float = 0.0
-    emissive_strength: float = 1.0
-    normal_scale: float = 1.0
+    def __init__(self, path: Path, header: dict[str, Any]) -> None:
+        self._path, self._header = path, header
+        # By identity: parts name their material by its entry in the header.
+        self._names: dict[int, str] = {}
+        for number, material in enumerate(header.get("materials", [])):
+            name = material.get("name") or f"material {number}"
+            taken = name in self._names.values()
+            self._names[id(material)] = f"{name} ({number})" if taken else name
 
+    def convert(self, entry: dict[str, Any], parts: Sequence[MeshPart]) -> Material:
+        """Return a material of the header that all ``parts`` share; factors are linear and default to 1.
 
-def read_extras(path: Path, header: dict[str, Any]) -> dict[str, GltfExtras]:
-    """Return the extras of every named material of a .gltf or .glb file.
-
-    Raises:
-        OSError, ValueError, KeyError, IndexError: a texture cannot be read.
-    """
-    extras = {}
-    for material in header.get("materials", []):
-        extensions = material.get("extensions", {})
-        transmission = extensions.get("KHR_materials_transmission", {})
-        strength = extensions.get("KHR_materials_emissive_strength", {})
-        clear_coat = extensions.get("KHR_materials_clearcoat", {})
-        sheen = extensions.get("KHR_materials_sheen", {})
-        ior = max(float(extensions.get("KHR_materials_ior", {}).get("ior", DIELECTRIC_IOR)), 1.0)
-        specular = float(extensions.get("KHR_materials_specular", {}).get("specularFactor", 1.0))
-        extras[str(material.get("name"))] = GltfExtras(
-            transmission=float(transmission.get("transmissionFactor", 0.0)),
-            transmission_image=_image(path, header, transmission.get("transmissionTexture")),
+        Raises:
+            MeshError: its base color cannot be decoded.
+        """
+        name, values = self._names[id(entry)], self._values(entry)
+        image = self._image(values.get("baseColorTexture"))
+        if image is None and "baseColorTexture" in values:
+            raise MeshError(
+                f"mesh '{self._path}': the texture of material {quoted(name)} cannot be decoded; "
+                "export it again with PNG or JPEG textures"
+            )
+        factor = np.array(values.get("baseColorFactor", np.ones(4)), np.float64)
+        ior = max(float(values.get("ior", DIELECTRIC_IOR)), 1.0)
+        specular = float(values.get("specularFactor", 1.0)) * ((ior - 1) / (ior + 1)) ** 2
+        coat = self._mean(values.get("clearcoatTexture"), name, parts)[0]
+        return Material(
+            name=name,
+            base_color=factor[:3].astype(np.float32),
+            texture=color_texture(image, name, parts),
+            **self._finish(values, name, parts),
+            **_opacity(values, float(factor[3]), image, name, parts),
+            **self._transmission(values, name, parts),
             ior=ior,
-            reflectance=float(np.clip(specular * ((ior - 1) / (ior + 1)) ** 2, 0.0, 1.0)),
-            absorption=_absorption(extensions.get("KHR_materials_volume", {})),
-            clear_coat=_share(clear_coat.get("clearcoatFactor", 0.0)),
-            clear_coat_image=_image(path, header, clear_coat.get("clearcoatTexture")),
-            clear_coat_roughness=_share(clear_coat.get("clearcoatRoughnessFactor", 0.0)),
-            sheen=_sheen_color(sheen),
-            sheen_image=_image(path, header, sheen.get("sheenColorTexture")),
-            sheen_roughness=_share(sheen.get("sheenRoughnessFactor", 0.0)),
-            emissive_strength=float(strength.get("emissiveStrength", 1.0)),
-            normal_scale=float(material.get("normalTexture", {}).get("scale", 1.0)),
+            reflectance=float(np.clip(specular, 0.0, 1.0)),
+            absorption=_absorption(values),
+            clear_coat=_share(values.get("clearcoatFactor", 0.0)) * float(coat),
+            clear_coat_roughness=_share(values.get("clearcoatRoughnessFactor", 0.0)),
+            sheen=self._sheen(values, name, parts),
+            sheen_roughness=_share(values.get("sheenRoughnessFactor", 0.0)),
+            **self._emission(values, name, parts),
+            normal_texture=self._normals(values, name, parts),
         )
-    return extras
+
+    def _values(self, entry: dict[str, Any]) -> dict[str, Any]:
+        """Return all entries of a material in one mapping; maps are entries of the header, or PIL images."""
+        extensions = entry.get("extensions", {})
+        values = {**entry, **entry.get("pbrMetallicRoughness", {})}
+        for each in MATERIAL_EXTENSIONS:
+            values |= extensions.get(each, {})
+        if GLOSSINESS in extensions:
+            from trimesh.visual.gloss import specular_to_pbr
+
+            glossy = extensions[GLOSSINESS]
+            maps = {k: self._image(v) for k, v in glossy.items() if k.endswith("Texture")}
+            values |= specular_to_pbr(**{**glossy, **maps})
+        if "KHR_materials_unlit" in extensions:
+            # What knows no light does not shine like metal, which is the default.
+            values.setdefault("metallicFactor", 0.0)
+        return values
+
+    def _image(self, entry: Any) -> Any:
+        """Return the PIL image of a map; None: there is none, or a warning has said that it is damaged."""
+        if not isinstance(entry, dict):
+            return entry
+        from PIL import Image
+
+        number = image_of(self._header["textures"][entry["index"]])
+        if number is None:
+            return None
+        data = image_bytes(self._path, self._header, self._header["images"][number])
+        with suppress(UndecodableError), decoding("image"):
+            return Image.open(BytesIO(data))
+        return None
+
+    def _mean(self, entry: Any, name: str, parts: Sequence[MeshPart]) -> np.ndarray:
+        """Return the mean of a map over the surface, (3,), 0 to 1; 1 without a map."""
+        image = self._image(entry)
+        if image is None or parts[0].uvs is None:
+            return np.ones(3)
+        return mean_over_surface(rgb_pixels(image, name), parts) / 255.0
+
+    def _finish(
+        self, values: dict[str, Any], name: str, parts: Sequence[MeshPart]
+    ) -> dict[str, Any]:
+        """Return roughness and metallic, and their texture where they vary."""
+        factors = np.array([values.get(f"{each}Factor", 1.0) for each in ("roughness", "metallic")])
+        texture, image = None, self._image(values.get("metallicRoughnessTexture"))
+        if image is not None and parts[0].uvs is not None:
+            pixels = rgb_pixels(image, name)[..., 1:]
+            texture = _scaled(pixels, factors) if np.ptp(pixels, axis=(0, 1)).any() else None
+            factors = factors * mean_over_surface(pixels, parts) / 255.0
+        roughness, metallic = np.clip(factors, 0.0, 1.0).tolist()
+        return {"roughness": roughness, "metallic": metallic, "finish_texture": texture}
+
+    def _transmission(
+        self, values: dict[str, Any], name: str, parts: Sequence[MeshPart]
+    ) -> dict[str, Any]:
+        """Return transmission, and its texture where it varies."""
+        factor = float(values.get("transmissionFactor", 0.0))
+        image = self._image(values.get("transmissionTexture"))
+        if factor <= 0 or image is None or parts[0].uvs is None:
+            return {"transmission": max(factor, 0.0)}
+        pixels = _scaled(rgb_pixels(image, name)[..., 0], factor)
+        mean = float(mean_over_surface(pixels[..., None], parts)[0] / 255.0)
+        return {"transmission": mean, "transmission_texture": pixels}
+
+    def _sheen(self, values: dict[str, Any], name: str, parts: Sequence[MeshPart]) -> Color:
+        """Return the color of the fibers, linear: the mean where it varies."""
+        factor = np.array([_share(value) for value in values.get("sheenColorFactor", BLACK)])
+        if not factor.any():
+            return BLACK
+        mean = linear_from_srgb(self._mean(values.get("sheenColorTexture"), name, parts))
+        return _color(factor * mean)
+
+    def _emission(
+        self, values: dict[str, Any], name: str, parts: Sequence[MeshPart]
+    ) -> dict[str, Any]:
+        """Return the emission and its texture; nothing for materials that do not glow."""
+        strength = float(values.get("emissiveStrength", 1.0))
+        factor = np.array(values.get("emissiveFactor", BLACK), np.float64) * strength
+        if not (factor > 0).any():
+            return {}
+        texture = color_texture(self._image(values.get("emissiveTexture")), name, parts)
+        if texture is not None and not texture.any():
+            return {}
+        return {"emission": _color(factor), "emission_texture": texture}
+
+    def _normals(
+        self, values: dict[str, Any], name: str, parts: Sequence[MeshPart]
+    ) -> np.ndarray | None:
+        """Return the normal map with its scale worked in; None where it is flat."""
+        entry = values.get("normalTexture")
+        image, scale = self._image(entry), float((entry or {}).get("scale", 1.0))
+        if image is None or parts[0].uvs is None:
+            return None
+        pixels = rgb_pixels(image, name)
+        tilt = pixels[..., :2].astype(np.int16) - FLAT
+        if np.abs(tilt).max() <= 1 or scale == 0:
+            return None
+        if scale != 1:
+            tilt = np.clip(np.rint(tilt * scale), -FLAT, 255 - FLAT)
+            pixels = np.concatenate([(tilt + FLAT).astype(np.uint8), pixels[..., 2:]], axis=-1)
+        return np.ascontiguousarray(pixels)
 
 
-def _absorption(volume: dict[str, Any]) -> tuple[float, float, float] | None:
+def _opacity(
+    values: dict[str, Any], factor: float, image: Any, name: str, parts: Sequence[MeshPart]
+) -> dict[str, Any]:
+    """Return opacity, its texture where it varies, and the cut-off; nothing for opaque materials."""
+    mode = values.get("alphaMode", "OPAQUE")
+    if mode == "OPAQUE":
+        return {}
+    alpha = None if image is None or parts[0].uvs is None else alpha_pixels(image, name)
+    if mode == "MASK":
+        cutoff = float(values.get("alphaCutoff", DEFAULT_CUTOFF))
+        if alpha is not None:
+            alpha = np.where(alpha / 255.0 * factor >= cutoff, 255, 0).astype(np.uint8)
+        factor = 1.0 if factor >= cutoff or alpha is not None else 0.0
+    if alpha is None:
+        return {"opacity": factor}
+    alpha = _scaled(alpha, factor)
+    return {
+        "opacity": float(mean_over_surface(alpha[..., None], parts)[0] / 255.0),
+        "opacity_texture": alpha,
+        "alpha_cutoff": DEFAULT_CUTOFF if mode == "MASK" else MIN_OPACITY,
+    }
+
+
+def _absorption(values: dict[str, Any]) -> Color | None:
     """Return the absorption of a body per unit of the file, by Beer and Lambert; None: a thin wall.
 
     Light has its attenuation color after the attenuation distance; without one nothing is absorbed.
     """
-    if not float(volume.get("thicknessFactor", 0.0)) > 0:
+    if not float(values.get("thicknessFactor", 0.0)) > 0:
         return None
-    distance = float(volume.get("attenuationDistance", np.inf))
-    color = np.asarray(volume.get("attenuationColor", (1.0, 1.0, 1.0)), dtype=np.float64)
-    if not distance > 0:
-        return 0.0, 0.0, 0.0
-    red, green, blue = -np.log(np.clip(color, DARKEST, 1.0)) / distance
-    return float(red), float(green), float(blue)
+    distance = float(values.get("attenuationDistance", np.inf))
+    color = np.asarray(values.get("attenuationColor", (1.0, 1.0, 1.0)), dtype=np.float64)
+    return _color(-np.log(np.clip(color, DARKEST, 1.0)) / distance) if distance > 0 else BLACK
 
 
 def _share(value: Any) -> float:
     return float(np.clip(float(value), 0.0, 1.0))
 
 
-def _sheen_color(sheen: dict[str, Any]) -> tuple[float, float, float]:
-    red, green, blue = (_share(value) for value in sheen.get("sheenColorFactor", (0.0, 0.0, 0.0)))
+def _color(values: np.ndarray) -> Color:
+    red, green, blue = values[:3].tolist()
     return red, green, blue
 
 
-def _image(path: Path, header: dict[str, Any], texture: dict[str, Any] | None) -> Any:
-    """Return the PIL image of a texture that the header names; None: it names none."""
-    if texture is None:
-        return None
-    from PIL import Image
-
-    of_texture = header["textures"][texture["index"]]
-    webp = of_texture.get("extensions", {}).get("EXT_texture_webp", {})
-    entry = header["images"][webp.get("source", of_texture.get("source"))]
-    return Image.open(BytesIO(image_bytes(path, header, entry)))
+def _scaled(pixels: np.ndarray, factor: np.ndarray | float) -> np.ndarray:
+    return np.rint(np.clip(pixels * factor, 0, 255)).astype(np.uint8)
 
 
 @dataclass(frozen=True)
@@ -134,76 +262,60 @@ class MapPlace:
     rotation: float = 0.0
     scale: tuple[float, float] = (1.0, 1.0)
 
-    @property
-    def moves(self) -> bool:
-        """Whether it changes the coordinates."""
-        return (self.offset, self.rotation, self.scale) != ((0.0, 0.0), 0.0, (1.0, 1.0))
+    @staticmethod
+    def of(entry: dict[str, Any]) -> "MapPlace":
+        """Return the place that the entry of a map names."""
+        transform = entry.get("extensions", {}).get("KHR_texture_transform", {})
+        u, v = transform.get("offset", (0.0, 0.0))
+        width, height = transform.get("scale", (1.0, 1.0))
+        return MapPlace(
+            uv_set=int(transform.get("texCoord", entry.get("texCoord", 0))),
+            offset=(float(u), float(v)),
+            rotation=float(transform.get("rotation", 0.0)),
+            scale=(float(width), float(height)),
+        )
 
 
 def map_places(material: dict[str, Any]) -> list[MapPlace]:
-    """Return where the maps of a material lie, each place once, that of its base color first."""
-    return list(dict.fromkeys(_place(entry) for entry in _map_entries(material)))
-
-
-def placed_uvs(
-    header: dict[str, Any], primitive: dict[str, Any], numbers: GltfNumbers
-) -> np.ndarray | None:
-    """Return the texture coordinates with which a primitive shows its first map, shape (n, 2), float32.
-
-    None: they are those of the first set. A renderer that has one set of coordinates lays all maps there.
-    """
-    if "material" not in primitive:
-        return None
-    place = next(iter(map_places(header["materials"][primitive["material"]])), MapPlace())
-    name = f"TEXCOORD_{place.uv_set}"
-    if name not in primitive["attributes"] or not (place.moves or place.uv_set):
-        return None
-    uvs = numbers.values(primitive["attributes"][name]).astype(np.float64)
-    return _moved(uvs, place).astype(np.float32)
-
-
-def _moved(uvs: np.ndarray, place: MapPlace) -> np.ndarray:
-    """Scale, turn and shift coordinates whose v points down, counterclockwise as the image is seen."""
-    cos, sin = np.cos(place.rotation), np.sin(place.rotation)
-    turn = np.array([[cos, sin], [-sin, cos]])
-    return (uvs * place.scale) @ turn.T + place.offset
-
-
-def _map_entries(material: dict[str, Any]) -> Iterator[dict[str, Any]]:
-    """Yield the entries of the maps that the renderer draws."""
-    pbr = material.get("pbrMetallicRoughness", {})
-    extensions = material.get("extensions", {})
-    glossy = extensions.get("KHR_materials_pbrSpecularGlossiness", {})
-    entries = [
+    """Return where the maps that are drawn lie, each place once, that of the base color first."""
+    pbr, extensions = material.get("pbrMetallicRoughness", {}), material.get("extensions", {})
+    entries = (
         pbr.get("baseColorTexture"),
-        glossy.get("diffuseTexture"),
+        extensions.get(GLOSSINESS, {}).get("diffuseTexture"),
         pbr.get("metallicRoughnessTexture"),
         material.get("normalTexture"),
         material.get("emissiveTexture"),
         extensions.get("KHR_materials_transmission", {}).get("transmissionTexture"),
-    ]
-    yield from (entry for entry in entries if entry)
-
-
-def _place(entry: dict[str, Any]) -> MapPlace:
-    transform = entry.get("extensions", {}).get("KHR_texture_transform", {})
-    u, v = transform.get("offset", (0.0, 0.0))
-    width, height = transform.get("scale", (1.0, 1.0))
-    return MapPlace(
-        uv_set=int(transform.get("texCoord", entry.get("texCoord", 0))),
-        offset=(float(u), float(v)),
-        rotation=float(transform.get("rotation", 0.0)),
-        scale=(float(width), float(height)),
     )
+    return list(dict.fromkeys(MapPlace.of(entry) for entry in entries if entry))
+
+
+def placed_uvs(
+    material: dict[str, Any], attributes: dict[str, int], numbers: GltfNumbers
+) -> np.ndarray | None:
+    """Return the texture coordinates with which a primitive shows its first map, (n, 2); v = 0 is the bottom.
+
+    None: it has none. A renderer that has one set of coordinates lays all maps there.
+    """
+    place = next(iter(map_places(material)), MapPlace())
+    name = f"TEXCOORD_{place.uv_set}"
+    if name not in attributes:
+        name, place = "TEXCOORD_0", MapPlace()
+    if name not in attributes:
+        return None
+    uvs = numbers.values(attributes[name]).astype(np.float64)
+    cos, sin = np.cos(place.rotation), np.sin(place.rotation)
+    # Scaled, turned and shifted; v still points down, so that this is counterclockwise as the image is seen.
+    uvs = (uvs * place.scale) @ np.array([[cos, -sin], [sin, cos]]) + place.offset
+    uvs = uvs.astype(np.float32)
+    return np.stack([uvs[:, 0], np.float32(1) - uvs[:, 1]], axis=1).astype(np.float64)
 
 
 # Extensions that a file may require because they are read, or change nothing that is drawn here.
 READ_EXTENSIONS = {
+    *MATERIAL_EXTENSIONS,
     *("KHR_mesh_quantization", "KHR_texture_transform", "EXT_texture_webp", "KHR_lights_punctual"),
-    *("KHR_materials_clearcoat", "KHR_materials_emissive_strength", "KHR_materials_ior"),
-    *("KHR_materials_pbrSpecularGlossiness", "KHR_materials_sheen", "KHR_materials_specular"),
-    *("KHR_materials_transmission", "KHR_materials_unlit", "KHR_materials_volume"),
-    "KHR_materials_variants",
+    *(GLOSSINESS, "KHR_materials_unlit", "KHR_materials_variants"),
 }
 
 

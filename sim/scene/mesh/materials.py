@@ -1,7 +1,7 @@
-"""Materials of trimesh (glTF and MTL) as `digs_warp.sim.scene.scene.Material`."""
+"""Materials of MTL files as `digs_warp.sim.scene.scene.Material`, and the pixels of all materials' maps."""
 
 import logging
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import AbstractContextManager
 from typing import Any
 
@@ -10,7 +10,6 @@ import numpy as np
 from digs_warp.bounds import TEXTURE
 from digs_warp.data.images import linear_from_srgb
 from digs_warp.sim.scene.mesh.files_beside import decoding
-from digs_warp.sim.scene.mesh.gltf_materials import GltfExtras
 from digs_warp.sim.scene.mesh.parts import MeshPart
 from digs_warp.sim.scene.scene import Material
 from digs_warp.words import quoted
@@ -92,28 +91,22 @@ PLAIN_ROUGHNESS = 0.8
 # Blended texels with less opacity are holes: they have no reflections either.
 MIN_OPACITY = 0.02
 
-# glTF's default cut-off for alphaMode MASK.
-DEFAULT_CUTOFF = 0.5
-
-# Zero of x and y in a normal map.
-FLAT = 128
+Convert = Callable[[Any, Sequence[MeshPart]], Material]
+"""Returns the material of a file that some parts share."""
 
 
 def materials_of_parts(
-    parts: Sequence[MeshPart], extras: Mapping[str, GltfExtras], opacity_maps: Mapping[str, Any]
+    parts: Sequence[MeshPart], convert: Convert
 ) -> tuple[tuple[Material, ...], list[int]]:
-    """Return the materials, each once, and the index of the material of every part.
-
-    Args:
-        parts: with the materials of trimesh.
-        extras: properties that trimesh leaves out, by name of the material.
-        opacity_maps: PIL images of MTL files that trimesh leaves out, likewise.
-    """
+    """Return the materials, each once, and the index of the material of every part."""
     groups: dict[object, list[MeshPart]] = {}
     for part in parts:
         groups.setdefault(_key(part), []).append(part)
     numbers = {key: number for number, key in enumerate(groups)}
-    materials = tuple(_material(group, extras, opacity_maps) for group in groups.values())
+    materials = tuple(
+        _plain(group) if group[0].material is None else convert(group[0].material, group)
+        for group in groups.values()
+    )
     return materials, [numbers[_key(part)] for part in parts]
 
 
@@ -122,17 +115,7 @@ def _key(part: MeshPart) -> tuple[int, bool, bool]:
     return id(part.material), part.uvs is not None, part.colored
 
 
-def _material(
-    parts: list[MeshPart], extras: Mapping[str, GltfExtras], opacity_maps: Mapping[str, Any]
-) -> Material:
-    """Convert the material that all ``parts`` share."""
-    from trimesh.visual.material import PBRMaterial, SimpleMaterial
-
-    source = parts[0].material
-    if isinstance(source, PBRMaterial):
-        return _pbr_material(source, parts, extras.get(str(source.name), GltfExtras()))
-    if isinstance(source, SimpleMaterial) and not _is_empty(source):
-        return _simple_material(source, parts, opacity_maps.get(str(source.name)))
+def _plain(parts: Sequence[MeshPart]) -> Material:
     color = (1.0, 1.0, 1.0) if parts[0].colored else PLAIN_COLOR
     return Material("plain", np.array(color, np.float32), roughness=PLAIN_ROUGHNESS)
 
@@ -143,13 +126,23 @@ def _is_empty(source: Any) -> bool:
     return from_no_file and not source.kwargs and source.name == "material_0"
 
 
-def _simple_material(source: Any, parts: list[MeshPart], opacity_map: Any) -> Material:
+def mtl_material(
+    opacity_maps: Mapping[str, Any], source: Any, parts: Sequence[MeshPart]
+) -> Material:
     """Convert a material of an MTL file: colors are sRGB, as in most programs.
 
     With a texture the diffuse color is ignored: exporters write any color there, even black.
+
+    Args:
+        opacity_maps: PIL images that trimesh leaves out, by name of the material.
+        source: of trimesh.
+        parts: that share it.
     """
+    if _is_empty(source):
+        return _plain(parts)
     name = str(source.name)
     texture = color_texture(source.image, name, parts)
+    opacity_map = opacity_maps.get(name, source.image)
     plain = texture is None and "kd" in source.kwargs
     base_color = linear_from_srgb(np.asarray(source.diffuse)[:3] / 255.0) if plain else np.ones(3)
     if texture is None and not plain and not parts[0].colored:
@@ -162,7 +155,7 @@ def _simple_material(source: Any, parts: list[MeshPart], opacity_map: Any) -> Ma
         base_color.astype(np.float32),
         texture,
         roughness,
-        **_mtl_opacity(source, name, None if parts[0].uvs is None else opacity_map or source.image),
+        **_mtl_opacity(source, name, None if parts[0].uvs is None else opacity_map),
     )
 
 
@@ -184,130 +177,3 @@ def _mtl_opacity(source: Any, name: str, image: Any) -> dict[str, Any]:
         "opacity_texture": np.rint(alpha * opacity).astype(np.uint8),
         "alpha_cutoff": MIN_OPACITY,
     }
-
-
-def _pbr_material(source: Any, parts: Sequence[MeshPart], extras: GltfExtras) -> Material:
-    """Convert a `PBRMaterial` of trimesh; its factors are linear and default to 1."""
-    name = str(source.name or "material")
-    factor = source.baseColorFactor  # RGBA bytes, still linear
-    base_color = np.ones(3) if factor is None else np.asarray(factor)[:3] / 255.0
-    return Material(
-        name=name,
-        base_color=base_color.astype(np.float32),
-        texture=color_texture(source.baseColorTexture, name, parts),
-        **_finish(source, name, parts),
-        **_opacity(source, name, parts),
-        **_transmission(extras, name, parts),
-        ior=extras.ior,
-        reflectance=extras.reflectance,
-        absorption=extras.absorption,
-        clear_coat=extras.clear_coat * float(_mean(extras.clear_coat_image, name, parts)[0]),
-        clear_coat_roughness=extras.clear_coat_roughness,
-        sheen=_sheen(extras, name, parts),
-        sheen_roughness=extras.sheen_roughness,
-        **_emission(source, name, parts, extras.emissive_strength),
-        normal_texture=_normals(source, name, parts, extras.normal_scale),
-    )
-
-
-def _finish(source: Any, name: str, parts: Sequence[MeshPart]) -> dict[str, Any]:
-    """Return roughness and metallic, and their texture where they vary."""
-    factors = np.array(
-        [
-            1.0 if source.roughnessFactor is None else source.roughnessFactor,
-            1.0 if source.metallicFactor is None else source.metallicFactor,
-        ]
-    )
-    texture = None
-    if source.metallicRoughnessTexture is not None and parts[0].uvs is not None:
-        pixels = rgb_pixels(source.metallicRoughnessTexture, name)[..., 1:]
-        texture = _scaled(pixels, factors) if np.ptp(pixels, axis=(0, 1)).any() else None
-        factors = factors * mean_over_surface(pixels, parts) / 255.0
-    roughness, metallic = np.clip(factors, 0.0, 1.0)
-    return {
-        "roughness": float(roughness),
-        "metallic": float(metallic),
-        "finish_texture": texture,
-    }
-
-
-def _opacity(source: Any, name: str, parts: Sequence[MeshPart]) -> dict[str, Any]:
-    """Return opacity, its texture where it varies, and the cut-off; nothing for opaque materials."""
-    mode = source.alphaMode or "OPAQUE"
-    if mode == "OPAQUE":
-        return {}
-    factor = 1.0 if source.baseColorFactor is None else source.baseColorFactor[3] / 255.0
-    image = source.baseColorTexture
-    alpha = None if image is None or parts[0].uvs is None else alpha_pixels(image, name)
-    if mode == "MASK":
-        cutoff = DEFAULT_CUTOFF if source.alphaCutoff is None else float(source.alphaCutoff)
-        if alpha is not None:
-            alpha = np.where(alpha / 255.0 * factor >= cutoff, 255, 0).astype(np.uint8)
-        factor = 1.0 if factor >= cutoff or alpha is not None else 0.0
-    if alpha is None:
-        return {"opacity": float(factor)}
-    alpha = _scaled(alpha, factor)
-    return {
-        "opacity": float(mean_over_surface(alpha[..., None], parts)[0] / 255.0),
-        "opacity_texture": alpha,
-        "alpha_cutoff": DEFAULT_CUTOFF if mode == "MASK" else MIN_OPACITY,
-    }
-
-
-def _transmission(extras: GltfExtras, name: str, parts: Sequence[MeshPart]) -> dict[str, Any]:
-    """Return transmission, and its texture where it varies."""
-    if extras.transmission <= 0:
-        return {}
-    if extras.transmission_image is None or parts[0].uvs is None:
-        return {"transmission": extras.transmission}
-    pixels = _scaled(rgb_pixels(extras.transmission_image, name)[..., 0], extras.transmission)
-    return {
-        "transmission": float(mean_over_surface(pixels[..., None], parts)[0] / 255.0),
-        "transmission_texture": pixels,
-    }
-
-
-def _sheen(extras: GltfExtras, name: str, parts: Sequence[MeshPart]) -> tuple[float, float, float]:
-    """Return the color of the fibers, linear: the mean where it varies."""
-    if not any(extras.sheen):
-        return extras.sheen
-    mean = linear_from_srgb(_mean(extras.sheen_image, name, parts))
-    red, green, blue = (float(value) for value in np.array(extras.sheen) * mean)
-    return red, green, blue
-
-
-def _mean(image: Any, name: str, parts: Sequence[MeshPart]) -> np.ndarray:
-    """Return the mean of a map over the surface, (3,), 0 to 1; 1 without a map."""
-    if image is None or parts[0].uvs is None:
-        return np.ones(3)
-    return mean_over_surface(rgb_pixels(image, name), parts) / 255.0
-
-
-def _emission(source: Any, name: str, parts: Sequence[MeshPart], strength: float) -> dict[str, Any]:
-    """Return the emission and its texture; nothing for materials that do not glow."""
-    factor = np.zeros(3) if source.emissiveFactor is None else np.asarray(source.emissiveFactor)
-    if not (factor * strength > 0).any():
-        return {}
-    texture = color_texture(source.emissiveTexture, name, parts)
-    if texture is not None and not texture.any():
-        return {}
-    red, green, blue = (float(value) for value in factor[:3] * strength)
-    return {"emission": (red, green, blue), "emission_texture": texture}
-
-
-def _normals(source: Any, name: str, parts: Sequence[MeshPart], scale: float) -> np.ndarray | None:
-    """Return the normal map with its scale worked in; None where it is flat."""
-    if source.normalTexture is None or parts[0].uvs is None:
-        return None
-    pixels = rgb_pixels(source.normalTexture, name)
-    tilt = pixels[..., :2].astype(np.int16) - FLAT
-    if np.abs(tilt).max() <= 1 or scale == 0:
-        return None
-    if scale != 1:
-        tilt = np.clip(np.rint(tilt * scale), -FLAT, 255 - FLAT)
-        pixels = np.concatenate([(tilt + FLAT).astype(np.uint8), pixels[..., 2:]], axis=-1)
-    return np.ascontiguousarray(pixels)
-
-
-def _scaled(pixels: np.ndarray, factor: np.ndarray | float) -> np.ndarray:
-    return np.rint(np.clip(pixels * factor, 0, 255)).astype(np.uint8)

@@ -32,13 +32,8 @@ class MeshPart:
     colored: bool
 
 
-def parts_of_scene(loaded: Any, linear_colors: bool) -> list[MeshPart]:
-    """Return every triangle mesh of a trimesh scene, once per node that shows it.
-
-    Args:
-        loaded: a `trimesh.Scene`; points and lines in it are ignored.
-        linear_colors: whether vertex colors are linear (glTF says so) or sRGB (what PLY and OBJ hold).
-    """
+def parts_of_scene(loaded: Any) -> list[MeshPart]:
+    """Return every triangle mesh of a `trimesh.Scene`, whose vertex colors are sRGB; not points and lines."""
     import trimesh
 
     parts = []
@@ -46,33 +41,53 @@ def parts_of_scene(loaded: Any, linear_colors: bool) -> list[MeshPart]:
         transform, name = loaded.graph[node]
         geometry = loaded.geometry[name]
         if isinstance(geometry, trimesh.Trimesh) and len(geometry.faces):
-            parts.append(_part(geometry, np.asarray(transform, np.float64), linear_colors))
+            parts.append(_part(geometry, np.asarray(transform, np.float64)))
     return parts
 
 
-def _part(mesh: Any, world_from_node: np.ndarray, linear_colors: bool) -> MeshPart:
-    vertices = np.asarray(mesh.vertices, np.float64)
-    faces = np.asarray(mesh.faces, np.int64)
-    if faces.min() < 0 or faces.max() >= len(vertices):
-        raise ValueError(
-            f"a face names vertex {faces.max() if faces.min() >= 0 else faces.min()}, "
-            f"the file has {len(vertices)}"
-        )
-    normals = _file_normals(mesh)
-    uvs = _uvs(mesh)
+def _part(mesh: Any, world_from_node: np.ndarray) -> MeshPart:
+    vertices, faces = np.asarray(mesh.vertices, np.float64), np.asarray(mesh.faces, np.int64)
+    normals, uvs = _file_normals(mesh), _uvs(mesh)
     colors, per_face = _file_colors(mesh)
     if per_face:
+        _check_corners(faces, len(vertices))
         corners = faces.reshape(-1)
         vertices, normals = vertices[corners], normals[corners]
         uvs = None if uvs is None else uvs[corners]
         colors = None if colors is None else np.repeat(colors, 3, axis=0)
         faces = np.arange(len(corners)).reshape(-1, 3)
-    colored = colors is not None
-    if colors is None:
-        colors = np.ones((len(vertices), 3), np.float32)
-    elif not linear_colors:
-        colors = linear_from_srgb(colors)
+    colors = None if colors is None else linear_from_srgb(colors)
+    material = getattr(mesh.visual, "material", None)
+    return mesh_part(vertices, faces, normals, uvs, colors, material, world_from_node)
 
+
+def mesh_part(
+    vertices: np.ndarray,
+    faces: np.ndarray,
+    normals: np.ndarray,
+    uvs: np.ndarray | None,
+    colors: np.ndarray | None,
+    material: Any,
+    world_from_node: np.ndarray,
+) -> MeshPart:
+    """Return a part moved from its node to the frame of the file.
+
+    Args:
+        vertices: in the frame of the node; see `MeshPart`, also for the others.
+        faces: likewise.
+        normals: likewise, of any length.
+        uvs: dropped if they are not of ``vertices``.
+        colors: likewise, linear; None: none.
+        material: of the file.
+        world_from_node: shape (4, 4).
+
+    Raises:
+        ValueError: a face names a vertex that is not there.
+    """
+    _check_corners(faces, len(vertices))
+    uvs, colors = (
+        each if each is not None and len(each) == len(vertices) else None for each in (uvs, colors)
+    )
     linear = world_from_node[:3, :3]
     if np.linalg.det(linear) < 0:  # a reflection reverses the winding
         faces = faces[:, ::-1]
@@ -84,11 +99,19 @@ def _part(mesh: Any, world_from_node: np.ndarray, linear_colors: bool) -> MeshPa
         vertices=placed,
         faces=faces,
         normals=_turn_normals(normals, linear),
-        uvs=uvs,
-        colors=colors.astype(np.float32),
-        material=getattr(mesh.visual, "material", None),
-        colored=colored,
+        uvs=None if uvs is None else np.nan_to_num(uvs, posinf=0.0, neginf=0.0),
+        colors=np.ones((len(vertices), 3), np.float32)
+        if colors is None
+        else colors.astype(np.float32),
+        material=material,
+        colored=colors is not None,
     )
+
+
+def _check_corners(faces: np.ndarray, count: int) -> None:
+    for worst in (faces.min(), faces.max()):
+        if not 0 <= worst < count:
+            raise ValueError(f"a face names vertex {worst}, the file has {count}")
 
 
 def _file_normals(mesh: Any) -> np.ndarray:
@@ -110,9 +133,7 @@ def _turn_normals(normals: np.ndarray, linear: np.ndarray) -> np.ndarray:
 
 def _uvs(mesh: Any) -> np.ndarray | None:
     uvs = getattr(mesh.visual, "uv", None)
-    if uvs is None or len(uvs) != len(mesh.vertices) or np.shape(uvs)[1] < 2:
-        return None
-    return np.nan_to_num(np.asarray(uvs, np.float64)[:, :2], posinf=0.0, neginf=0.0)
+    return None if uvs is None or np.shape(uvs)[1] < 2 else np.asarray(uvs, np.float64)[:, :2]
 
 
 def _file_colors(mesh: Any) -> tuple[np.ndarray | None, bool]:
@@ -120,15 +141,15 @@ def _file_colors(mesh: Any) -> tuple[np.ndarray | None, bool]:
     visual = mesh.visual
     attributes = getattr(visual, "vertex_attributes", {})
     if visual.kind == "vertex":
-        return _unit_colors(visual.vertex_colors), False
+        return unit_colors(visual.vertex_colors), False
     if visual.kind == "face":
-        return _unit_colors(visual.face_colors), True
+        return unit_colors(visual.face_colors), True
     if "color" in attributes and len(attributes["color"]) == len(mesh.vertices):
-        return _unit_colors(attributes["color"]), False
+        return unit_colors(attributes["color"]), False
     return None, False
 
 
-def _unit_colors(colors: Any) -> np.ndarray:
+def unit_colors(colors: Any) -> np.ndarray:
     """Convert stored RGB or RGBA of any type to RGB in 0..1, float32."""
     colors = np.asarray(colors)
     top = np.iinfo(colors.dtype).max if colors.dtype.kind in "iu" else 1.0

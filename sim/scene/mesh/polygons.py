@@ -133,7 +133,7 @@ def ply_triangles(path: Path) -> dict[str, dict[str, Any]]:
     cuts = [(len(each) > 4 and _triangles(points[each])) or _fan(len(each)) for each in polygons]
     owners = np.repeat(np.arange(len(cuts)), [len(cut) for cut in cuts])
     columns = {name: row[owners] for name, row in faces.items() if isinstance(row, np.ndarray)}
-    strips = [_of_strips(each) for each in _corners(tables.get("tristrips", {}))]
+    strips = [strip_triangles(each) for each in _corners(tables.get("tristrips", {}))]
     if strips and not cuts:
         columns["vertex_indices"] = np.concatenate(strips)
     lists = {"vertex_indices": polygons} if cuts else {}
@@ -160,7 +160,7 @@ def _fan(count: int) -> list[tuple[int, int, int]]:
     return [(0, at, at + 1) for at in range(1, count - 1)]
 
 
-def _of_strips(corners: np.ndarray) -> np.ndarray:
+def strip_triangles(corners: np.ndarray) -> np.ndarray:
     """Return the triangles of strips, (n, 3): every second one is the other way around."""
     pieces = []
     for strip in np.split(corners, np.flatnonzero(corners == _NEW_STRIP)):

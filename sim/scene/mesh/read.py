@@ -3,6 +3,7 @@
 import logging
 import re
 from contextlib import suppress
+from functools import partial
 from io import BytesIO
 from itertools import chain
 from pathlib import Path
@@ -20,17 +21,16 @@ from digs_warp.sim.scene.mesh.files_beside import (
     without_mark,
 )
 from digs_warp.sim.scene.mesh.gltf import (
-    check_gltf,
-    check_textures,
+    check_extensions,
+    check_files,
     read_gltf_header,
     undecodable_images,
-    with_fallbacks,
 )
-from digs_warp.sim.scene.mesh.gltf_geometry import file_with_header, plain_header
-from digs_warp.sim.scene.mesh.gltf_materials import read_extras, unmodeled_features
-from digs_warp.sim.scene.mesh.materials import materials_of_parts
+from digs_warp.sim.scene.mesh.gltf_geometry import gltf_parts
+from digs_warp.sim.scene.mesh.gltf_materials import GltfMaterials, unmodeled_features
+from digs_warp.sim.scene.mesh.materials import Convert, materials_of_parts, mtl_material
 from digs_warp.sim.scene.mesh.normalize import drop_bad_faces
-from digs_warp.sim.scene.mesh.parts import Triangles, join_parts, parts_of_scene
+from digs_warp.sim.scene.mesh.parts import MeshPart, Triangles, join_parts, parts_of_scene
 from digs_warp.sim.scene.mesh.polygons import cut_polygons, ply_triangles, shows_all_of_ply
 from digs_warp.sim.scene.scene import Material
 from digs_warp.words import cut
@@ -50,24 +50,9 @@ def read_triangles(path: Path) -> tuple[Triangles, tuple[Material, ...]]:
         MeshError: missing, empty, truncated, unsupported, or without a single usable triangle.
     """
     suffix = _checked_suffix(path)
-    stored = read_gltf_header(path) if suffix in GLTF_SUFFIXES else {}
-    if suffix == ".ply" and len(names := ply_textures(path)) > 1:
-        logger.warning(
-            "mesh '%s': %d textures, drawn with '%s' alone", path.name, len(names), cut(names[-1])
-        )
     try:
-        header = with_fallbacks(path, stored)
-        check_gltf(path, header)
-        check_promises(path, header)
-        for sentence in chain(unmodeled_features(header), undecodable_images(path, header)):
-            logger.warning("mesh '%s': %s", path.name, sentence)
-        plain = plain_header(path, header) if header else header
-        loaded = _read(path, _content(path, stored, plain))
-        parts = parts_of_scene(loaded, linear_colors=suffix in GLTF_SUFFIXES)
-        check_textures(path, plain, (part.material for part in parts))
-        extras = read_extras(path, plain)
-        opacity = opacity_maps(path) if suffix == ".obj" else {}
-        materials, part_materials = materials_of_parts(parts, extras, opacity)
+        parts, convert = _gltf(path) if suffix in GLTF_SUFFIXES else _other(path)
+        materials, part_materials = materials_of_parts(parts, convert)
     except (MeshError, ImportError):
         raise
     except DigsError as error:  # a texture beyond its bound
@@ -80,6 +65,29 @@ def read_triangles(path: Path) -> tuple[Triangles, tuple[Material, ...]]:
     if not parts:
         raise MeshError(f"mesh '{path}': 0 faces, expected triangles; {_cure(path)}")
     return _usable(path, join_parts(parts, part_materials)), materials
+
+
+def _gltf(path: Path) -> tuple[list[MeshPart], Convert]:
+    """Return the parts of a glTF file, and what converts their materials."""
+    header = read_gltf_header(path)
+    check_extensions(path, header)
+    check_files(path, header)
+    check_promises(path, header)
+    for sentence in chain(unmodeled_features(header), undecodable_images(path, header)):
+        logger.warning("mesh '%s': %s", path.name, sentence)
+    return gltf_parts(path, header), GltfMaterials(path, header).convert
+
+
+def _other(path: Path) -> tuple[list[MeshPart], Convert]:
+    """Return the same of a file that trimesh reads."""
+    suffix = path.suffix.lower()
+    if suffix == ".ply" and len(names := ply_textures(path)) > 1:
+        logger.warning(
+            "mesh '%s': %d textures, drawn with '%s' alone", path.name, len(names), cut(names[-1])
+        )
+    check_promises(path, {})
+    parts = parts_of_scene(_read(path, _content(path)))
+    return parts, partial(mtl_material, opacity_maps(path) if suffix == ".obj" else {})
 
 
 def _checked_suffix(path: Path) -> str:
@@ -97,15 +105,12 @@ def _checked_suffix(path: Path) -> str:
     return suffix
 
 
-def _content(path: Path, header: dict[str, Any], plain: dict[str, Any]) -> BytesIO:
+def _content(path: Path) -> BytesIO:
     """Return what trimesh is to read in place of a file."""
-    suffix = path.suffix.lower()
-    if plain != header or suffix == ".gltf":
-        return file_with_header(path, plain)
     data = path.read_bytes()
-    if suffix == ".stl":
+    if path.suffix.lower() == ".stl":
         data = plain_stl(data)
-    elif suffix == ".obj":
+    elif path.suffix.lower() == ".obj":
         data = without_mark(data)
         data = cut_polygons(data) or data
     return BytesIO(data)

@@ -3,7 +3,6 @@
 import json
 import logging
 import os
-import shutil
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +16,6 @@ from reference.mesh_files import (
     OBJ,
     check_scene,
     checker,
-    corners_of,
     lopsided,
     save,
     textured_square,
@@ -121,7 +119,7 @@ def test_an_unknown_suffix_lists_the_known_ones(tmp_path: Path) -> None:
     expect_error(path, "'.blend'", ".glb, .gltf, .obj, .ply, .stl")
 
 
-@pytest.mark.parametrize("share", [0.001, 0.05, 0.5, 0.9, 0.999])
+@pytest.mark.parametrize("share", [0.05, 0.5, 0.999])
 @pytest.mark.parametrize("suffix", [".glb", ".stl", ".ply"])
 def test_truncated_files_are_refused(tmp_path: Path, suffix: str, share: float) -> None:
     path = save(tmp_path / f"cut{suffix}", lopsided())
@@ -143,8 +141,10 @@ def test_an_stl_cut_off_says_how_much_is_missing(tmp_path: Path) -> None:
     expect_error(path, "promises 320 triangles, the file holds 7")
 
 
-@pytest.mark.parametrize("header", [b"exported", b"solid part"])
-@pytest.mark.parametrize("tail", [b"", b"\0" * 7, b"note " * 30])
+@pytest.mark.parametrize(
+    ("header", "tail"),
+    [(b"exported", b"\0" * 7), (b"solid part", b""), (b"solid part", b"note " * 30)],
+)
 @pytest.mark.parametrize("count", [320, 0, 0xFFFFFFFF])
 def test_an_stl_is_read_to_its_last_triangle(
     tmp_path: Path, header: bytes, tail: bytes, count: int
@@ -261,26 +261,16 @@ def test_a_wrong_size_or_axis_is_an_error(tmp_path: Path) -> None:
         load_scene(path, unit="ft")
 
 
-def test_suffixes_in_capitals_are_fine(tmp_path: Path) -> None:
-    path = save(tmp_path / "a.glb", lopsided())
-    shutil.copy(path, tmp_path / "B.GLB")
-    np.testing.assert_array_equal(
-        corners_of(load_scene(tmp_path / "B.GLB")), corners_of(load_scene(path))
-    )
-
-
 @pytest.mark.parametrize(
     ("key", "value"),
     [
         ("materials", 7),
-        ("materials", ["paint"]),
         ("materials", [{"pbrMetallicRoughness": 1}]),
         ("materials", [{"extensions": []}]),
         ("materials", [{"extensions": {"KHR_materials_transmission": 0.5}}]),
         ("buffers", "x"),
         ("images", [{"uri": 3}]),
         ("extensionsUsed", True),
-        ("extensionsRequired", [[]]),
         ("asset", []),
     ],
 )

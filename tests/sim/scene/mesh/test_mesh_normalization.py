@@ -24,17 +24,17 @@ def test_gltf_is_in_metres_whatever_the_size(tmp_path: Path, longest: float) -> 
 
 
 @pytest.mark.parametrize(
-    ("extents", "unit", "size"),
+    ("extents", "unit", "size", "suffix"),
     [
-        ((187, 240, 95), "auto", 0.24),
-        ((1.87, 2.4, 0.95), "auto", 2.4),
-        ((0.05, 0.06, 0.03), "auto", 0.06),
-        ((187, 240, 95), "m", 240.0),
-        ((187, 240, 95), "cm", 2.4),
-        ((1.87, 2.4, 0.95), "in", 2.4 * 0.0254),
+        ((187, 240, 95), "auto", 0.24, ".obj"),
+        ((187, 240, 95), "auto", 0.24, ".stl"),
+        ((1.87, 2.4, 0.95), "auto", 2.4, ".ply"),
+        ((0.05, 0.06, 0.03), "auto", 0.06, ".stl"),
+        ((187, 240, 95), "m", 240.0, ".obj"),
+        ((187, 240, 95), "cm", 2.4, ".ply"),
+        ((1.87, 2.4, 0.95), "in", 2.4 * 0.0254, ".stl"),
     ],
 )
-@pytest.mark.parametrize("suffix", [".obj", ".stl", ".ply"])
 def test_the_unit_of_a_file_without_one_is_stated_or_guessed(
     tmp_path: Path,
     extents: tuple[float, float, float],
@@ -55,8 +55,10 @@ def test_the_unit_of_a_file_without_one_is_stated_or_guessed(
         assert not caplog.records
 
 
-@pytest.mark.parametrize("suffix", [".glb", ".obj", ".ply"])
-@pytest.mark.parametrize("settings", [{}, {"size": 0.3}, {"unit": "cm"}, {"up": "x"}])
+@pytest.mark.parametrize(
+    ("suffix", "settings"),
+    [(".glb", {}), (".glb", {"size": 0.3}), (".obj", {"unit": "cm"}), (".ply", {"up": "x"})],
+)
 def test_the_placement_takes_the_file_to_the_scene(
     tmp_path: Path, suffix: str, settings: dict[str, Any]
 ) -> None:
@@ -81,11 +83,6 @@ def test_a_far_away_mesh_keeps_its_shape(tmp_path: Path) -> None:
     np.testing.assert_allclose(corners_of(scene), corners_of(reference), atol=1e-7)
 
 
-def test_a_size_that_is_asked_for_is_made(tmp_path: Path) -> None:
-    path = save(tmp_path / "box.stl", trimesh.creation.box(extents=(10, 20, 40)))
-    check_scene(load_scene(path, size=2.0), size=2.0)
-
-
 def test_the_same_mesh_as_y_up_glb_and_z_up_ply_is_the_same_scene(tmp_path: Path) -> None:
     mesh = lopsided()
     from_ply = load_scene(save(tmp_path / "a.ply", mesh))
@@ -104,7 +101,6 @@ def test_the_same_mesh_as_y_up_glb_and_z_up_ply_is_the_same_scene(tmp_path: Path
         (".glb", "auto", 1),
         (".obj", "auto", 1),
         (".ply", "auto", 2),
-        (".stl", "auto", 2),
         (".glb", "z", 2),
         (".stl", "y", 1),
         (".ply", "x", 0),

@@ -5,8 +5,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from digs_warp.sim.scene.load import load_scene
-from reference.mesh_files import check_scene
+from digs_warp.sim.scene.load import load_scene, load_scene_at
+from reference.mesh_files import assert_rests, check_scene
 
 # Size of the base-color texture after SOURCES.md of the sample data; None: it says there is none.
 SAMPLE_TEXTURES: dict[str, int | None] = {
@@ -34,11 +34,16 @@ SAMPLE_EXTENTS = {
 
 
 @pytest.mark.parametrize("name", SAMPLE_TEXTURES)
-def test_sample_meshes_load_whole(
+def test_sample_meshes_load_whole_and_rest(
     sample_data: Path, name: str, caplog: pytest.LogCaptureFixture
 ) -> None:
-    scene = load_scene(sample_data / "meshes" / name / f"{name}.glb")
+    path = sample_data / "meshes" / name / f"{name}.glb"
+    scene = load_scene(path, size=0.4)
     check_scene(scene)
+    assert_rests(scene)
+    again = load_scene_at(path, scene.objects[0].world_from_mesh)
+    np.testing.assert_array_equal(again.vertices, scene.vertices)
+    assert "look inward" not in caplog.text
     # Its long axis is z, against the standard of glTF; the others stand.
     assert ("would stand with z up" in caplog.text) == (name == "water_bottle_clear")
     sizes = [m.texture.shape[:2] for m in scene.materials if m.texture is not None]

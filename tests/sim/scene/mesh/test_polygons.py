@@ -27,11 +27,8 @@ def turned(by: np.ndarray) -> np.ndarray:
 
 @pytest.mark.parametrize("first", range(6))
 @pytest.mark.parametrize("clockwise", [False, True])
-@pytest.mark.parametrize("axis", [0, 1, 2])
-def test_a_polygon_with_a_notch_keeps_its_area(
-    tmp_path: Path, first: int, clockwise: bool, axis: int
-) -> None:
-    corners = np.roll(turned(np.roll(np.eye(3), axis, axis=0)), -first, axis=0)
+def test_a_polygon_with_a_notch_keeps_its_area(tmp_path: Path, first: int, clockwise: bool) -> None:
+    corners = np.roll(turned(np.roll(np.eye(3), first, axis=0)), -first, axis=0)
     if clockwise:
         corners = corners[::-1]
     (tmp_path / "l.obj").write_bytes(obj(corners, "f 1 2 3 4 5 6"))
@@ -104,15 +101,14 @@ def test_faces_of_ply_may_have_any_number_of_corners(
     assert areas.sum() == pytest.approx(AREA + (4.0 if others else 0.0))
 
 
-@pytest.mark.parametrize("order", ["", "<", ">"])
 @pytest.mark.parametrize(
-    ("kind", "names", "top"),
+    ("order", "kind", "names", "top"),
     [
-        ("uchar", "diffuse_red diffuse_green diffuse_blue", 255),
-        ("uchar", "red green blue", 255),
-        ("ushort", "red green blue", 65535),
-        ("float", "r g b", 1.0),
-        ("float", "Red Green Blue", 255.0),
+        ("", "uchar", "diffuse_red diffuse_green diffuse_blue", 255),
+        ("<", "uchar", "red green blue", 255),
+        (">", "ushort", "red green blue", 65535),
+        ("", "float", "r g b", 1.0),
+        ("<", "float", "Red Green Blue", 255.0),
     ],
 )
 def test_strips_and_old_colors_of_ply(

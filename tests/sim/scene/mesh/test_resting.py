@@ -57,7 +57,7 @@ def test_a_bottle_that_stands_is_right(sections: int) -> None:
     assert better_up_axis(bottle(sections).vertices @ Z_FROM_Y, "y") is None
 
 
-@pytest.mark.parametrize("turn", np.linspace(0, 2 * np.pi / 64, 5))
+@pytest.mark.parametrize("turn", [0.0, np.pi / 128, np.pi / 64])
 def test_a_lying_bottle_is_found_however_its_facets_are_turned(turn: float) -> None:
     assert better_up_axis(bottle(64, turn).vertices, "y") == "z"
 

@@ -1,31 +1,15 @@
 """Objects rest on the ground: what stands keeps its pose, what would fall is turned."""
 
-import os
 from pathlib import Path
 
 import numpy as np
 import pytest
 import trimesh
-from scipy.spatial import ConvexHull
 
 from digs_warp.sim.scene.builtin import builtin_scene
-from digs_warp.sim.scene.load import load_scene, load_scene_at
+from digs_warp.sim.scene.load import load_scene
 from digs_warp.sim.scene.mesh.resting import MOST_FACES, hull_of, resting_turn, stable_ups
-from digs_warp.sim.scene.scene import Scene
-from reference.mesh_files import save
-
-DATA = Path(os.environ.get("DIGS_WARP_SAMPLE_DATA", "../shared/data"))
-MESHES = sorted((Path(__file__).parents[4] / DATA / "meshes").glob("*/*.glb"))
-
-
-def assert_rests(scene: Scene) -> None:
-    """Points less than 1 mm above the ground surround the center of mass of the convex hull."""
-    vertices = scene.vertices.astype(np.float64)
-    solid = trimesh.Trimesh(vertices, process=False).convex_hull
-    ground = vertices[:, 2].min()
-    touching = vertices[vertices[:, 2] < ground + 1e-3]
-    edges = ConvexHull(touching[:, :2]).equations
-    assert (edges @ [*solid.center_mass[:2], 1.0]).max() < 1e-3
+from reference.mesh_files import assert_rests, save
 
 
 def tilted(sides: tuple[float, float, float], degrees: float) -> trimesh.Trimesh:
@@ -36,21 +20,6 @@ def tilted(sides: tuple[float, float, float], degrees: float) -> trimesh.Trimesh
 
 def angle_of(turn: np.ndarray) -> float:
     return float(np.rad2deg(np.arccos(np.clip((np.trace(turn) - 1) / 2, -1, 1))))
-
-
-@pytest.mark.sample_data
-@pytest.mark.parametrize("path", MESHES, ids=lambda path: path.stem)
-def test_every_sample_mesh_rests_on_the_ground_and_is_no_room(
-    path: Path, caplog: pytest.LogCaptureFixture
-) -> None:
-    scene = load_scene(path, size=0.4)
-    assert "look inward" not in caplog.text
-    assert_rests(scene)
-    np.testing.assert_allclose(
-        scene.vertices.min(axis=0) + scene.vertices.max(axis=0), 0, atol=1e-7
-    )
-    again = load_scene_at(path, scene.objects[0].world_from_mesh)
-    np.testing.assert_array_equal(again.vertices, scene.vertices)
 
 
 def test_the_built_in_object_rests() -> None:
