@@ -123,7 +123,7 @@ def _rendered(place: Place, width: int) -> Case:
 def _real(folder: Path) -> Case:
     """Return the real pair; what its right eye sees is known, not cast, and costs nothing."""
     truth = load_motorcycle(folder)
-    truth.rays.right_visibility()
+    truth.rays.right_visibility(np.ones(truth.depth.shape, bool), truth.depth)
     choices = plan(measure_facts([truth], truth.rig), truth.rig)
     return Case("motorcycle (real)", lambda: replace(truth), choices)
 

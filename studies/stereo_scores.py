@@ -45,7 +45,7 @@ def score(disparity: np.ndarray, truth: FrameTruth) -> Scores:
     bad = filled & (error > WRONG)
     edge = near_steps(true, STEP, EDGE_RADIUS)
     inside = true <= np.arange(true.shape[1]) + 0.5  # not in the band that the right image lacks
-    seen = truth.rays.right_visibility()
+    seen = truth.rays.right_visibility(np.ones(true.shape, bool), truth.depth)
     hidden, visible = known & inside & ~seen, known & inside & seen
     good = error[filled & ~bad]
     return Scores(

@@ -51,11 +51,11 @@ LINE_BUDGETS = {
     "poses": 5_220,
     "record": 2_130,
     "show": 3_610,
-    "sim.camera": 1_740,
+    "sim.camera": 1_560,
     "sim.fit": 2_310,
-    "sim.record": 2_600,
-    "sim.render": 5_460,
-    "sim.scene": 4_760,
+    "sim.record": 2_340,
+    "sim.render": 5_170,
+    "sim.scene": 4_610,
     "sim.sensor": 6_100,
     "sim.testing": 970,
     "splat": 5_540,
@@ -65,7 +65,7 @@ LINE_BUDGETS = {
     "train": 3_930,
     "usd": 4_130,
 }
-MOST_LINES, MOST_FILES = 81_220, 523  # of the product; 65,000 in 500 files are the goal
+MOST_LINES, MOST_FILES = 80_400, 523  # of the product; 65,000 in 500 files are the goal
 # A shorter file with a single client in its folder belongs into that client.
 CRUMB = 60
 

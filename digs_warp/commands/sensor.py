@@ -52,7 +52,7 @@ class FitSensor(Command):
 
     def execute(self) -> str:
         """Fit, write profile and page, and return the figures."""
-        from digs_warp.sim.camera.profiles import PROFILES
+        from digs_warp.sim.camera.profiles import PROFILES, load_profile
         from digs_warp.sim.fit.result import write_profile
         from digs_warp.study.fit_page import figures_table, fit_page
 
@@ -65,7 +65,7 @@ class FitSensor(Command):
         page = self.out.with_suffix(".html")
         for path in (self.out, page):
             check_output_file(path, self.overwrite, [self.recording])
-        base = PROFILES[self.base]
+        base = load_profile(self.base)
         fit = self._fit(base)
         title = f"{self.recording.resolve().name}, fitted"
         write_profile(self.out, fit, self.base, title)

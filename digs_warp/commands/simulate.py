@@ -22,7 +22,7 @@ from digs_warp.sim.config import SimulateConfig
 from digs_warp.words import counted, format_facts
 
 if TYPE_CHECKING:
-    from digs_warp.sim.record.data_set import SceneJob
+    from digs_warp.sim.record.randomize.draws import SceneJob
 
 
 # Flags of a recording that the help of `run` and `simulate` shows.
@@ -196,10 +196,11 @@ class Simulate(SettingsCommand):
         )
 
     def _jobs(self, meshes: Sequence[Path], environments: Sequence[Path]) -> "tuple[SceneJob, ...]":
-        from digs_warp.sim.record.data_set import draw_jobs, plan_jobs
+        from digs_warp.sim.record.data_set import plan_jobs
+        from digs_warp.sim.record.randomize.draws import draw_scenes
         from digs_warp.sim.record.randomize.settings_file import DEFAULT_BASE, load_randomization
 
         if self.many.scenes is None:
             return plan_jobs(self.recording, meshes, environments, self.many.trajectories)
         randomization = load_randomization(self.many.randomize or DEFAULT_BASE)
-        return draw_jobs(randomization, self.recording, self.many.scenes, meshes, environments)
+        return draw_scenes(randomization, self.recording, self.many.scenes, meshes, environments)

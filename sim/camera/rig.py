@@ -1,6 +1,6 @@
 """The stereo camera: two rectified eyes side by side, and the parameters of its depth sensor."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 
@@ -163,35 +163,12 @@ class StereoRig:
 
 
 _SHARES = (
-    "vignetting",
-    "white_balance",
-    "temporal_share",
-    "hole_share",
-    "least_confidence",
+    *("vignetting", "white_balance", "temporal_share", "hole_share", "least_confidence"),
     "smoothing",
 )
-_AMOUNTS = (
-    "disparity_sigma",
-    "disparity_correlation",
-    "temporal_share",
-    "disparity_distortion",
-    "hole_share",
-    "least_confidence",
-    "smoothing",
-    "disparity_step",
-    "max_disparity",
-    "static_field",
-    "rotation_drift",
-    "focal_drift",
-    "baseline_drift",
-    "image_noise",
-    "exposure_time",
-    "exposure_headroom",
-    "exposure_lag",
-    "white_balance",
-    "white_balance_lag",
-    "readout_time",
-    "vignetting",
-    "projector_power",
-    "color_noise",
-)
+# Checked one by one; all others are finite numbers from 0.
+_OTHERS = {
+    *("intrinsics", "baseline", "min_depth", "max_depth", "window", "unit", "full_well"),
+    *("color_zoom", "projector_offset", "color_offset"),
+}
+_AMOUNTS = tuple(each.name for each in fields(StereoRig) if each.name not in _OTHERS)

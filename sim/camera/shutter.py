@@ -6,12 +6,16 @@ moments along the path: occlusion, highlights, mask and depth are correct, becau
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from digs_warp.geometry.camera import Camera, Intrinsics
-from digs_warp.sim.render.protocol import CameraTrack, Geometry, Photograph, Projected, Renderer
+from digs_warp.sim.render.views import CameraTrack, Geometry, Photograph, Projected
 from digs_warp.sim.sensor.frame import FrameRays
+
+if TYPE_CHECKING:
+    from digs_warp.sim.render.raycast import RaycastRenderer
 
 # Camera pose, ``world_from_cam``, a time [s] after the middle of the frame.
 PoseAt = Callable[[float], np.ndarray]
@@ -50,17 +54,10 @@ class ShutteredEye:
         pose_at: of this eye.
     """
 
-    renderer: Renderer
+    renderer: "RaycastRenderer"
     shutter: Shutter
     intrinsics: Intrinsics
     pose_at: PoseAt
-
-    def image(
-        self, samples_per_pixel: int, seed: np.random.SeedSequence
-    ) -> tuple[np.ndarray, np.ndarray]:
-        """Return the image, (height, width, 3), and the mask, (height, width), both uint8."""
-        taken = self.photograph(samples_per_pixel, seed)
-        return taken.image, taken.mask
 
     def photograph(self, samples_per_pixel: int, seed: np.random.SeedSequence) -> Photograph:
         """Return what the eye takes.
@@ -128,26 +125,20 @@ class BandedRays:
     bands: tuple[FrameRays, ...]
     heights: tuple[int, ...]
 
-    def right_visibility(
-        self, where: np.ndarray | None = None, depth: np.ndarray | None = None
-    ) -> np.ndarray:
+    def right_visibility(self, where: np.ndarray, depth: np.ndarray) -> np.ndarray:
         """See `FrameRays`."""
         return self._joined("right_visibility", where, depth)
 
-    def reflection_distance(self, where: np.ndarray | None = None) -> np.ndarray:
+    def reflection_distance(self, where: np.ndarray) -> np.ndarray:
         """See `FrameRays`."""
         return self._joined("reflection_distance", where)
 
-    def depth_behind(self, where: np.ndarray | None = None) -> np.ndarray:
+    def depth_behind(self, where: np.ndarray) -> np.ndarray:
         """See `FrameRays`."""
         return self._joined("depth_behind", where)
 
-    def _joined(self, kind: str, *images: np.ndarray | None) -> np.ndarray:
+    def _joined(self, kind: str, *images: np.ndarray) -> np.ndarray:
         """Ask every band about its rows of the images."""
-        edges = np.cumsum(self.heights)[:-1]
-        parts = [
-            [None] * len(self.bands) if image is None else np.split(image, edges)
-            for image in images
-        ]
+        parts = [np.split(image, np.cumsum(self.heights)[:-1]) for image in images]
         asked = zip(self.bands, *parts, strict=True)
         return np.concatenate([getattr(band, kind)(*part) for band, *part in asked])

@@ -21,8 +21,7 @@ from digs_warp.engines.task import Results, Task
 from digs_warp.record.files import digest, to_json, write_atomically
 from digs_warp.record.layout import DATA_SET
 from digs_warp.sim.config import SimulateConfig
-from digs_warp.sim.record.randomize.draws import draw_scenes
-from digs_warp.sim.record.randomize.settings_file import Randomization
+from digs_warp.sim.record.randomize.draws import SceneJob
 from digs_warp.sim.record.record import is_finished, simulate
 from digs_warp.words import counted
 
@@ -30,21 +29,6 @@ BUILT_IN_OBJECT, BUILT_IN_ROOM = "built-in-object", "built-in-room"
 
 # Frames of a recording whose depth is evaluated for the summary.
 JUDGED_FRAMES = 3
-
-
-@dataclass(frozen=True)
-class SceneJob:
-    """One recording of a data set.
-
-    Attributes:
-        name: its folder below that of the data set: mesh/environment/walk, or the number of the draw.
-        config: what to record.
-        drawn: the settings that were drawn at random, by name; None: none were.
-    """
-
-    name: str
-    config: SimulateConfig
-    drawn: Mapping[str, Any] | None = None
 
 
 @dataclass(frozen=True)
@@ -115,18 +99,6 @@ def plan_jobs(
     )
 
 
-def draw_jobs(
-    randomization: Randomization,
-    config: SimulateConfig,
-    count: int,
-    meshes: Sequence[Path] = (),
-    environments: Sequence[Path] = (),
-) -> tuple[SceneJob, ...]:
-    """Return a job for each of ``count`` scenes drawn at random; see `draw_scenes`."""
-    scenes = draw_scenes(randomization, config, count, meshes, environments)
-    return tuple(SceneJob(f"{each.number:04d}", each.config, each.drawn) for each in scenes)
-
-
 def simulate_many(
     jobs: Sequence[SceneJob], folder: Path, engine: EngineConfig | None = None
 ) -> tuple[SceneResult, ...]:
@@ -136,7 +108,7 @@ def simulate_many(
     the end, also of an interrupted run.
 
     Args:
-        jobs: from `plan_jobs` or `draw_jobs`.
+        jobs: from `plan_jobs` or `digs_warp.sim.record.randomize.draws.draw_scenes`.
         folder: of the data set.
         engine: where the scenes are recorded; None: one at a time on this machine.
     """

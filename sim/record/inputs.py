@@ -1,12 +1,11 @@
 """Loads what the settings of a recording name: object, surround and camera."""
 
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
 from digs_warp.checks import DigsError
-from digs_warp.geometry.rigid import rotation_in_plane
 from digs_warp.sim.camera.profiles import Profile, load_profile
 from digs_warp.sim.camera.rig import DEFAULT_FOV_DEG, StereoRig
 from digs_warp.sim.camera.working_range import check_reach
@@ -14,33 +13,7 @@ from digs_warp.sim.config import SimulateConfig
 from digs_warp.sim.scene.appearance import refinished, relit
 from digs_warp.sim.scene.builtin import builtin_environment, builtin_scene
 from digs_warp.sim.scene.environment import Environment, load_environment
-from digs_warp.sim.scene.scene import Scene, SceneObject
-
-
-def turn_objects(scene: Scene, degrees: float) -> Scene:
-    """Return a scene without furniture turned about the z axis, counterclockwise from above."""
-    if degrees % 360 == 0:
-        return scene
-    turn = np.eye(4)
-    turn[:2, :2] = rotation_in_plane(np.deg2rad(degrees))
-    rotation = turn[:3, :3]
-    vertices = (scene.vertices.astype(np.float64) @ rotation.T).astype(np.float32)
-    return replace(
-        scene,
-        vertices=vertices,
-        normals=(scene.normals.astype(np.float64) @ rotation.T).astype(np.float32),
-        objects=tuple(
-            _turned(each, turn, vertices[np.unique(scene.faces[scene.face_objects == number])])
-            for number, each in enumerate(scene.objects, start=1)
-        ),
-    )
-
-
-def _turned(thing: SceneObject, turn: np.ndarray, vertices: np.ndarray) -> SceneObject:
-    """Return an object whose vertices after the turn are known."""
-    size = np.ptp(vertices, axis=0).astype(np.float64)
-    return replace(thing, world_from_mesh=turn @ thing.world_from_mesh, size=size)
-
+from digs_warp.sim.scene.scene import Scene
 
 # Camera and image size without a profile: a quarter of the pixels of HD720, for speed.
 DEFAULT_PROFILE = "zed2-720"
@@ -73,7 +46,9 @@ def load_inputs(config: SimulateConfig) -> Inputs:
     rig = rig_of(config)
     with ThreadPoolExecutor(1, thread_name_prefix="environment") as beside:
         loading = beside.submit(_load_environment, config)
-        scene = turn_objects(_load_object(config), config.object_turn)
+        scene = _load_object(config)
+        if config.object_turn % 360:
+            scene = scene.turned(np.deg2rad(config.object_turn))
         check_reach(scene, rig, config.walk)
         environment = loading.result()
     return Inputs(refinished(scene, config.look), environment, profile, rig)

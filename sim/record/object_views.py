@@ -9,6 +9,7 @@ import numpy as np
 
 from digs_warp.data.objects import Box, ObjectView, matrix_rows, text_of_mask
 from digs_warp.geometry.camera import Camera, Intrinsics
+from digs_warp.geometry.rigid import mask_box
 from digs_warp.sim.record.frame_maker import FrameMaker
 from digs_warp.sim.render.pixel_centers import Silhouette
 from digs_warp.sim.scene.join import only_object
@@ -136,11 +137,8 @@ def _over(excess: float, most: int) -> int:
 
 def box_of(mask: np.ndarray) -> Box | None:
     """Return the box around the pixels of a mask; None: it has none."""
-    rows, columns = np.flatnonzero(mask.any(axis=1)), np.flatnonzero(mask.any(axis=0))
-    if not len(rows):
-        return None
-    x, y = int(columns[0]), int(rows[0])
-    return x, y, int(columns[-1]) - x + 1, int(rows[-1]) - y + 1
+    x, y, right, bottom = mask_box(mask)
+    return (x, y, right - x, bottom - y) if right > x else None
 
 
 def joined(boxes: list[Box]) -> Box:

@@ -138,7 +138,10 @@ def make_plan(session: Session) -> SensorPlan:
     if not config.plans_effects:
         return SensorPlan()
     check_effects(config)
-    return with_adaptation(plan_for_facts(look_around(session), session.rig, config), session)
+    made = plan_for_facts(look_around(session), session.rig, config)
+    if not {AUTO_EXPOSURE.name, WHITE_BALANCE.name} & set(made.effects_on):
+        return made
+    return replace(made, adaptation=meter_walk(session))
 
 
 def look_around(session: Session) -> SceneFacts:
@@ -152,16 +155,9 @@ def look_around(session: Session) -> SceneFacts:
     return measure_facts(looks, session.rig)
 
 
-def with_adaptation(plan: SensorPlan, session: Session) -> SensorPlan:
-    """Return the plan with the course of exposure and white balance, metered if one of them is on."""
-    if not {AUTO_EXPOSURE.name, WHITE_BALANCE.name} & set(plan.effects_on):
-        return plan
-    return replace(plan, adaptation=meter_walk(session))
-
-
 def plan_for_facts(facts: SceneFacts, rig: StereoRig, config: SimulateConfig) -> SensorPlan:
     """Return the plan for a scene that has been measured."""
-    wanted = _wanted(config.effects)
+    wanted = wanted_effects(config.effects, ALL_EFFECT_NAMES)
     color = tuple(effect.choose(facts, rig) for effect in COLOR_EFFECTS)
     acting = _DEPTH_EFFECTS[config.tier]
     depth = tuple(choice for choice in plan(facts, rig) if choice.effect in acting)
@@ -172,7 +168,7 @@ def plan_for_facts(facts: SceneFacts, rig: StereoRig, config: SimulateConfig) ->
 
 def check_effects(config: SimulateConfig) -> None:
     """Raise a `DigsError` if the settings name an effect that does not exist, or not in their tier."""
-    wanted = _wanted(config.effects)
+    wanted = wanted_effects(config.effects, ALL_EFFECT_NAMES)
     if wanted is None or config.effects in ("all", "none"):
         return
     idle = wanted & frozenset(EFFECT_NAMES) - _DEPTH_EFFECTS[config.tier]
@@ -181,8 +177,3 @@ def check_effects(config: SimulateConfig) -> None:
             f"--effects {', '.join(sorted(idle))}: the tier '{config.tier}' searches the full range and "
             "finds such surfaces by itself; leave them out, or choose --tier guided"
         )
-
-
-def _wanted(selection: str) -> frozenset[str] | None:
-    """Return the selected names; None: the rules decide."""
-    return wanted_effects(selection, ALL_EFFECT_NAMES)

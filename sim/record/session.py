@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -15,7 +15,6 @@ from digs_warp.sim.camera.walk.walk import Subject, Walk
 from digs_warp.sim.camera.working_range import camera_distance
 from digs_warp.sim.config import SimulateConfig
 from digs_warp.sim.record.inputs import Inputs
-from digs_warp.sim.render.protocol import Renderer
 from digs_warp.sim.scene.appearance import with_table_top
 from digs_warp.sim.scene.distractors import add_distractors
 from digs_warp.sim.scene.environment import Environment, Ground, set_up, warn_if_soft
@@ -24,6 +23,9 @@ from digs_warp.sim.sensor.drift import NO_DRIFT, Drift
 from digs_warp.sim.sensor.frame import FrameTruth, Motion
 from digs_warp.sim.sensor.infrared.pair import infrared_image, stands_out, with_dots
 from digs_warp.sim.sensor.infrared.registration import ColorView
+
+if TYPE_CHECKING:
+    from digs_warp.sim.render.raycast import RaycastRenderer
 
 # [Hz] The usual mode of the cameras that the profiles describe, where --fps names no other.
 FRAME_RATE = 30.0
@@ -79,7 +81,7 @@ class Session:
     profile: Profile
     rig: StereoRig
     walk: Walk
-    renderer: Renderer
+    renderer: "RaycastRenderer"
     ground: Ground = "none"
 
     @cached_property
@@ -185,7 +187,7 @@ class Session:
         """Return the camera that takes the images: the left eye, or the one beside an infrared pair."""
         return self._eye(number, shutter, self.rig.image_intrinsics, 0.0)
 
-    def renderer_at(self, number: int) -> Renderer:
+    def renderer_at(self, number: int) -> "RaycastRenderer":
         """Return what shows the scene as it is in a frame: on a turntable the objects have turned."""
         if self.config.walk.path != "turntable":
             return self.renderer
@@ -242,7 +244,9 @@ def _walk(config: SimulateConfig, inputs: Inputs) -> Walk:
     return Walk.around(subject, camera_distance(scene, rig, settings), settings, config.seed)
 
 
-def _make_renderer(config: SimulateConfig, scene: Scene, environment: Environment) -> Renderer:
+def _make_renderer(
+    config: SimulateConfig, scene: Scene, environment: Environment
+) -> "RaycastRenderer":
     if config.renderer == "gl":
         from digs_warp.sim.render.gl import GlRenderer
 

@@ -10,7 +10,6 @@ Maps" (2001), eq. 7 and 8; see `digs_warp.sim.render.lighting`.
 # pyright: reportIndexIssue=false
 
 import hashlib
-from dataclasses import dataclass
 from threading import Lock
 
 import numpy as np
@@ -49,7 +48,7 @@ MIRROR_WIDTH = 512
 KEPT_COPIES = 16
 
 _lock = Lock()
-_copies: dict[bytes, wp.array] = {}
+_copies: dict[bytes, Panorama] = {}
 
 # Cosine lobe in spherical harmonics, bands 0, 1, 2 (Ramamoorthi and Hanrahan 2001, eq. 8).
 COSINE_LOBE = np.array([np.pi] + [2 * np.pi / 3] * 3 + [np.pi / 4] * 5)
@@ -60,7 +59,7 @@ def _blur_kernel(
     first: int,
     panorama: Panorama,
     # outputs
-    specular: wp.array3d[wp.vec3],
+    specular: wp.array[wp.vec3],  # [SPECULAR_COPIES * SPECULAR_HEIGHT * SPECULAR_WIDTH]
 ):
     """Average the panorama over the GGX lobe of a copy's roughness (Karis 2013, with n = v = r).
 
@@ -100,15 +99,7 @@ def _blur_kernel(
             level = 0.5 * wp.log2(solid_angle / texel)
             total += cos_l * sample_panorama(panorama, incoming, level)
             weight += cos_l
-    specular[copy, row, column] = total / weight
-
-
-@dataclass(frozen=True, eq=False)
-class EnvironmentLight:
-    """An environment for the kernels; ``exposure`` is already multiplied in."""
-
-    exposure: float
-    struct: Light
+    specular[index] = total / weight
 
 
 def irradiance_coefficients(radiance: np.ndarray) -> np.ndarray:
@@ -124,30 +115,40 @@ def irradiance_coefficients(radiance: np.ndarray) -> np.ndarray:
     )
 
 
-def _light_from_above(smooth: np.ndarray, keys: KeyLights) -> np.ndarray:
-    """Return what a level white matte surface reflects, (3,): the smooth part of a panorama and its spots."""
-    light = sh_basis(np.array([[0.0, 0.0, 1.0]]), 2) @ irradiance_coefficients(smooth)
-    total = np.maximum(light[0], 0.0)
-    if keys.count:
-        total += np.maximum(keys.vectors.numpy()[:, 2], 0.0) @ keys.colors.numpy()
-    return total
+def light_from_above(coefficients: np.ndarray, keys: KeyLights) -> tuple[np.ndarray, np.ndarray]:
+    """Return what a level white matte surface reflects, (3,) each: of the smooth light and of the spots.
+
+    Args:
+        coefficients: see `irradiance_coefficients`.
+        keys: the spots.
+    """
+    up = np.array([[0.0, 0.0, 1.0]])
+    smooth = np.maximum(sh_basis(up, 2) @ coefficients, 0.0)[0]
+    if not keys.count:
+        return smooth, np.zeros(3)
+    return smooth, np.maximum(keys.vectors.numpy()[:, 2], 0.0) @ keys.colors.numpy()
+
+
+def _panorama(sizes: list[tuple[int, int]]) -> Panorama:
+    """Return memory for levels of those widths and heights."""
+    panorama = Panorama()
+    counts = np.array(sizes, dtype=np.int32).prod(axis=1)
+    panorama.texels = wp.empty(int(counts.sum()), dtype=wp.vec3, device="cpu")
+    panorama.sizes = wp.array(np.array(sizes, np.int32), dtype=wp.vec2i, device="cpu")
+    starts = np.cumsum([0, *counts[:-1]]).astype(np.int32)
+    panorama.offsets = wp.array(starts, dtype=int, device="cpu")
+    panorama.levels = len(sizes)
+    return panorama
 
 
 def _pyramid(levels: list[np.ndarray]) -> Panorama:
     """Return levels, the finest first, each (height, width, 3), for the kernels."""
-    panorama = Panorama()
-    panorama.texels = wp.array(
-        np.concatenate([level.reshape(-1, 3) for level in levels]), dtype=wp.vec3, device="cpu"
-    )
-    sizes = np.array([(level.shape[1], level.shape[0]) for level in levels], dtype=np.int32)
-    panorama.sizes = wp.array(sizes, dtype=wp.vec2i, device="cpu")
-    starts = np.concatenate([[0], np.cumsum(sizes.prod(axis=1))[:-1]]).astype(np.int32)
-    panorama.offsets = wp.array(starts, dtype=int, device="cpu")
-    panorama.levels = len(levels)
+    panorama = _panorama([(level.shape[1], level.shape[0]) for level in levels])
+    np.concatenate([level.reshape(-1, 3) for level in levels], out=panorama.texels.numpy())
     return panorama
 
 
-def _blurred(finest: np.ndarray, panorama: Panorama, threads: int) -> wp.array:
+def _blurred(finest: np.ndarray, panorama: Panorama, threads: int) -> Panorama:
     """Return the copies that `Light` describes, of a panorama and its finest level, (height, width, 3).
 
     Objects that are recorded in the same surround, one after another, share them.
@@ -158,19 +159,19 @@ def _blurred(finest: np.ndarray, panorama: Panorama, threads: int) -> wp.array:
         known = _copies.get(key)
     if known is not None:
         return known
-    specular = wp.zeros((SPECULAR_COPIES, SPECULAR_HEIGHT, SPECULAR_WIDTH), wp.vec3, device="cpu")
-    launch_parallel(_blur_kernel, specular.size, [panorama, specular], threads=threads)
+    copies = _panorama([(SPECULAR_WIDTH, SPECULAR_HEIGHT)] * SPECULAR_COPIES)
+    launch_parallel(_blur_kernel, copies.texels.size, [panorama, copies.texels], threads=threads)
     with _lock:
         if len(_copies) == KEPT_COPIES:
             del _copies[next(iter(_copies))]
-        _copies[key] = specular
-    return specular
+        _copies[key] = copies
+    return copies
 
 
 def prepare_light(
     environment: Environment, threads: int = 0, below: np.ndarray | None = None
-) -> EnvironmentLight:
-    """Build pyramid, irradiance and blurred copies; set the exposure of the recording.
+) -> tuple[float, Light]:
+    """Return the exposure of the recording, and the light with it: pyramid, irradiance and blurred copies.
 
     Args:
         environment: the surround.
@@ -192,9 +193,10 @@ def prepare_light(
     if light.keys.count:
         light.rest = _blurred(smooth, _pyramid(mip_chain(smooth)), threads)
     if below is not None:
-        smooth[smooth.shape[0] // 2 :] = below * _light_from_above(smooth, light.keys)
+        arriving = light_from_above(irradiance_coefficients(smooth), light.keys)
+        smooth[smooth.shape[0] // 2 :] = below * sum(arriving)
     light.irradiance = wp.array(
         irradiance_coefficients(smooth).astype(np.float32), dtype=wp.vec3, device="cpu"
     )
     light.mirror_level = float(max(0.0, np.log2(width / MIRROR_WIDTH)))
-    return EnvironmentLight(exposure, light)
+    return exposure, light

@@ -5,7 +5,7 @@ an ambient level replace the environment, there are no shadows, and each pixel a
 for the sensor's effects use the ray caster's BVH.
 """
 
-from functools import cache, cached_property
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -13,7 +13,7 @@ import numpy as np
 from digs_warp.checks import DigsError
 from digs_warp.device.libraries import PYRENDER_APT, MissingLibraryError, import_pyrender
 from digs_warp.geometry.camera import Camera, pixel_centers
-from digs_warp.sim.render.environment_light import prepare_light
+from digs_warp.geometry.rigid import OPENCV_FROM_OPENGL
 from digs_warp.sim.render.gl_scene import (
     coverage_mesh,
     material_meshes,
@@ -21,25 +21,13 @@ from digs_warp.sim.render.gl_scene import (
     sphere_mesh,
     two_lights,
 )
-from digs_warp.sim.render.projector import project_dots
-from digs_warp.sim.render.protocol import (
-    CameraTrack,
-    Followed,
-    Geometry,
-    Photograph,
-    Projected,
-    RenderedView,
-    exposure_by_views,
-)
-from digs_warp.sim.render.rays import SurfaceRays
-from digs_warp.sim.render.reprojection import follow
-from digs_warp.sim.render.upload import DeviceScene, is_see_through, upload_scene
+from digs_warp.sim.render.raycast import RaycastRenderer
+from digs_warp.sim.render.upload import is_see_through
 from digs_warp.sim.render.view import check_inside
+from digs_warp.sim.render.views import CameraTrack, Geometry, Photograph
 from digs_warp.sim.scene.environment import Environment
 from digs_warp.sim.scene.scene import Scene
-
-# OpenGL cameras look along -z, with y up.
-GL_FROM_CV = np.diag([1.0, -1.0, -1.0, 1.0])
+from digs_warp.sim.sensor.color.encoding import decode, encode
 
 # The near plane is at least this share of the scene's radius away: depth has only 24 bits.
 NEAREST_SHARE = 2e-3
@@ -51,7 +39,7 @@ NO_NORMAL = (0.5, 0.5, 0.5, 0.0)
 CLIP_MARGIN = 0.01
 
 
-class GlRenderer:
+class GlRenderer(RaycastRenderer):
     """A scene and its environment, drawn by OpenGL.
 
     Args:
@@ -65,17 +53,13 @@ class GlRenderer:
 
     def __init__(self, scene: Scene, environment: Environment, threads: int = 0) -> None:
         check_opengl()
-        self._pyrender = import_pyrender()
-        self._scene = scene
-        self._threads = threads
         if environment.floor is not None:
             raise DigsError(
                 "renderer 'gl': draws no ground; choose --ground none or the renderer raycast"
             )
-        self.surround_radius = environment.radius
-        self.surround = environment.surround
-        light = prepare_light(environment, threads)
-        self.exposure = light.exposure
+        super().__init__(scene, environment, threads)
+        self._pyrender = import_pyrender()
+        self._radius = scene.radius
         self._drawing = self._pyrender.Scene(bg_color=np.zeros(4))
         self._shown = [self._drawing.add(m) for m in material_meshes(self._pyrender, scene)]
         self._normals = [self._drawing.add(normal_mesh(self._pyrender, scene))]
@@ -83,18 +67,13 @@ class GlRenderer:
         if scene.has_furniture:
             self._covers = [self._drawing.add(coverage_mesh(self._pyrender, scene))]
         sphere = sphere_mesh(self._pyrender, environment, self.exposure)
-        self._surround = [self._drawing.add(sphere)]
-        two_lights(self._pyrender, self._drawing, light.struct.irradiance.numpy())
+        self._sphere = [self._drawing.add(sphere)]
+        two_lights(self._pyrender, self._drawing, self._light.irradiance.numpy())
         self._has_glass = any(is_see_through(material) for material in scene.materials)
         # Numbers of the meshes as colors; 0 is the background.
         self._id_colors = {node: _id_color(i + 1) for i, node in enumerate(self._shown)}
         kinds = [tuple(map(int, node.mesh.name.split())) for node in self._shown]
         self._kinds = np.array([(-1, 0), *kinds], np.int32)  # material and object of each number
-
-    def render(self, camera: Camera, samples_per_pixel: int = 4, seed: int = 0) -> RenderedView:
-        """Return image, mask, depth, normals and material ids; the sampling is fixed."""
-        image, mask = self.render_image(camera, samples_per_pixel, seed)
-        return RenderedView(image, mask, *self.render_geometry(camera))
 
     def render_image(
         self, camera: Camera, samples_per_pixel: int = 4, seed: int = 0
@@ -103,7 +82,7 @@ class GlRenderer:
         if samples_per_pixel < 1:
             raise DigsError(f"samples_per_pixel: {samples_per_pixel}, expected at least 1")
         flags = self._pyrender.RenderFlags
-        surround, _ = self._draw(self._surround, camera, flags.FLAT | flags.SKIP_CULL_FACES)
+        surround, _ = self._draw(self._sphere, camera, flags.FLAT | flags.SKIP_CULL_FACES)
         flat, _ = self._draw(self._normals, camera, flags.FLAT | flags.RGBA, background=NO_NORMAL)
         solid = flat[..., 3]
         mask = solid
@@ -140,25 +119,6 @@ class GlRenderer:
         depth = np.where(is_hit, depth, far)
         return Geometry(depth.astype(np.float32), normals.astype(np.float32), materials, objects)
 
-    def project_dots(self, camera: Camera, world_from_projector: np.ndarray) -> Projected:
-        """Return the light of a dot projector of that pose, (4, 4), in the camera, by rays."""
-        surface, surround = self._device_scene.surface, self.surround
-        return project_dots(surface, camera, surround, world_from_projector, self._threads)
-
-    def frame_rays(self, camera: Camera, baseline: float) -> SurfaceRays:
-        """Return the rays for the sensor's effects; they are cast on request."""
-        return SurfaceRays(self._device_scene, camera, baseline, self.surround, self._threads)
-
-    def follow(
-        self, source: CameraTrack, depth: np.ndarray, material_ids: np.ndarray, target: CameraTrack
-    ) -> Followed:
-        """Return where another eye sees the points of an image, by rays; see `Renderer.follow`."""
-        return follow(self._device_scene, source, depth, material_ids, target, self._threads)
-
-    @cached_property
-    def _device_scene(self) -> DeviceScene:
-        return upload_scene(self._scene)
-
     def _draw(
         self,
         nodes: list[Any],
@@ -177,9 +137,9 @@ class GlRenderer:
         k = camera.intrinsics
         canvas = _canvas()
         canvas.viewport_width, canvas.viewport_height = k.width, k.height
-        near, far = self._clip_planes(camera, nodes is self._surround)
+        near, far = self._clip_planes(camera, nodes is self._sphere)
         eye = self._pyrender.IntrinsicsCamera(k.fx, k.fy, k.cx, k.cy, znear=near, zfar=far)
-        eye_node = self._drawing.add(eye, pose=camera.world_from_cam @ GL_FROM_CV)
+        eye_node = self._drawing.add(eye, pose=camera.world_from_cam @ OPENCV_FROM_OPENGL)
         try:
             return canvas.render(self._drawing, flags, self._id_colors)
         finally:
@@ -187,10 +147,10 @@ class GlRenderer:
 
     def _clip_planes(self, camera: Camera, whole_surround: bool) -> tuple[float, float]:
         """Return the clipping depths [m], as tight around the scene as possible."""
-        radius = self._scene.radius
+        radius = self._radius
         nearest = NEAREST_SHARE * radius
         if whole_surround:
-            return nearest, 2.0 * self.surround_radius
+            return nearest, 2.0 * self.surround.radius
         depth = float(camera.cam_from_world[2, 3])  # of the origin
         reach = (1.0 + CLIP_MARGIN) * radius
         near = max(depth - reach, nearest)
@@ -203,7 +163,7 @@ class GlRenderer:
         eye = camera.center_world
         rays = camera.unproject(px, np.ones(px.shape[:2])) - eye
         a, b = (rays**2).sum(axis=-1), rays @ eye
-        return rays, (-b + np.sqrt(b * b + a * (self.surround_radius**2 - eye @ eye))) / a
+        return rays, (-b + np.sqrt(b * b + a * (self.surround.radius**2 - eye @ eye))) / a
 
 
 def check_opengl() -> None:
@@ -223,6 +183,30 @@ def _canvas() -> Any:
             f"OpenGL cannot draw off-screen here ({type(error).__name__}: {error}); install EGL and "
             f"its drivers: {PYRENDER_APT}; or use the ray caster"
         ) from error
+
+
+def exposure_by_views(
+    renderer: RaycastRenderer, track: CameraTrack, samples: int, seed: int
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return image and mask of `RaycastRenderer.photograph` as the mean of many views."""
+    seeds = np.random.SeedSequence(seed).generate_state(track.world_from_cam[..., 0, 0].size)
+    numbers = iter(seeds.tolist())
+    bands = [
+        _mean([renderer.render_image(camera, samples, next(numbers)) for camera in cameras])
+        for cameras in track.bands()
+    ]
+    images, masks = zip(*bands, strict=True)
+    return np.concatenate(images), np.concatenate(masks)
+
+
+def _mean(views: list[tuple[np.ndarray, np.ndarray]]) -> tuple[np.ndarray, np.ndarray]:
+    """Return the mean image (in linear light) and the mean mask of several views, uint8."""
+    if len(views) == 1:
+        return views[0]
+    images, masks = zip(*views, strict=True)
+    light = sum(map(decode, images[1:]), decode(images[0])) / len(views)
+    cover = np.stack(masks).sum(axis=0, dtype=np.float32)
+    return encode(light), (cover / len(views) + 0.5).astype(np.uint8)
 
 
 def _id_color(number: int) -> tuple[int, int, int]:

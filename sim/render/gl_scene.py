@@ -5,6 +5,7 @@ from typing import Any
 import numpy as np
 
 from digs_warp.data.images import srgb_from_linear, to_uint8
+from digs_warp.geometry.rigid import OPENCV_FROM_OPENGL, look_at
 from digs_warp.geometry.sh import sh_basis
 from digs_warp.sim.scene.environment import Environment, panorama_directions
 from digs_warp.sim.scene.scene import FURNITURE, Material, Scene
@@ -18,12 +19,11 @@ GLASS_ALPHA = 0.2
 
 def material_meshes(pyrender: Any, scene: Scene) -> list[Any]:
     """Return a two-sided mesh for each material of each object, named "material object" by their numbers."""
-    faces = _faces_along_normals(scene)
     meshes = []
     of_faces = np.stack([scene.face_materials, scene.face_objects], axis=1)
     for number, thing in np.unique(of_faces, axis=0).tolist():
         material = scene.materials[number]
-        chosen = faces[(of_faces == (number, thing)).all(axis=1)]
+        chosen = scene.faces[(of_faces == (number, thing)).all(axis=1)]
         used, index = np.unique(chosen, return_inverse=True)
         index = index.reshape(-1, 3)
         white = (scene.vertex_colors[used] == 1).all()
@@ -43,27 +43,25 @@ def material_meshes(pyrender: Any, scene: Scene) -> list[Any]:
 
 def normal_mesh(pyrender: Any, scene: Scene) -> Any:
     """Return the scene with its normals as vertex colors, those of the back reversed."""
-    faces = _faces_along_normals(scene)
     normals = np.concatenate([scene.normals, -scene.normals])
     primitive = pyrender.Primitive(
         positions=np.tile(scene.vertices, (2, 1)),
         normals=normals,
         color_0=_with_alpha(0.5 + 0.5 * normals),
-        indices=np.concatenate([faces, faces[:, ::-1] + len(scene.vertices)]),
-        material=pyrender.MetallicRoughnessMaterial(baseColorFactor=(1.0, 1.0, 1.0, 1.0)),
+        indices=np.concatenate([scene.faces, scene.faces[:, ::-1] + len(scene.vertices)]),
+        material=_white(pyrender),
     )
     return pyrender.Mesh([primitive])
 
 
 def coverage_mesh(pyrender: Any, scene: Scene) -> Any:
     """Return the scene in white where it belongs to an object, in black where it is furniture."""
-    faces = _faces_along_normals(scene)
-    corners = np.concatenate([faces, faces[:, ::-1]])
+    corners = np.concatenate([scene.faces, scene.faces[:, ::-1]])
     is_object = np.tile(scene.face_objects != FURNITURE, 2)
     primitive = pyrender.Primitive(
         positions=scene.vertices[corners].reshape(-1, 3),
         color_0=_with_alpha(np.repeat(is_object, 3)[:, None] * np.ones(3)),
-        material=pyrender.MetallicRoughnessMaterial(baseColorFactor=(1.0, 1.0, 1.0, 1.0)),
+        material=_white(pyrender),
     )
     return pyrender.Mesh([primitive])
 
@@ -90,7 +88,7 @@ def sphere_mesh(pyrender: Any, environment: Environment, exposure: float) -> Any
         positions=environment.radius * positions.reshape(-1, 3),
         texcoord_0=np.stack([u, 1 - v], axis=-1).reshape(-1, 2),
         indices=faces,
-        material=_textured(pyrender, pixels),
+        material=_white(pyrender, baseColorTexture=_texture(pyrender, pixels)),
     )
     return pyrender.Mesh([primitive])
 
@@ -114,15 +112,12 @@ def two_lights(pyrender: Any, scene: Any, irradiance: np.ndarray) -> None:
     strength = float(key.max())
     if strength > 0:
         lamp = pyrender.DirectionalLight(color=key / strength, intensity=np.pi * strength)
-        scene.add(lamp, pose=_looking_from(direction))
+        aside = np.eye(3)[np.abs(direction).argmin()]
+        scene.add(lamp, pose=look_at(direction, np.zeros(3), aside) @ OPENCV_FROM_OPENGL)
 
 
-def _faces_along_normals(scene: Scene) -> np.ndarray:
-    """Return the faces, wound so that their front is on the side of their normals."""
-    a, b, c = np.moveaxis(scene.vertices[scene.faces].astype(np.float64), 1, 0)
-    normals = scene.normals[scene.faces].sum(axis=1)
-    against = np.einsum("ij,ij->i", np.cross(b - a, c - a), normals) < 0
-    return np.where(against[:, None], scene.faces[:, ::-1], scene.faces)
+def _white(pyrender: Any, **maps: Any) -> Any:
+    return pyrender.MetallicRoughnessMaterial(baseColorFactor=(1.0, 1.0, 1.0, 1.0), **maps)
 
 
 def _with_alpha(colors: np.ndarray) -> np.ndarray:
@@ -173,21 +168,5 @@ def _resampled(pixels: np.ndarray | None, shape: tuple[int, ...]) -> np.ndarray:
     return pixels[rows[:, None], columns]
 
 
-def _textured(pyrender: Any, pixels: np.ndarray) -> Any:
-    return pyrender.MetallicRoughnessMaterial(
-        baseColorTexture=_texture(pyrender, pixels), baseColorFactor=(1.0, 1.0, 1.0, 1.0)
-    )
-
-
 def _texture(pyrender: Any, pixels: np.ndarray) -> Any:
     return pyrender.Texture(source=pixels, source_channels="RGB")
-
-
-def _looking_from(direction: np.ndarray) -> np.ndarray:
-    """Return a pose whose -z axis points from ``direction`` to the origin, shape (4, 4)."""
-    helper = np.eye(3)[np.abs(direction).argmin()]
-    x = np.cross(helper, direction)
-    x /= np.linalg.norm(x)
-    pose = np.eye(4)
-    pose[:3, :3] = np.stack([x, np.cross(direction, x), direction], axis=1)
-    return pose

@@ -13,7 +13,7 @@ import warp as wp
 from digs_warp.data.images import linear_from_srgb
 from digs_warp.device.kernel_options import ray_module_options
 from digs_warp.device.parallel import launch_parallel
-from digs_warp.geometry.sh import sh_basis
+from digs_warp.sim.render.environment_light import light_from_above
 from digs_warp.sim.render.lighting import SPOT_POINTS, KeyLights, Light
 from digs_warp.sim.render.surface import Surface, is_blocked
 from digs_warp.sim.render.surround import LightGrid, LightMap, light_on
@@ -208,11 +208,7 @@ def measure_plane(surface: Surface, light: Light, plane: Plane, threads: int = 0
     keys = light.keys if found.is_soft else KeyLights()
     found.fine = _measure_grid(surface, keys, low - near, high + near, FINE, height, threads)
     found.coarse = _measure_grid(surface, keys, low - far, high + far, COARSE, height, threads)
-    up = np.array([[0.0, 0.0, 1.0]])
-    smooth = np.maximum(sh_basis(up, 2) @ light.irradiance.numpy(), 0.0)[0]
-    keyed = np.zeros(3)
-    if light.keys.count:
-        keyed = np.maximum(light.keys.vectors.numpy()[:, 2], 0.0) @ light.keys.colors.numpy()
+    smooth, keyed = light_from_above(light.irradiance.numpy(), light.keys)
     found.smooth, found.keyed = wp.vec3(*smooth), wp.vec3(*keyed)
     if plane.albedo is not None:
         found.glow = wp.vec3(*(plane.albedo * (smooth + keyed)))
@@ -262,21 +258,13 @@ ENDLESS = 1e5
 LEVEL, CONTACT = 0.999, 0.002
 
 
-@dataclass(frozen=True)
-class Planes:
-    """What things stand on; None: there is none."""
-
-    table: Plane | None
-    floor: Plane | None
-
-
-def planes_of(scene: Scene, environment: Environment) -> Planes:
-    """Return the planes of a scene in its surround."""
+def planes_of(scene: Scene, environment: Environment) -> tuple[Plane | None, Plane | None]:
+    """Return what things stand on in a scene: the top of a table, and the floor of the surround."""
     floor = None
     if environment.floor is not None:
         ends = np.full(2, ENDLESS)
         floor = Plane(environment.floor, -ends, ends, _box(scene.vertices))
-    return Planes(_table_top(scene), floor)
+    return _table_top(scene), floor
 
 
 def _table_top(scene: Scene) -> Plane | None:

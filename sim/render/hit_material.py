@@ -5,6 +5,7 @@ import warp as wp
 
 from digs_warp.sim.render.surface import (
     Surface,
+    between_corners,
     texture_level,
     texture_position,
     vertex_normal,
@@ -98,17 +99,11 @@ class Look:
 @wp.func
 def base_color(surface: Surface, hit: wp.MeshQueryRay, uv: wp.vec2, level: float) -> wp.vec3:
     """Linear color of the hit: factor times vertex color times filtered texture."""
-    corner = 3 * hit.face
-    w = 1.0 - hit.u - hit.v
-    color = (
-        hit.u * surface.colors[surface.corners[corner]]
-        + hit.v * surface.colors[surface.corners[corner + 1]]
-        + w * surface.colors[surface.corners[corner + 2]]
-    )
+    color = between_corners(surface, surface.colors, hit.face, hit.u, hit.v)
     data = surface.data[surface.materials[hit.face]]
     color = wp.cw_mul(color, data.base_color)
-    if data.color_texture >= 0:
-        texel = sample_texture(surface.textures, data.color_texture, uv, level, SRGB)
+    if data.texture >= 0:
+        texel = sample_texture(surface.textures, data.texture, uv, level, SRGB)
         color = wp.cw_mul(color, texel)
     return color
 
@@ -139,28 +134,11 @@ def is_table_top(surface: Surface, hit: wp.MeshQueryRay) -> bool:
 
 
 @wp.func
-def place_of(surface: Surface, hit: wp.MeshQueryRay) -> wp.vec3:
-    """Position of a hit in the world."""
-    corner = 3 * hit.face
-    return (
-        hit.u * surface.points[surface.corners[corner]]
-        + hit.v * surface.points[surface.corners[corner + 1]]
-        + (1.0 - hit.u - hit.v) * surface.points[surface.corners[corner + 2]]
-    )
-
-
-@wp.func
 def mapped_normal(
     surface: Surface, hit: wp.MeshQueryRay, normal: wp.vec3, texture: int, uv: wp.vec2, level: float
 ) -> wp.vec3:
     """Vertex normal perturbed by a normal map; unchanged where the texture has no direction."""
-    corner = 3 * hit.face
-    w = 1.0 - hit.u - hit.v
-    tangent = (
-        hit.u * surface.tangents[surface.corners[corner]]
-        + hit.v * surface.tangents[surface.corners[corner + 1]]
-        + w * surface.tangents[surface.corners[corner + 2]]
-    )
+    tangent = between_corners(surface, surface.tangents, hit.face, hit.u, hit.v)
     tangent -= wp.dot(tangent, normal) * normal
     length = wp.length(tangent)
     if length < 1.0e-3:
@@ -217,7 +195,7 @@ def look_at_hit(
     look = material_at_hit(surface, hit, direction, cone_width)
     look.openness = interpolated_openness(surface, hit, look.side)
     if is_table_top(surface, hit) and look.facet_normal[2] > LEVEL:
-        point = place_of(surface, hit)
+        point = between_corners(surface, surface.points, hit.face, hit.u, hit.v)
         found = light_on(surface.table, point[0], point[1])
         look.openness = found[0]
         look.spots_seen = found[1]

@@ -204,8 +204,8 @@ class Light:
     panorama: Panorama
     irradiance: wp.array[wp.vec3]  # [9] spherical harmonics of E(n) / pi, without the spots
     keys: KeyLights
-    specular: wp.array3d[wp.vec3]  # [SPECULAR_COPIES, SPECULAR_HEIGHT, SPECULAR_WIDTH]
-    rest: wp.array3d[wp.vec3]  # the same without the spots
+    specular: Panorama  # its levels are the blurred copies, all SPECULAR_WIDTH x SPECULAR_HEIGHT
+    rest: Panorama  # the same without the spots
     mirror_level: float
 
 
@@ -270,28 +270,12 @@ def diffuse_light(light: Light, n: wp.vec3) -> wp.vec3:
 
 
 @wp.func
-def sample_specular_copy(specular: wp.array3d[wp.vec3], copy: int, uv: wp.vec2) -> wp.vec3:
-    """Bilinear value of one blurred copy."""
-    x = uv[0] * float(SPECULAR_WIDTH) - 0.5
-    y = uv[1] * float(SPECULAR_HEIGHT) - 0.5
-    left = int(wp.floor(x))
-    top = int(wp.floor(y))
-    x0 = (left + SPECULAR_WIDTH) % SPECULAR_WIDTH
-    x1 = (left + 1) % SPECULAR_WIDTH
-    y0 = wp.clamp(top, 0, SPECULAR_HEIGHT - 1)
-    y1 = wp.clamp(top + 1, 0, SPECULAR_HEIGHT - 1)
-    above = wp.lerp(specular[copy, y0, x0], specular[copy, y0, x1], x - float(left))
-    below = wp.lerp(specular[copy, y1, x0], specular[copy, y1, x1], x - float(left))
-    return wp.lerp(above, below, y - float(top))
-
-
-@wp.func
-def copies_light(specular: wp.array3d[wp.vec3], copy: int, along: float, uv: wp.vec2) -> wp.vec3:
+def copies_light(copies: Panorama, copy: int, along: float, uv: wp.vec2) -> wp.vec3:
     """A value between a blurred copy and the next one; that of the first one for ``along`` below 0."""
-    smooth = sample_specular_copy(specular, copy, uv)
+    smooth = sample_panorama_level(copies, copy, uv)
     if along <= 0.0:
         return smooth
-    return wp.lerp(smooth, sample_specular_copy(specular, copy + 1, uv), along)
+    return wp.lerp(smooth, sample_panorama_level(copies, copy + 1, uv), along)
 
 
 @wp.func

@@ -8,7 +8,6 @@ import warp as wp
 from digs_warp.device.kernel_options import ray_module_options
 from digs_warp.device.parallel import launch_parallel
 from digs_warp.geometry.camera import Camera
-from digs_warp.sim.render.protocol import Geometry
 from digs_warp.sim.render.surface import (
     ANY_SURFACE,
     Surface,
@@ -19,9 +18,10 @@ from digs_warp.sim.render.surface import (
     trace,
     viewer_side_normal,
 )
-from digs_warp.sim.render.surround import boundary_normal
+from digs_warp.sim.render.surround import boundary_distance, boundary_normal
 from digs_warp.sim.render.upload import upload_scene
-from digs_warp.sim.render.view import FAR, View, make_view, ray_direction_cam, surround_distance
+from digs_warp.sim.render.view import FAR, View, center_ray, make_view
+from digs_warp.sim.render.views import Geometry
 from digs_warp.sim.scene.environment import Surround
 from digs_warp.sim.scene.scene import Scene
 
@@ -47,9 +47,7 @@ def _geometry_kernel(
 ):
     """Cast one ray through the exact center of a pixel."""
     pixel = first + wp.tid()
-    x = float(pixel % view.width) + 0.5
-    y = float(pixel // view.width) + 0.5
-    direction_cam = ray_direction_cam(view, x, y)
+    direction_cam = center_ray(view, pixel)
     direction = view.world_from_cam * direction_cam
     start = wp.float32(0.0)
     # With a reach of 0 the query ends at once.
@@ -68,7 +66,7 @@ def _geometry_kernel(
         materials[pixel] = surface.materials[hit.face]
         objects[pixel] = surface.objects[hit.face]
     else:
-        distance = surround_distance(view, view.center, direction)
+        distance = boundary_distance(view.boundary, view.center, direction)
         depth[pixel] = distance * direction_cam[2]
         normals[pixel] = boundary_normal(view.boundary, view.center + distance * direction)
         materials[pixel] = -1

@@ -15,10 +15,11 @@ import warp as wp
 from digs_warp.device.parallel import launch_parallel
 from digs_warp.geometry.camera import Camera
 from digs_warp.sim.render.hit_material import Look, material_at_hit
-from digs_warp.sim.render.protocol import Projected
+from digs_warp.sim.render.lighting import luminance
 from digs_warp.sim.render.surface import OPAQUE, Surface, is_blocked, passes_by, trace
-from digs_warp.sim.render.surround import boundary_normal
-from digs_warp.sim.render.view import FAR, View, make_view, ray_direction_cam, surround_distance
+from digs_warp.sim.render.surround import boundary_distance, boundary_normal
+from digs_warp.sim.render.view import FAR, View, center_ray, make_view
+from digs_warp.sim.render.views import Projected
 from digs_warp.sim.scene.environment import Surround
 from digs_warp.sim.scene.scene import DIELECTRIC_REFLECTANCE
 from digs_warp.sim.sensor.infrared.pair import SPOT, DotPattern, dot_pattern
@@ -34,11 +35,6 @@ SURROUND_REFLECTANCE = wp.constant(0.5)
 
 # Of the gloss on it, at normal incidence.
 PLAIN_REFLECTANCE = wp.constant(DIELECTRIC_REFLECTANCE)
-
-# Linear weights of red, green and blue in the brightness of a surface (Rec. 709).
-RED = wp.constant(0.2126)
-GREEN = wp.constant(0.7152)
-BLUE = wp.constant(0.0722)
 
 # Smoother surfaces reflect the projector into a point that hardly any pixel sees.
 LEAST_ROUGHNESS = wp.constant(0.05)
@@ -74,12 +70,6 @@ def spot_light(grid: DotGrid, x: float, y: float) -> float:
             if away < END * grid.spot * grid.spot:
                 light += dot[2] * wp.exp(-0.5 * away / (grid.spot * grid.spot))
     return grid.dimming * light
-
-
-@wp.func
-def luminance(color: wp.vec3) -> float:
-    """Brightness of a linear color."""
-    return RED * color[0] + GREEN * color[1] + BLUE * color[2]
 
 
 @wp.func
@@ -124,9 +114,7 @@ def projector_kernel(
 ):
     """Look through the center of a pixel at the first opaque surface, and from there to the projector."""
     pixel = first + wp.tid()
-    x = float(pixel % view.width) + 0.5
-    y = float(pixel // view.width) + 0.5
-    direction = view.world_from_cam * ray_direction_cam(view, x, y)
+    direction = view.world_from_cam * center_ray(view, pixel)
     start = wp.float32(0.0)
     # With a reach of 0 the query ends at once.
     is_empty = passes_by(surface.radius, view.center, direction, 0.0)
@@ -140,7 +128,7 @@ def projector_kernel(
     if hit.result:
         look = material_at_hit(surface, hit, direction, away * view.pixel_cone)
     else:
-        away = surround_distance(view, view.center, direction)
+        away = boundary_distance(view.boundary, view.center, direction)
         look.color = wp.vec3(SURROUND_REFLECTANCE)
         look.reflectance = PLAIN_REFLECTANCE
         look.roughness = 1.0

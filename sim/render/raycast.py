@@ -18,19 +18,18 @@ from digs_warp.sim.render.ground_light import measure_plane, planes_of
 from digs_warp.sim.render.kernels import Image, color_kernel, roughness_kernel, surround_kernel
 from digs_warp.sim.render.pixel_centers import geometry_at_pixel_centers
 from digs_warp.sim.render.projector import project_dots
-from digs_warp.sim.render.protocol import (
-    CameraTrack,
-    Followed,
-    Geometry,
-    Photograph,
-    Projected,
-    RenderedView,
-)
 from digs_warp.sim.render.rays import SurfaceRays
 from digs_warp.sim.render.reprojection import follow
 from digs_warp.sim.render.shadows import prepare_shadows
 from digs_warp.sim.render.upload import upload_scene
 from digs_warp.sim.render.view import make_track, make_view, srgb_encoding
+from digs_warp.sim.render.views import (
+    CameraTrack,
+    Followed,
+    Geometry,
+    Photograph,
+    Projected,
+)
 from digs_warp.sim.scene.environment import Environment
 from digs_warp.sim.scene.scene import Scene
 from digs_warp.sim.sensor.highlights import Highlights
@@ -58,23 +57,14 @@ class RaycastRenderer:
         self.surround = environment.surround
         self._source = scene
         self._panorama_height = environment.radiance.shape[0]
-        self._planes = planes_of(scene, environment)
-        table = self._planes.table
-        self._light = prepare_light(environment, threads, None if table is None else table.albedo)
+        self._table, self._floor = planes_of(scene, environment)
+        below = None if self._table is None else self._table.albedo
+        # From radiance to pixel value, the same for every view.
+        self.exposure, self._light = prepare_light(environment, threads, below)
         self._scene = upload_scene(scene)
         self._surface = self._scene.surface
         self._measuring = Lock()
         self._has_openness = False  # measured for the first image
-
-    @property
-    def exposure(self) -> float:
-        """The factor from radiance to pixel value, the same for every view."""
-        return self._light.exposure
-
-    def render(self, camera: Camera, samples_per_pixel: int = 4, seed: int = 0) -> RenderedView:
-        """Return everything that one eye sees."""
-        image, mask = self.render_image(camera, samples_per_pixel, seed)
-        return RenderedView(image, mask, *self.render_geometry(camera))
 
     def render_image(
         self, camera: Camera, samples_per_pixel: int = 4, seed: int = 0
@@ -88,7 +78,13 @@ class RaycastRenderer:
         return self.photograph(CameraTrack.still(camera), samples_per_pixel, seed)[:2]
 
     def photograph(self, track: CameraTrack, samples: int, seed: int = 0) -> Photograph:
-        """Return what a moving camera takes; every ray starts from the camera's pose at its moment."""
+        """Return what a moving camera takes.
+
+        Args:
+            track: its pose for each band of rows at each moment of the exposure; rays start from there.
+            samples: per pixel and moment, >= 1.
+            seed: of the sampling.
+        """
         k = track.intrinsics
         first = Camera(k, track.world_from_cam[0, 0])
         count, threads = k.height * k.width, self._threads(k.height * k.width)
@@ -103,7 +99,7 @@ class RaycastRenderer:
             if not self._has_openness:
                 self._measure_openness()
         image = _empty_image(count)
-        scene = [way, self._surface, self._light.struct, srgb_encoding()]
+        scene = [way, self._surface, self._light, srgb_encoding()]
 
         def render(numbers: np.ndarray, samples: int, sharing: float) -> None:
             """Render some pixels; each sample stands for its share of a pixel, one of ``sharing``."""
@@ -147,18 +143,25 @@ class RaycastRenderer:
     def follow(
         self, source: CameraTrack, depth: np.ndarray, material_ids: np.ndarray, target: CameraTrack
     ) -> Followed:
-        """Return where another eye sees the points of an image, by rays; see `Renderer.follow`."""
+        """Return where another eye sees the points of an image, and whether it does.
+
+        Args:
+            source: the eye that sees them; one moment for each band of rows.
+            depth: planar z at its pixel centers [m], (height, width), float32; NaN: nothing.
+            material_ids: the same for materials, int32; -1: the surround.
+            target: the other eye, likewise.
+        """
         return follow(self._scene, source, depth, material_ids, target, self.threads)
 
     def _measure_openness(self) -> None:
         """Measure the light on the ground, which lights the objects from below, and then on them."""
-        light, planes = self._light.struct, self._planes
-        if planes.table is not None:
-            self._surface.table = measure_plane(self._surface, light, planes.table, self.threads)
-        if planes.floor is not None:
-            self._surface.floor = measure_plane(self._surface, light, planes.floor, self.threads)
-        measure_openness(self._source, self._surface, self.threads)
-        prepare_shadows(self._source, self._surface, light.keys.count)
+        surface, light = self._surface, self._light
+        if self._table is not None:
+            surface.table = measure_plane(surface, light, self._table, self.threads)
+        if self._floor is not None:
+            surface.floor = measure_plane(surface, light, self._floor, self.threads)
+        measure_openness(self._source, surface, self.threads)
+        prepare_shadows(self._source, surface, light.keys.count)
         self._has_openness = True
 
     def _threads(self, pixels: int) -> int:

@@ -17,10 +17,10 @@ import warp as wp
 from digs_warp.data.layers import Occlusion
 from digs_warp.device.parallel import launch_parallel, packed
 from digs_warp.geometry.reproject_kernel import is_inside, project, ray_through
-from digs_warp.sim.render.protocol import CameraTrack, Followed
-from digs_warp.sim.render.rays import SAME_POINT
-from digs_warp.sim.render.surface import OPAQUE, Surface, trace
+from digs_warp.sim.render.rays import Sight, is_clear
+from digs_warp.sim.render.surface import Surface
 from digs_warp.sim.render.upload import DeviceScene
+from digs_warp.sim.render.views import CameraTrack, Followed
 
 wp.set_module_options({"enable_backward": False})
 
@@ -65,52 +65,13 @@ def appears_at(eye: Eye, band: int, point: wp.vec3d) -> wp.vec3d:
     return wp.vec3d(u, v, cam[2])
 
 
-@wp.func
-def same_side(
-    surface: Surface, origin: wp.vec3, direction: wp.vec3, distance: float, toward: wp.vec3
-) -> bool:
-    """Whether a second ray meets the side of a thin sheet that the first one does."""
-    start = distance * (1.0 - SAME_POINT)
-    span = 2.0 * SAME_POINT * distance
-    hit = wp.mesh_query_ray(surface.mesh, origin + start * direction, direction, span)
-    return (not hit.result) or wp.dot(hit.normal, direction) * wp.dot(hit.normal, toward) > 0.0
-
-
-@wp.func
-def is_clear(
-    surface: Surface,
-    origin: wp.vec3d,
-    point: wp.vec3d,
-    on_object: bool,
-    away: wp.vec3d,
-    cone: float,
-) -> bool:
-    """Whether the eye at ``away`` sees a point that the eye at ``origin`` sees."""
-    direction = wp.vec3(wp.normalize(point - origin))
-    center = wp.vec3(away)
-    toward = wp.vec3(wp.normalize(point - away))
-    reach = float(wp.length(point - away))
-    near = reach * (1.0 - SAME_POINT)
-    if surface.see_through == 1:
-        if trace(surface, center, toward, near, cone, OPAQUE) >= 0.0:
-            return False
-        distance = float(wp.length(point - origin))
-        return (not on_object) or same_side(surface, wp.vec3(origin), direction, distance, toward)
-    if not on_object:
-        # Nothing lies behind the surround, and it has one side.
-        return not wp.mesh_query_ray_anyhit(surface.mesh, center, toward, near)
-    hit = wp.mesh_query_ray(surface.mesh, center, toward, reach * (1.0 + SAME_POINT))
-    if not hit.result:
-        return True
-    return hit.t >= near and wp.dot(hit.normal, direction) * wp.dot(hit.normal, toward) > 0.0
-
-
 @wp.kernel
 def follow_kernel(
     first: int,
     source: Eye,
     target: Eye,
     surface: Surface,
+    solid: Surface,  # without what rays pass anyway
     depth: wp.array[float],  # [height * width] planar z of what the source sees [m]
     materials: wp.array[int],  # [height * width] -1: the surround
     cone: float,  # spread of a pixel [rad]
@@ -152,8 +113,15 @@ def follow_kernel(
     shifts[pixel] = wp.vec2(float(right), float(down))
     depths[pixel] = float(place[2])
     if is_inside(place[0], place[1], place[2], target.width, target.height):
-        on_object = materials[pixel] >= 0
-        clear = is_clear(surface, origin, point, on_object, target.centers[band], cone)
+        away = target.centers[band]
+        sight = Sight()
+        sight.origin = wp.vec3(origin)
+        sight.direction = wp.vec3(wp.normalize(point - origin))
+        sight.distance = float(wp.length(point - origin))
+        sight.on_object = materials[pixel] >= 0
+        toward = wp.vec3(wp.normalize(point - away))
+        reach = float(wp.length(point - away))
+        clear = is_clear(surface, solid, sight, wp.vec3(away), toward, reach, cone)
         states[pixel] = wp.where(clear, SEEN, HIDDEN)
 
 
@@ -165,7 +133,7 @@ def follow(
     target: CameraTrack,
     threads: int = 0,
 ) -> Followed:
-    """Follow all points of an image into another eye; see `digs_warp.sim.render.protocol.Renderer.follow`."""
+    """Follow all points of an image into another eye; see `RaycastRenderer.follow`."""
     shape = depth.shape
     pixels = depth.size
     shifts = wp.empty(pixels, dtype=wp.vec2, device="cpu")
@@ -180,7 +148,8 @@ def follow(
         ),
     ]
     cone = 1.0 / min(source.intrinsics.fx, source.intrinsics.fy)
-    inputs = [_eye(source), _eye(target), scene.surface, *seen, cone, shifts, depths, states]
+    surfaces = scene.surface, scene.solid.surface
+    inputs = [_eye(source), _eye(target), *surfaces, *seen, cone, shifts, depths, states]
     launch_parallel(follow_kernel, pixels, inputs, threads=threads)
     return Followed(
         shifts.numpy().reshape(*shape, 2),

@@ -27,12 +27,13 @@ from digs_warp.sim.render.lighting import (
 from digs_warp.sim.render.shadows import Place, seen_share, shadow_place
 from digs_warp.sim.render.surface import MIN_COSINE, Surface
 from digs_warp.sim.render.surround import (
+    boundary_distance,
     is_on_floor,
     openness_on,
     panorama_direction,
     plane_distance,
 )
-from digs_warp.sim.render.view import FAR, View, surround_distance
+from digs_warp.sim.render.view import FAR, View
 from digs_warp.sim.scene.scene import DIELECTRIC_REFLECTANCE
 
 wp.set_module_options({"enable_backward": False})
@@ -210,7 +211,7 @@ def environment_light(
     if down >= 0.0:
         meets = origin + down * direction
         return openness_on(surface.table, meets[0], meets[1]) * surface.table.glow
-    point = origin + surround_distance(view, origin, direction) * direction
+    point = origin + boundary_distance(view.boundary, origin, direction) * direction
     if surface.floor.exists == 1 and is_on_floor(view.boundary, point):
         open_share = openness_on(surface.floor, point[0], point[1])
         place = panorama_direction(view.boundary, point)

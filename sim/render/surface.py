@@ -41,7 +41,7 @@ class MaterialData:
     clear_coat: float
     clear_coat_roughness: float
     sheen: wp.vec3
-    color_texture: int
+    texture: int
     finish_texture: int
     opacity_texture: int
     transmission_texture: int
@@ -82,15 +82,22 @@ class Surface:
 
 
 @wp.func
+def between_corners(
+    surface: Surface, values: wp.array[wp.vec3], face: int, u: float, v: float
+) -> wp.vec3:
+    """Value at a place of a triangle, linear between those of its vertices."""
+    corner = 3 * face
+    return (
+        u * values[surface.corners[corner]]
+        + v * values[surface.corners[corner + 1]]
+        + (1.0 - u - v) * values[surface.corners[corner + 2]]
+    )
+
+
+@wp.func
 def vertex_normal(surface: Surface, hit: wp.MeshQueryRay) -> wp.vec3:
     """Unit normal interpolated between the corners; may point to either side."""
-    corner = 3 * hit.face
-    w = 1.0 - hit.u - hit.v
-    normal = (
-        hit.u * surface.normals[surface.corners[corner]]
-        + hit.v * surface.normals[surface.corners[corner + 1]]
-        + w * surface.normals[surface.corners[corner + 2]]
-    )
+    normal = between_corners(surface, surface.normals, hit.face, hit.u, hit.v)
     length = wp.length(normal)
     # Opposite vertex normals may cancel out; the triangle's own is always there.
     return wp.where(length > 1.0e-6, normal / wp.max(length, 1.0e-6), hit.normal)
@@ -242,11 +249,7 @@ def smooth_position_at(
     """
     corner = 3 * face
     w = 1.0 - u - v
-    point = (
-        u * surface.points[surface.corners[corner]]
-        + v * surface.points[surface.corners[corner + 1]]
-        + w * surface.points[surface.corners[corner + 2]]
-    )
+    point = between_corners(surface, surface.points, face, u, v)
     return (
         point
         + u * beside_tangent_plane(surface, corner, point, facet_normal)

@@ -193,29 +193,25 @@ def is_see_through(material: Material) -> bool:
     )
 
 
-def _material_data(material: Material, slot: dict[str, int]) -> MaterialData:
+# What `Material` and `MaterialData` name alike.
+NUMBERS = (
+    *("roughness", "metallic", "opacity", "alpha_cutoff", "transmission", "reflectance", "ior"),
+    *("clear_coat", "clear_coat_roughness"),
+)
+COLORS = ("base_color", "emission", "sheen")
+
+
+def _material_data(material: Material, textures: dict[str, int]) -> MaterialData:
     data = MaterialData()
     data.see_through = int(is_see_through(material))
-    data.base_color = wp.vec3(*(float(value) for value in material.base_color))
-    data.emission = wp.vec3(*material.emission)
-    data.roughness = material.roughness
-    data.metallic = material.metallic
-    data.opacity = material.opacity
-    data.alpha_cutoff = material.alpha_cutoff
-    data.transmission = material.transmission
-    data.reflectance = material.reflectance
     data.bends = int(material.bends)
-    data.ior = material.ior
     data.absorption = wp.vec3(*(material.absorption or (0.0, 0.0, 0.0)))
-    data.clear_coat = material.clear_coat
-    data.clear_coat_roughness = material.clear_coat_roughness
-    data.sheen = wp.vec3(*material.sheen)
-    data.color_texture = slot["texture"]
-    data.finish_texture = slot["finish_texture"]
-    data.opacity_texture = slot["opacity_texture"]
-    data.transmission_texture = slot["transmission_texture"]
-    data.emission_texture = slot["emission_texture"]
-    data.normal_texture = slot["normal_texture"]
+    for name in NUMBERS:
+        setattr(data, name, getattr(material, name))
+    for name in COLORS:
+        setattr(data, name, wp.vec3(*(float(value) for value in getattr(material, name))))
+    for name, number in textures.items():
+        setattr(data, name, number)
     return data
 
 

@@ -14,8 +14,8 @@ import warp as wp
 from digs_warp.checks import DigsError
 from digs_warp.data.images import linear_from_srgb
 from digs_warp.geometry.camera import Camera
-from digs_warp.sim.render.protocol import CameraTrack
-from digs_warp.sim.render.surround import Boundary, boundary_distance, make_boundary
+from digs_warp.sim.render.surround import Boundary, make_boundary
+from digs_warp.sim.render.views import CameraTrack
 from digs_warp.sim.scene.environment import Surround
 
 wp.set_module_options({"enable_backward": False})
@@ -124,9 +124,11 @@ def ray_direction_cam(view: View, x: float, y: float) -> wp.vec3:
 
 
 @wp.func
-def surround_distance(view: View, origin: wp.vec3, direction: wp.vec3) -> float:
-    """Distance along the ray to the surround, from inside."""
-    return boundary_distance(view.boundary, origin, direction)
+def center_ray(view: View, pixel: int) -> wp.vec3:
+    """Unit direction through the center of a pixel, numbered in reading order, in camera axes."""
+    return ray_direction_cam(
+        view, float(pixel % view.width) + 0.5, float(pixel // view.width) + 0.5
+    )
 
 
 def check_inside(center: np.ndarray, surround: Surround) -> None:

@@ -2,7 +2,6 @@
 
 import logging
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -23,24 +22,10 @@ DIRECTIONS = 48
 FULL_TURN = 2.0 * np.pi
 
 
-@dataclass(frozen=True, eq=False)
-class Spot:
-    """Where an object goes: turned about z [rad], then moved to (x, y) [m]."""
+def arrange(plans: Sequence[np.ndarray], rng: np.random.Generator) -> list[np.ndarray]:
+    """Return the motion of each object to its place: a turn about z and a shift along x and y [m], (4, 4).
 
-    yaw: float
-    position: np.ndarray
-
-    @property
-    def world_from_own(self) -> np.ndarray:
-        """The motion from where the object stands alone, shape (4, 4)."""
-        motion = np.eye(4)
-        motion[:2, :2] = rotation_in_plane(self.yaw)
-        motion[:2, 3] = self.position
-        return motion
-
-
-def arrange(plans: Sequence[np.ndarray], rng: np.random.Generator) -> list[Spot]:
-    """Return a spot for each object: the largest first, each next one where the cluster stays smallest.
+    The largest comes first, each next one where the cluster stays smallest.
 
     Args:
         plans: corners of the convex hull of each object seen from above [m], (k, 2), around the origin.
@@ -60,7 +45,10 @@ def arrange(plans: Sequence[np.ndarray], rng: np.random.Generator) -> list[Spot]
         polygons = [_too_near(other, turned[i], gaps[i]) for other in there]
         places = [_nearest_free(polygons, angle) for angle in angles]
         positions[i] = min(places, key=lambda place: _spread([*there, turned[i] + place]))
-    return [Spot(float(yaws[i]), positions[i]) for i in range(len(plans))]
+    motions = [np.eye(4) for _ in plans]
+    for i, motion in enumerate(motions):
+        motion[:2, :2], motion[:2, 3] = rotation_in_plane(yaws[i]), positions[i]
+    return motions
 
 
 def plan_of(vertices: np.ndarray) -> np.ndarray:
@@ -169,8 +157,7 @@ def load_objects(
 
 def beside_each_other(files: Sequence[MeshFile], rng: np.random.Generator) -> list[np.ndarray]:
     """Return the motion of each object to its place on the ground z = 0, (4, 4), in its own pose of rest."""
-    spots = arrange([plan_of(each.vertices) for each in files], rng)
-    motions = [spot.world_from_own for spot in spots]
+    motions = arrange([plan_of(each.vertices) for each in files], rng)
     for each, motion in zip(files, motions, strict=True):
         motion[2, 3] = -each.vertices[:, 2].min()
     return motions

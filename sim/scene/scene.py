@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
-from digs_warp.geometry.rigid import matrix_from_rotation_vector
+from digs_warp.geometry.rigid import rotation_in_plane
 from digs_warp.sim.scene.mesh.placement import Placement
 
 # A surface that hides less than this share of the background counts as transparent.
@@ -157,14 +157,23 @@ class Scene:
         return np.ptp(self.object_vertices, axis=0).astype(np.float64)
 
     def turned(self, angle: float) -> "Scene":
-        """Return the scene with its objects turned about the z axis [rad]; furniture stays."""
-        turning = np.unique(self.faces[self.face_objects != FURNITURE])
-        turn = matrix_from_rotation_vector(np.array([0.0, 0.0, angle])).astype(np.float32)
+        """Return the scene with its objects, not the furniture, turned counterclockwise from above [rad]."""
+        turn = np.eye(4)
+        turn[:2, :2] = rotation_in_plane(angle)
+        owned = [self._used(self.face_objects == i + 1) for i in range(len(self.objects))]
+        turning = self._used(self.face_objects != FURNITURE)
         vertices, normals = self.vertices.copy(), self.normals.copy()
-        vertices[turning], normals[turning] = (
-            each[turning] @ turn.T for each in (vertices, normals)
+        for each in (vertices, normals):
+            each[turning] = each[turning].astype(np.float64) @ turn[:3, :3].T
+        objects = tuple(
+            replace(
+                each,
+                world_from_mesh=turn @ each.world_from_mesh,
+                size=np.ptp(vertices[own], axis=0).astype(np.float64),
+            )
+            for each, own in zip(self.objects, owned, strict=True)
         )
-        return replace(self, vertices=vertices, normals=normals)
+        return replace(self, vertices=vertices, normals=normals, objects=objects)
 
     @property
     def has_furniture(self) -> bool:
@@ -176,4 +185,8 @@ class Scene:
         """The vertices of the objects' faces [m], shape (k, 3), float32."""
         if not self.has_furniture:
             return self.vertices
-        return self.vertices[np.unique(self.faces[self.face_objects != FURNITURE])]
+        return self.vertices[self._used(self.face_objects != FURNITURE)]
+
+    def _used(self, faces: np.ndarray) -> np.ndarray:
+        """Return which vertices some faces, (m,), bool, use, ascending."""
+        return np.unique(self.faces[faces])

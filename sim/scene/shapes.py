@@ -7,7 +7,7 @@ import numpy as np
 
 from digs_warp.geometry.rigid import rotation_in_plane
 from digs_warp.sim.scene.finishes import random_finish
-from digs_warp.sim.scene.scene import FURNITURE, Scene
+from digs_warp.sim.scene.scene import FURNITURE, Material, Scene
 
 SEGMENTS = 48
 SHAPES = ("box", "cylinder", "cone", "ball")
@@ -133,16 +133,20 @@ def plain_shape(rng: np.random.Generator, radius: float) -> Scene:
         radius: of the upright cylinder around it [m].
     """
     patch = _form(SHAPES[rng.integers(len(SHAPES))], rng, radius)
-    count = len(patch.faces)
+    return furniture(patch, np.zeros(len(patch.faces)), (random_finish(rng),))
+
+
+def furniture(patch: Patch, face_materials: np.ndarray, materials: tuple[Material, ...]) -> Scene:
+    """Return a surface as a scene without an object; ``face_materials``: index of each face's, (m,)."""
     return Scene(
         vertices=patch.vertices.astype(np.float32),
         faces=patch.faces.astype(np.int32),
-        face_materials=np.zeros(count, np.int32),
+        face_materials=face_materials.astype(np.int32),
         normals=patch.normals.astype(np.float32),
         uvs=patch.uvs.astype(np.float32),
         vertex_colors=np.ones((len(patch.vertices), 3), np.float32),
-        materials=(random_finish(rng),),
-        face_objects=np.full(count, FURNITURE, np.int32),
+        materials=materials,
+        face_objects=np.full(len(patch.faces), FURNITURE, np.int32),
     )
 
 

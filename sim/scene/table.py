@@ -5,8 +5,8 @@ from functools import cache
 import numpy as np
 
 from digs_warp.sim.scene.finishes import mix, periodic_noise, smoothstep
-from digs_warp.sim.scene.scene import FURNITURE, Material, Scene
-from digs_warp.sim.scene.shapes import Patch, join_patches
+from digs_warp.sim.scene.scene import Material, Scene
+from digs_warp.sim.scene.shapes import Patch, furniture, join_patches
 
 SEED = 11
 
@@ -50,18 +50,8 @@ def table_scene(top: float, floor: float, things: np.ndarray) -> Scene:
         for sign in np.array([(-1, -1), (1, -1), (1, 1), (-1, 1)])
     ]
     parts = (board, join_patches(legs))
-    whole = join_patches(list(parts))
-    numbers = [np.full(len(part.faces), n, np.int32) for n, part in enumerate(parts)]
-    return Scene(
-        vertices=whole.vertices.astype(np.float32),
-        faces=whole.faces.astype(np.int32),
-        face_materials=np.concatenate(numbers),
-        normals=whole.normals.astype(np.float32),
-        uvs=whole.uvs.astype(np.float32),
-        vertex_colors=np.ones((len(whole.vertices), 3), np.float32),
-        materials=table_materials(),
-        face_objects=np.full(len(whole.faces), FURNITURE, np.int32),
-    )
+    numbers = np.repeat(np.arange(len(parts)), [len(part.faces) for part in parts])
+    return furniture(join_patches(parts), numbers, table_materials())
 
 
 @cache

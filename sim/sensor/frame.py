@@ -118,24 +118,21 @@ def is_thin_glass(material: Material) -> bool:
 
 
 class FrameRays(Protocol):
-    """Rays that only some effects need; a renderer casts them on request, once per frame."""
+    """Rays that only some effects need; a renderer casts them on request."""
 
-    def right_visibility(
-        self, where: np.ndarray | None = None, depth: np.ndarray | None = None
-    ) -> np.ndarray:
+    def right_visibility(self, where: np.ndarray, depth: np.ndarray) -> np.ndarray:
         """Whether the right eye sees the point at each left pixel center, (height, width), bool.
 
-        Here and below, rays are cast only at ``where``, (height, width), bool; None: everywhere. The
-        other pixels count as visible. ``depth``: planar z of what the left eye sees [m], (height, width),
-        float32; it saves the rays that would find it.
+        Here and below, rays are cast only at ``where``, (height, width), bool. The other pixels count as
+        visible. ``depth``: planar z of what the left eye sees [m], (height, width), float32.
         """
         ...
 
-    def reflection_distance(self, where: np.ndarray | None = None) -> np.ndarray:
+    def reflection_distance(self, where: np.ndarray) -> np.ndarray:
         """Distance from the surface to what it reflects [m], (height, width), float32; NaN elsewhere."""
         ...
 
-    def depth_behind(self, where: np.ndarray | None = None) -> np.ndarray:
+    def depth_behind(self, where: np.ndarray) -> np.ndarray:
         """Planar depth of the first opaque surface [m], (height, width), float32; NaN elsewhere."""
         ...
 

@@ -3,7 +3,7 @@
 import sys
 from inspect import getdoc
 
-from digs_warp.sim.camera.profiles import IMAGE_FIGURES, PROFILES, RIG_FIGURES
+from digs_warp.sim.camera.profiles import IMAGE_FIGURES, RIG_FIGURES, load_profile
 from digs_warp.sim.sensor.color import COLOR_EFFECTS
 from digs_warp.sim.sensor.effects import EFFECTS
 from digs_warp.sim.sensor.effects.protocol import Choice, SensorEffect
@@ -70,7 +70,7 @@ def cause_rows() -> list[list[str]]:
 
 def figure_rows() -> list[list[str]]:
     """Return the table of a profile's figures."""
-    figures = PROFILES[SHOWN_PROFILE].figures
+    figures = load_profile(SHOWN_PROFILE).figures
     return [
         [f"`{name}`", f"{figures[name].value:g}", figures[name].origin, figures[name].note]
         for name in (*IMAGE_FIGURES, *RIG_FIGURES)

@@ -10,11 +10,11 @@ import numpy as np
 
 from digs_warp.geometry.camera import Camera
 from digs_warp.geometry.rigid import rigid
-from digs_warp.sim.camera.profiles import PROFILES
+from digs_warp.sim.camera.profiles import load_profile
 from digs_warp.sim.camera.shutter import Shutter, ShutteredEye
 from digs_warp.sim.config import Tier
-from digs_warp.sim.render.protocol import Projected
 from digs_warp.sim.render.raycast import RaycastRenderer
+from digs_warp.sim.render.views import Projected
 from digs_warp.sim.sensor.color import (
     CALIBRATION_DRIFT,
     IMAGE_BLUR,
@@ -140,7 +140,7 @@ class SensorStudio:
         else:
             shutter = Shutter(views=effect.views(facts), exposure_time=self.rig.exposure_time)
         eye = ShutteredEye(self._renderer, shutter, self.rig.intrinsics, pose_at)
-        return eye.image(SAMPLES, np.random.SeedSequence(SEED))[0]
+        return eye.photograph(SAMPLES, np.random.SeedSequence(SEED)).image
 
     def colored(self, effect: PixelEffect) -> np.ndarray:
         """Return the left image after an effect alone."""
@@ -163,7 +163,7 @@ class SensorStudio:
     @cached_property
     def _projected(self) -> tuple[np.float32, Projected]:
         """The brightness of the D435's dots, and where they are."""
-        figures = PROFILES["d435"].figures
+        figures = load_profile("d435").figures
         camera = still_life_camera(self.rig)
         place = camera.shifted_right(figures["projector_offset"].value).world_from_cam
         gain = np.float32(figures["projector_power"].value * self._renderer.exposure)

@@ -12,7 +12,7 @@ import numpy as np
 
 from digs_warp.geometry.camera import Camera
 from digs_warp.geometry.rigid import look_at, rigid
-from digs_warp.sim.camera.profiles import PROFILES
+from digs_warp.sim.camera.profiles import load_profile
 from digs_warp.sim.camera.rig import StereoRig
 from digs_warp.sim.render.raycast import RaycastRenderer
 from digs_warp.sim.scene.builtin import builtin_environment
@@ -64,7 +64,7 @@ def still_life() -> tuple[Scene, Environment]:
 
 def still_life_rig() -> StereoRig:
     """Return a ZED-2-class camera at the size of the pictures."""
-    return PROFILES["zed2-720"].rig(WIDTH, HEIGHT, FOV_DEG)
+    return load_profile("zed2-720").rig(WIDTH, HEIGHT, FOV_DEG)
 
 
 def pose_at(moment: float) -> np.ndarray:
@@ -84,13 +84,14 @@ def still_life_camera(rig: StereoRig) -> Camera:
 def photograph(renderer: RaycastRenderer, scene: Scene, rig: StereoRig) -> FrameTruth:
     """Return what the rig sees of the scene, before the sensor."""
     camera = still_life_camera(rig)
-    view = renderer.render(camera, SAMPLES, seed=1)
+    image, _ = renderer.render_image(camera, SAMPLES, seed=1)
+    view = renderer.render_geometry(camera)
     right, _ = renderer.render_image(camera.shifted_right(rig.baseline), SAMPLES, RIGHT_SEED)
     return FrameTruth(
         number=0,
         camera=camera,
         rig=rig,
-        image=view.image,
+        image=image,
         right=right,
         depth=view.depth,
         normals_world=view.normals_world,

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from digs_warp.data.layers import Occlusion
-from digs_warp.sim.render.protocol import CameraTrack
+from digs_warp.sim.render.views import CameraTrack
 from digs_warp.sim.scene.scene import Scene
 
 # A hit this much nearer than the point, as a share of the distance, hides it.

@@ -1,16 +1,37 @@
 """A camera, lights and round scenes for the tests of the ray caster."""
 
+from typing import NamedTuple
+
 import numpy as np
 
 from digs_warp.geometry.camera import Camera, Intrinsics, pixel_centers
 from digs_warp.geometry.rigid import look_at
+from digs_warp.sim.render.raycast import RaycastRenderer
 from digs_warp.sim.scene.environment import DEFAULT_RADIUS, Environment
 from digs_warp.sim.scene.scene import Material, Scene
+from reference.plates import scene_of
 
 UP = np.array([0.0, 0.0, 1.0])
 INTRINSICS = Intrinsics.from_fov(161, 91, 60.0)
 CAMERA = Camera(INTRINSICS, look_at(np.array([1.1, -0.5, 0.4]), np.zeros(3), UP))
 GRAY = Material("gray", np.full(3, 0.5, np.float32))
+
+
+class View(NamedTuple):
+    """Everything that one eye sees."""
+
+    image: np.ndarray
+    mask: np.ndarray
+    depth: np.ndarray
+    normals_world: np.ndarray
+    material_ids: np.ndarray
+    object_ids: np.ndarray
+
+
+def see(renderer: RaycastRenderer, camera: Camera, samples: int = 4, seed: int = 0) -> View:
+    """What a still camera sees."""
+    taken = renderer.render_image(camera, samples, seed)
+    return View(*taken, *renderer.render_geometry(camera))
 
 
 def sky(seed: int = 0, radius: float = DEFAULT_RADIUS) -> Environment:
@@ -42,15 +63,7 @@ def sphere(radius: float, rings: int = 64) -> Scene:
         np.cross(points[:, 1] - points[:, 0], points[:, 2] - points[:, 0]), axis=1
     )
     faces = faces[area > 1e-9]
-    return Scene(
-        vertices=(radius * normals).astype(np.float32),
-        faces=faces.astype(np.int32),
-        face_materials=np.zeros(len(faces), np.int32),
-        normals=normals.astype(np.float32),
-        uvs=np.zeros((len(normals), 2), np.float32),
-        vertex_colors=np.ones((len(normals), 3), np.float32),
-        materials=(GRAY,),
-    )
+    return scene_of(radius * normals, faces, normals, GRAY)
 
 
 def rays_world(camera: Camera) -> np.ndarray:

@@ -15,7 +15,7 @@ from digs_warp.geometry.camera import Camera, Intrinsics
 from digs_warp.geometry.rigid import look_at
 
 if TYPE_CHECKING:
-    from digs_warp.sim.render.protocol import Renderer
+    from digs_warp.sim.render.raycast import RaycastRenderer
 
 INTRINSICS = Intrinsics(320, 240, 300.0, 302.0, 158.0, 123.0)
 UP = np.array([0.0, 0.0, 1.0])
@@ -54,16 +54,18 @@ def record(
     poses: Sequence[np.ndarray], folder: Path, intrinsics: Intrinsics = INTRINSICS
 ) -> Capture:
     """Write a capture of the built-in scene from ``poses``: photographs, true depth and masks."""
+    from reference.raycast_scenes import see
+
     renderer = _renderer(intrinsics)
     writer = CaptureWriter(folder, intrinsics)
     for number, pose in enumerate(poses):
-        view = renderer.render(Camera(intrinsics, pose), samples_per_pixel=2, seed=number)
+        view = see(renderer, Camera(intrinsics, pose), samples=2, seed=number)
         writer.write_frame(number, FrameImages(view.image, view.depth, view.mask))
         writer.add_pose(number, pose, 0.1 * number)
     return writer.finish()
 
 
-def _renderer(intrinsics: Intrinsics) -> "Renderer":
+def _renderer(intrinsics: Intrinsics) -> "RaycastRenderer":
     from digs_warp.sim.config import SimulateConfig
     from digs_warp.sim.record.inputs import load_inputs
     from digs_warp.sim.record.session import prepare_session

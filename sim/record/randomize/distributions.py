@@ -7,114 +7,41 @@ changed a little, and a quantile of a distribution is its value at that share.
 import math
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Protocol, TypeAlias
+from typing import Any, Literal, TypeAlias
 
 Value: TypeAlias = float | int | bool | str | Path | tuple[float, ...] | tuple[str, ...] | None
 
 
-class Distribution(Protocol):
-    """What a setting is drawn from."""
-
-    def at(self, share: float) -> Value:
-        """Return the value at a share, 0 <= share < 1."""
-        ...
-
-    @property
-    def extremes(self) -> tuple[Value, ...]:
-        """The values between which all others lie, or all of them: those that have to be allowed."""
-        ...
-
-    @property
-    def words(self) -> str:
-        """The distribution as a file has it."""
-        ...
-
-
 @dataclass(frozen=True)
-class Fixed:
-    """Always the same value."""
+class Span:
+    """Numbers from ``low`` to ``high``; of two whole numbers, the whole ones, both included.
 
-    value: Value
-
-    def at(self, share: float) -> Value:
-        """Return the value."""
-        return self.value
-
-    @property
-    def extremes(self) -> tuple[Value, ...]:
-        """The value."""
-        return (self.value,)
-
-    @property
-    def words(self) -> str:
-        """The value."""
-        return _word(self.value)
-
-
-@dataclass(frozen=True)
-class Uniform:
-    """Every number from ``low`` to ``high`` is as likely as any other."""
+    Attributes:
+        form: "uniform": each number is as likely as any other; "log_uniform": each factor is, so that
+            [0.5, 2] has its median at 1.
+    """
 
     low: float
     high: float
+    form: Literal["uniform", "log_uniform"] = "uniform"
 
     def at(self, share: float) -> float:
-        """Return the number at a share."""
+        """Return the number at a share, 0 <= share < 1."""
+        if self.form == "log_uniform":
+            return self.low * (self.high / self.low) ** share
+        if isinstance(self.low, int):
+            return min(self.low + int(share * (self.high - self.low + 1)), self.high)
         return self.low + share * (self.high - self.low)
 
     @property
     def extremes(self) -> tuple[Value, ...]:
-        """Both ends."""
+        """Both ends, which have to be allowed."""
         return (self.low, self.high)
 
     @property
     def words(self) -> str:
-        """For example {uniform: [0, 360]}."""
-        return f"{{uniform: [{self.low:g}, {self.high:g}]}}"
-
-
-@dataclass(frozen=True)
-class UniformWhole:
-    """Every whole number from ``low`` to ``high``, both included, is as likely as any other."""
-
-    low: int
-    high: int
-
-    def at(self, share: float) -> int:
-        """Return the number at a share."""
-        return self.low + min(int(share * (self.high - self.low + 1)), self.high - self.low)
-
-    @property
-    def extremes(self) -> tuple[Value, ...]:
-        """Both ends."""
-        return (self.low, self.high)
-
-    @property
-    def words(self) -> str:
-        """For example {uniform: [1, 4]}."""
-        return f"{{uniform: [{self.low}, {self.high}]}}"
-
-
-@dataclass(frozen=True)
-class LogUniform:
-    """Every factor is as likely as any other: [0.5, 2] has its median at 1."""
-
-    low: float
-    high: float
-
-    def at(self, share: float) -> float:
-        """Return the number at a share."""
-        return self.low * (self.high / self.low) ** share
-
-    @property
-    def extremes(self) -> tuple[Value, ...]:
-        """Both ends."""
-        return (self.low, self.high)
-
-    @property
-    def words(self) -> str:
-        """For example {log_uniform: [0.5, 2]}."""
-        return f"{{log_uniform: [{self.low:g}, {self.high:g}]}}"
+        """As a file has it, for example {log_uniform: [0.5, 2]}."""
+        return f"{{{self.form}: {_word(self.extremes)}}}"
 
 
 @dataclass(frozen=True)
@@ -127,7 +54,7 @@ class Normal:
     high: float
 
     def at(self, share: float) -> float:
-        """Return the number at a share."""
+        """Return the number at a share, 0 <= share < 1."""
         from scipy.special import ndtr, ndtri
 
         low, high = ((limit - self.mean) / self.deviation for limit in (self.low, self.high))
@@ -140,14 +67,13 @@ class Normal:
 
     @property
     def extremes(self) -> tuple[Value, ...]:
-        """Both limits."""
+        """Both limits, which have to be allowed."""
         return (self.low, self.high)
 
     @property
     def words(self) -> str:
-        """For example {normal: [0, 0.5], limits: [-1, 1]}."""
-        limits = f"limits: [{self.low:g}, {self.high:g}]"
-        return f"{{normal: [{self.mean:g}, {self.deviation:g}], {limits}}}"
+        """As a file has it, for example {normal: [0, 0.5], limits: [-1, 1]}."""
+        return f"{{normal: {_word((self.mean, self.deviation))}, limits: {_word(self.extremes)}}}"
 
 
 @dataclass(frozen=True)
@@ -163,12 +89,12 @@ class Choice:
     weights: tuple[float, ...]
 
     @staticmethod
-    def even(values: tuple[Value, ...]) -> "Choice":
-        """Return a choice of values that are all as likely."""
+    def even(*values: Value) -> "Choice":
+        """Return a choice of values that are all as likely; one alone is always chosen."""
         return Choice(values, (1.0,) * len(values))
 
     def at(self, share: float) -> Value:
-        """Return the value at a share."""
+        """Return the value at a share, 0 <= share < 1."""
         left = share * math.fsum(self.weights)
         for value, weight in zip(self.values, self.weights, strict=True):
             left -= weight
@@ -178,7 +104,7 @@ class Choice:
 
     @property
     def extremes(self) -> tuple[Value, ...]:
-        """All values."""
+        """All values, which have to be allowed."""
         return self.values
 
     def without(self, value: Value) -> "Choice":
@@ -188,11 +114,14 @@ class Choice:
 
     @property
     def words(self) -> str:
-        """For example {choice: [d435, oak-d], weights: [2, 1]}."""
-        values = f"choice: [{', '.join(map(_word, self.values))}]"
-        if len(set(self.weights)) == 1:
-            return f"{{{values}}}"
-        return f"{{{values}, weights: [{', '.join(f'{weight:g}' for weight in self.weights)}]}}"
+        """As a file has it, for example {choice: [d435, oak-d], weights: [2, 1]}."""
+        if len(self.values) == 1:
+            return _word(self.values[0])
+        weights = f", weights: {_word(self.weights)}" if len(set(self.weights)) > 1 else ""
+        return f"{{choice: {_word(self.values)}{weights}}}"
+
+
+Distribution: TypeAlias = Span | Normal | Choice
 
 
 def as_json(value: Value) -> Any:
@@ -202,7 +131,7 @@ def as_json(value: Value) -> Any:
     return str(value) if isinstance(value, Path) else value
 
 
-def _word(value: Value) -> str:
+def _word(value: Any) -> str:
     if isinstance(value, tuple):
         return f"[{', '.join(map(_word, value))}]"
     if value is None or isinstance(value, bool):

@@ -14,7 +14,7 @@ import numpy as np
 
 from digs_warp.checks import DigsError
 from digs_warp.sim.config import SimulateConfig
-from digs_warp.sim.record.randomize.distributions import Choice, Distribution, Fixed, Value, as_json
+from digs_warp.sim.record.randomize.distributions import Choice, Distribution, Value, as_json
 from digs_warp.sim.record.randomize.settings_file import (
     DISTRACTOR_MESH_COUNT,
     OBJECT_COUNT,
@@ -30,18 +30,18 @@ SEEDS = 2**31  # those that --seed takes
 
 
 @dataclass(frozen=True)
-class DrawnScene:
-    """A scene of a data set.
+class SceneJob:
+    """One recording of a data set.
 
     Attributes:
-        number: from 0.
-        drawn: what was drawn, by key, as JSON has it; with the seed.
-        config: the settings of the recording.
+        name: its folder below that of the data set: mesh/environment/walk, or the number of the draw.
+        config: what to record.
+        drawn: what was drawn at random, by key, as JSON has it, with the seed; None: nothing was.
     """
 
-    number: int
-    drawn: Mapping[str, Any]
+    name: str
     config: SimulateConfig
+    drawn: Mapping[str, Any] | None = None
 
 
 def draw_scenes(
@@ -50,7 +50,7 @@ def draw_scenes(
     count: int,
     meshes: Sequence[Path] = (),
     environments: Sequence[Path] = (),
-) -> tuple[DrawnScene, ...]:
+) -> tuple[SceneJob, ...]:
     """Return ``count`` scenes.
 
     Args:
@@ -92,13 +92,13 @@ def _entries(
     entries = {key: entry for key, entry in randomization.entries.items() if key not in given}
     for key, files in (("mesh", meshes), ("environment", environments)):
         if files:
-            entries[key] = Choice.even(tuple(files))
+            entries[key] = Choice.even(*files)
     if config.scene:  # these objects and no others
         entries.pop("mesh", None)
     return entries
 
 
-def _scene(entries: Mapping[str, Distribution], config: SimulateConfig, number: int) -> DrawnScene:
+def _scene(entries: Mapping[str, Distribution], config: SimulateConfig, number: int) -> SceneJob:
     def share(key: str, item: int = 0) -> float:
         return share_of(config.seed, number, key, item)
 
@@ -109,7 +109,7 @@ def _scene(entries: Mapping[str, Distribution], config: SimulateConfig, number: 
             values[key] = _draw(entry, known_keys()[key], objects, share)
     values["seed"] = int(share("seed") * SEEDS)
     drawn = {key: as_json(value) for key, value in values.items()}
-    return DrawnScene(number, drawn, with_values(config, values))
+    return SceneJob(f"{number:04d}", with_values(config, values), drawn)
 
 
 def _meshes(entries: Mapping[str, Distribution], share: Callable[..., float]) -> dict[str, Value]:
@@ -160,7 +160,7 @@ def _check(name: str, entries: Mapping[str, Distribution], config: SimulateConfi
                 _check_count(key, value, entries)
                 _try(with_values(config, {**first, key: _listed(known[key], value)}))
             except DigsError as error:
-                what = "" if isinstance(entry, Fixed) else f" {entry.words}"
+                what = "" if len(entry.extremes) == 1 else f" {entry.words}"
                 raise DigsError(f"randomization '{name}': {key}{what}: {error}") from error
 
 

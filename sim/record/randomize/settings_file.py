@@ -22,11 +22,8 @@ from digs_warp.sim.config import SimulateConfig
 from digs_warp.sim.record.randomize.distributions import (
     Choice,
     Distribution,
-    Fixed,
-    LogUniform,
     Normal,
-    Uniform,
-    UniformWhole,
+    Span,
     Value,
 )
 from digs_warp.words import did_you_mean
@@ -165,8 +162,7 @@ class Entry:
             DigsError: a value of the wrong type, an empty range, or an unknown distribution.
         """
         if not isinstance(found, Mapping):
-            values = self._values(found)
-            return Fixed(values[0]) if len(values) == 1 else Choice.even(values)
+            return Choice.even(*self._values(found))
         form = next((name for name in FORMS if name in found), None)
         if form is None:
             named = next(iter(found), "{}")
@@ -181,29 +177,20 @@ class Entry:
             raise self._wrong(
                 found, f"a choice, because its values are no numbers: {self._values_are}"
             )
-        if self.key.kind == "whole number":
-            return self._uniform_whole(found, form)
-        return self._normal(found) if form == "normal" else self._range(found, form)
-
-    def _range(self, found: Mapping[str, Any], form: str) -> Distribution:
-        low, high = self._pair(found, form, "low", "high")
-        if low > high:
-            raise self._wrong(found, "low <= high; this range is empty")
-        if form == "uniform":
-            return Uniform(low, high)
-        if low <= 0:
-            raise self._wrong(found, "0 < low: factors have no zero; use uniform")
-        return LogUniform(low, high)
-
-    def _uniform_whole(self, found: Mapping[str, Any], form: str) -> Distribution:
-        if form != "uniform":
+        if self.key.kind == "whole number" and form != "uniform":
             raise self._wrong(found, "uniform or choice, because it is a whole number")
+        return self._normal(found) if form == "normal" else self._span(found, form)
+
+    def _span(self, found: Mapping[str, Any], form: Any) -> Distribution:
         low, high = self._pair(found, form, "low", "high")
-        if low != int(low) or high != int(high):
+        is_whole = self.key.kind == "whole number"
+        if is_whole and not (low.is_integer() and high.is_integer()):
             raise self._wrong(found, "two whole numbers")
         if low > high:
             raise self._wrong(found, "low <= high; this range is empty")
-        return UniformWhole(int(low), int(high))
+        if form == "log_uniform" and low <= 0:
+            raise self._wrong(found, "0 < low: factors have no zero; use uniform")
+        return Span(int(low), int(high)) if is_whole else Span(low, high, form)
 
     def _normal(self, found: Mapping[str, Any]) -> Distribution:
         mean, deviation = self._pair(found, "normal", "mean", "deviation")

@@ -93,18 +93,3 @@ def test_an_object_beyond_the_farthest_depth_is_refused_before_rendering(tmp_pat
     ):
         simulate(config, tmp_path / "capture")
     assert not (tmp_path / "capture").exists()
-
-
-@pytest.mark.parametrize("longest", [0.06, 8.0])
-def test_small_and_large_objects_are_rendered_without_a_gap(tmp_path: Path, longest: float) -> None:
-    config = SimulateConfig(
-        mesh=box(tmp_path, longest), frames=2, width=96, samples_per_pixel=1, tier="truth"
-    )
-    capture = simulate(config, tmp_path / "capture")
-    for frame in capture.frames:
-        rows, columns = np.nonzero(frame.load_mask() == 255)
-        # The hand does not aim at the middle of the object all the time.
-        middle = frame.load_depth_true()[int(np.median(rows)), int(np.median(columns))]
-        distance = np.linalg.norm(frame.camera.center_world)
-        assert distance - 0.5 * longest * 1.5 < middle < distance
-        assert len(rows) > 0.6 * np.ptp(rows) * np.ptp(columns)

@@ -11,7 +11,7 @@ from digs_warp.data.images import linear_from_srgb
 from digs_warp.geometry.camera import Camera, Intrinsics
 from digs_warp.geometry.rigid import look_at, rigid
 from digs_warp.sim.camera.shutter import BandedRays, Shutter, ShutteredEye
-from digs_warp.sim.render.protocol import Renderer, exposure_by_views
+from digs_warp.sim.render.gl import exposure_by_views
 from digs_warp.sim.render.raycast import RaycastRenderer
 from digs_warp.sim.scene.environment import Environment
 from digs_warp.sim.scene.scene import Material
@@ -26,7 +26,7 @@ READOUT, EXPOSURE = 0.04, 0.03  # [s]
 
 
 @pytest.fixture(scope="module")
-def renderer() -> Renderer:
+def renderer() -> RaycastRenderer:
     """A tall gray plate, narrower than the view, in a gray room."""
     gray = Material("gray", np.full(3, 0.2, np.float32))
     scene = plate((0, 0, 0), (0.3, 0, 0), (0, 0, 3.0), gray)
@@ -38,7 +38,7 @@ def turning(rate: float, after: float) -> np.ndarray:
     return POSE @ rigid(Rotation.from_rotvec([0, rate * after, 0]).as_matrix(), np.zeros(3))
 
 
-def eye(renderer: Renderer, shutter: Shutter, rate: float = TURN) -> ShutteredEye:
+def eye(renderer: RaycastRenderer, shutter: Shutter, rate: float = TURN) -> ShutteredEye:
     pose: Callable[[float], np.ndarray] = partial(turning, rate)
     return ShutteredEye(renderer, shutter, K, pose)
 
@@ -56,24 +56,25 @@ def test_bands_and_views_share_out_their_times() -> None:
     np.testing.assert_array_equal(Shutter().moments(0), [0.0])
 
 
-def test_an_ideal_shutter_changes_no_byte(renderer: Renderer) -> None:
+def test_an_ideal_shutter_changes_no_byte(renderer: RaycastRenderer) -> None:
     ideal = eye(renderer, Shutter())
     seed = int(SEED.generate_state(1)[0])
     image, mask = renderer.render_image(Camera(K, POSE), 2, seed)
-    np.testing.assert_array_equal(ideal.image(2, SEED)[0], image)
-    np.testing.assert_array_equal(ideal.image(2, SEED)[1], mask)
+    taken = ideal.photograph(2, SEED)
+    np.testing.assert_array_equal(taken.image, image)
+    np.testing.assert_array_equal(taken.mask, mask)
     for a, b in zip(ideal.geometry(), renderer.render_geometry(Camera(K, POSE)), strict=True):
         np.testing.assert_array_equal(a, b)
 
 
-def test_a_still_camera_sees_the_same_through_any_shutter(renderer: Renderer) -> None:
+def test_a_still_camera_sees_the_same_through_any_shutter(renderer: RaycastRenderer) -> None:
     rolling = eye(renderer, Shutter(7, 1, READOUT), rate=0.0)
     ideal = eye(renderer, Shutter())
     for a, b in zip(rolling.geometry(), ideal.geometry(), strict=True):
         np.testing.assert_allclose(a, b, rtol=1e-5)
 
 
-def test_a_rolling_shutter_leans_what_stands_upright(renderer: Renderer) -> None:
+def test_a_rolling_shutter_leans_what_stands_upright(renderer: RaycastRenderer) -> None:
     depth, _, materials, _ = eye(renderer, Shutter(60, 1, READOUT)).geometry()
     assert depth.shape == (K.height, K.width)
     first = np.argmax(materials == 0, axis=1).astype(float)
@@ -84,9 +85,11 @@ def test_a_rolling_shutter_leans_what_stands_upright(renderer: Renderer) -> None
     assert first[0] - first[-1] == pytest.approx(TURN * READOUT * K.fx, rel=0.15)
 
 
-def test_an_exposure_blurs_edges_by_the_motion_and_keeps_the_light(renderer: Renderer) -> None:
-    sharp = eye(renderer, Shutter(), rate=0.0).image(16, SEED)
-    blurred = eye(renderer, Shutter(1, 16, 0.0, EXPOSURE)).image(16, SEED)
+def test_an_exposure_blurs_edges_by_the_motion_and_keeps_the_light(
+    renderer: RaycastRenderer,
+) -> None:
+    sharp = eye(renderer, Shutter(), rate=0.0).photograph(16, SEED)[:2]
+    blurred = eye(renderer, Shutter(1, 16, 0.0, EXPOSURE)).photograph(16, SEED)[:2]
     ramp = blurred[1][:, : K.width // 2].mean(axis=0) / 255
     partly = (ramp > 0.02) & (ramp < 0.98)
     # An edge 8.5 degrees off the axis moves by f (1 + tan^2) per radian.
@@ -155,7 +158,7 @@ def test_the_surround_of_an_exposure_is_the_mean_of_its_moments(texels: int) -> 
     assert error.mean() < 0.5
 
 
-def test_both_eyes_read_a_row_at_the_same_time(renderer: Renderer) -> None:
+def test_both_eyes_read_a_row_at_the_same_time(renderer: RaycastRenderer) -> None:
     """Right and left edge of a band lie one disparity apart, whenever the row was read."""
 
     def right_pose(after: float) -> np.ndarray:
@@ -171,14 +174,15 @@ def test_both_eyes_read_a_row_at_the_same_time(renderer: Renderer) -> None:
     np.testing.assert_allclose(edges[0] - edges[1], K.fx * 0.1 / depth_at_edge, atol=1.01)
 
 
-def test_rays_of_the_bands_are_those_of_their_rows(renderer: Renderer) -> None:
+def test_rays_of_the_bands_are_those_of_their_rows(renderer: RaycastRenderer) -> None:
     still, banded = eye(renderer, Shutter(), 0.0), eye(renderer, Shutter(7), 0.0)
     rays = banded.rays(0.1)
     assert isinstance(rays, BandedRays)
     where = np.random.default_rng(0).random((K.height, K.width)) < 0.3
-    for some in (None, where):
-        expected = still.rays(0.1).right_visibility(some)
-        assert (rays.right_visibility(some) != expected).mean() < 0.002
+    depth = still.geometry().depth
+    for some in (np.ones_like(where), where):
+        expected = still.rays(0.1).right_visibility(some, depth)
+        assert (rays.right_visibility(some, depth) != expected).mean() < 0.002
         np.testing.assert_allclose(
             rays.depth_behind(some), still.rays(0.1).depth_behind(some), rtol=1e-4
         )

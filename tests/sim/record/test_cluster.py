@@ -9,7 +9,6 @@ import trimesh
 from scipy.spatial import KDTree
 
 from digs_warp.checks import DigsError
-from digs_warp.geometry.rigid import rotation_in_plane
 from digs_warp.sim.config import SimulateConfig
 from digs_warp.sim.record.inputs import load_inputs
 from digs_warp.sim.record.session import prepare_session
@@ -41,7 +40,7 @@ def separation(a: np.ndarray, b: np.ndarray) -> float:
     return float(best)
 
 
-@pytest.mark.parametrize("seed", range(8))
+@pytest.mark.parametrize("seed", range(3))
 def test_plans_are_apart_but_close(seed: int) -> None:
     rng = np.random.default_rng(seed)
     plans = [
@@ -49,10 +48,7 @@ def test_plans_are_apart_but_close(seed: int) -> None:
         for _ in range(rng.integers(2, 9))
     ]
     spots = arrange(plans, np.random.default_rng(seed))
-    placed = [
-        plan @ rotation_in_plane(spot.yaw).T + spot.position
-        for plan, spot in zip(plans, spots, strict=True)
-    ]
+    placed = [plan @ spot[:2, :2].T + spot[:2, 3] for plan, spot in zip(plans, spots, strict=True)]
     least = GAPS[0] * np.median([np.ptp(plan, axis=0).max() for plan in plans])
     gaps = np.array([separation(a, b) for a, b in combinations(placed, 2)])
     assert gaps.min() >= least * (1 - 1e-9)
@@ -62,10 +58,7 @@ def test_plans_are_apart_but_close(seed: int) -> None:
     alone = max(np.linalg.norm(plan, axis=1).max() for plan in plans)
     area = sum(np.pi * np.linalg.norm(plan, axis=1).max() ** 2 for plan in plans)
     assert widest < 2 * np.sqrt(area / np.pi) + alone
-    np.testing.assert_array_equal(
-        [spot.position for spot in arrange(plans, np.random.default_rng(seed))],
-        [spot.position for spot in spots],
-    )
+    np.testing.assert_array_equal(arrange(plans, np.random.default_rng(seed)), spots)
 
 
 def test_an_object_touches_its_neighbor_up_to_the_gap() -> None:
@@ -73,7 +66,7 @@ def test_an_object_touches_its_neighbor_up_to_the_gap() -> None:
     square = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1.0]])
     for seed in range(10):
         one, two = arrange([square, square], np.random.default_rng(seed))
-        a, b = (square @ rotation_in_plane(spot.yaw).T + spot.position for spot in (one, two))
+        a, b = (square @ spot[:2, :2].T + spot[:2, 3] for spot in (one, two))
         assert 2 * GAPS[0] - 1e-9 <= separation(a, b) <= 2 * np.sqrt(2) * GAPS[1] + 1e-9
 
 

@@ -9,12 +9,12 @@ import pytest
 from digs_warp.device.libraries import MissingLibraryError
 from digs_warp.geometry.camera import Camera, Intrinsics
 from digs_warp.geometry.rigid import look_at
-from digs_warp.sim.render.protocol import Renderer
 from digs_warp.sim.render.raycast import RaycastRenderer
 from digs_warp.sim.scene.environment import Environment
 from digs_warp.sim.scene.join import join_scenes
 from digs_warp.sim.scene.scene import Material, Scene
 from reference.plates import plate
+from reference.raycast_scenes import see
 
 SKY = Environment(np.ones((16, 32, 3), np.float32))
 GREY = Material("gray", np.full(3, 0.5, np.float32))
@@ -35,7 +35,7 @@ def furniture(scene: Scene) -> Scene:
     return replace(scene, face_objects=np.zeros(len(scene.faces), np.int32), objects=())
 
 
-def gl(scene: Scene, environment: Environment) -> Renderer:
+def gl(scene: Scene, environment: Environment) -> RaycastRenderer:
     from digs_warp.sim.render.gl import GlRenderer
 
     try:
@@ -56,9 +56,9 @@ SCENE = join_scenes(
 
 @pytest.mark.parametrize("make", [RaycastRenderer, gl])
 def test_masks_and_numbers_tell_objects_from_furniture(
-    make: Callable[[Scene, Environment], Renderer],
+    make: Callable[[Scene, Environment], RaycastRenderer],
 ) -> None:
-    view = make(SCENE, SKY).render(CAMERA, 4)
+    view = see(make(SCENE, SKY), CAMERA, 4)
     numbers = np.zeros((60, 80), np.int32)
     flat(slice(10, 30), 1, numbers)
     flat(slice(50, 70), 2, numbers)
@@ -73,7 +73,7 @@ def test_furniture_before_an_object_hides_it_unless_it_is_glass() -> None:
     glass = Material("glass", np.ones(3, np.float32), transmission=1.0, roughness=0.0)
     for material, seen in ((GREY, 0), (glass, 255)):
         front = furniture(upright(0.01, 0.0, 0.15, material))
-        view = RaycastRenderer(join_scenes(behind, front), SKY).render(CAMERA, 4)
+        view = see(RaycastRenderer(join_scenes(behind, front), SKY), CAMERA, 4)
         assert (view.mask[21:39, 31:49] == seen).all()
         assert (view.mask == 255).sum() == (400 if seen else 0)
         assert not view.object_ids.any()  # depth, too, is that of the glass

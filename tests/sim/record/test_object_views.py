@@ -90,17 +90,6 @@ def test_poses_and_shares_agree_with_the_recorded_numbers(stored: Capture) -> No
     assert min(shares) < 0.7 and max(shares) == 1.0  # the scene tests both
 
 
-def test_masks_cover_the_objects_together(stored: Capture) -> None:
-    for frame in stored.frames:
-        mask, numbers = frame.load_mask(), frame.load_instances()
-        inner = np.ones(mask.shape, bool)
-        inner[:, 1:] &= (numbers[:, 1:] > 0) == (numbers[:, :-1] > 0)
-        inner[1:] &= (numbers[1:] > 0) == (numbers[:-1] > 0)
-        inner[:, :-1] &= inner[:, 1:]
-        inner[:-1] &= inner[1:]
-        assert ((mask > 127) == (numbers > 0))[inner].mean() > 0.999
-
-
 def test_memory_and_a_resumed_folder_hold_the_same(
     config: SimulateConfig, stored: Capture, tmp_path: Path
 ) -> None:

@@ -12,7 +12,6 @@ import pytest
 from digs_warp.checks import DigsError
 from digs_warp.data.images import to_uint8
 from digs_warp.device import parallel
-from digs_warp.sim.camera.shutter import Shutter
 from digs_warp.sim.config import SimulateConfig
 from digs_warp.sim.record.frame_maker import FrameMaker, RenderedFrame
 from digs_warp.sim.record.inputs import load_inputs
@@ -20,7 +19,7 @@ from digs_warp.sim.record.record import simulate
 from digs_warp.sim.record.sensor_plan import make_plan
 from digs_warp.sim.record.session import FRAME_RATE, Session, number_before, prepare_session
 from digs_warp.sim.sensor.frame import Cause
-from digs_warp.sim.sensor.post_filters.chain import COSTS, AfterMatching, Shot, choices_of
+from digs_warp.sim.sensor.post_filters.chain import COSTS, AfterMatching, choices_of
 from digs_warp.sim.sensor.post_filters.names import FILTERS
 from reference.file_hashes import file_hashes
 
@@ -136,36 +135,6 @@ def test_all_cameras_and_effects_bear_filters() -> None:
     assert share == pytest.approx(differs[known].mean(), abs=0.03)
 
 
-def test_a_camera_at_rest_averages_noise_but_no_error_that_stays() -> None:
-    """The same view with other image noise in every frame, against the mean of many."""
-    config = SimulateConfig(frames=1, width=320, seed=2, filters="temporal")
-    session = prepare_session(config, load_inputs(config))
-    plan = make_plan(session)
-    maker = FrameMaker(session, plan)
-    truth, _ = session.truth(0, Shutter())
-
-    def draw(number: int) -> Shot:
-        frame = replace(truth, number=number_before(0, number))
-        return maker._shot(frame, maker._matched_pair(frame))
-
-    shots = [draw(number) for number in range(16)]
-    stack = np.stack([shot.sensed.disparity for shot in shots])
-    filtered = np.stack([maker.device.apply(shots[i : i + 4]).disparity for i in range(0, 16, 4)])
-    fixed = stack.mean(axis=0)
-    # Where every draw gives the same match up to its noise: no averaging is cut off at delta.
-    stable = np.ptp(stack, axis=0) < 0.6
-    assert stable.mean() > 0.5
-    single = (stack - fixed)[:, stable].std() * np.sqrt(16 / 15)
-    # The mean holds each frame, too: what is left of it after the filter is a sum of known weights.
-    weights = np.zeros(16)
-    weights[:4] = 0.6**3, 0.4 * 0.6**2, 0.4 * 0.6, 0.4
-    expected = single * np.linalg.norm(weights - 1 / 16)
-    assert (filtered - fixed)[:, stable].std() == pytest.approx(expected, rel=0.05)
-    error = np.abs(fixed - truth.disparity)[stable]
-    left = np.abs(filtered.mean(axis=0) - truth.disparity)[stable]
-    assert np.sqrt((left**2).mean()) == pytest.approx(np.sqrt((error**2).mean()), rel=0.02)
-
-
 def test_every_filter_has_a_price() -> None:
     assert COSTS.keys() == FILTERS.keys()
     assert choices_of(AfterMatching()) == ()
@@ -190,11 +159,10 @@ def test_filtered_depth_stays_in_range(maker_of: Callable[..., FrameMaker]) -> N
     assert (images.cause[missing] != Cause.OK).all() and (images.confidence[missing] == 0).all()
 
 
-@pytest.mark.parametrize("filters", ["spatial,hole-filling-nearest", "dense,temporal"])
 def test_any_number_of_threads_and_a_resumed_run_give_the_same_bytes(
-    tmp_path: Path, filters: str, monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    config = replace(CONFIG, filters=filters, confidence_threshold=0.4)
+    config = replace(CONFIG, filters=ALL, confidence_threshold=0.4)
     simulate(config, tmp_path / "many")
     monkeypatch.setattr(parallel, "default_threads", lambda: 1)
     simulate(config, tmp_path / "one")
@@ -206,9 +174,9 @@ def test_any_number_of_threads_and_a_resumed_run_give_the_same_bytes(
     assert file_hashes(tmp_path / "again") == file_hashes(tmp_path / "many")
 
 
-@pytest.mark.parametrize("tier", ["truth", "law"])
 @pytest.mark.parametrize(
-    ("setting", "value"), [("filters", "spatial"), ("confidence_threshold", 0.5)]
+    ("tier", "setting", "value"),
+    [("truth", "filters", "spatial"), ("law", "confidence_threshold", 0.5)],
 )
 def test_tiers_that_match_nothing_refuse_both(tier: Any, setting: str, value: Any) -> None:
     with pytest.raises(DigsError, match=rf"{setting} {value}: has no meaning with --tier {tier}"):

@@ -9,21 +9,12 @@ from digs_warp.sim.render.raycast import RaycastRenderer
 from digs_warp.sim.scene.environment import Environment
 from digs_warp.sim.scene.join import join_scenes
 from digs_warp.sim.scene.scene import Material, Scene
+from reference.plates import scene_of
 
 SKY = Environment(np.ones((16, 32, 3), np.float32))
 
 
-def scene_of(mesh: trimesh.Trimesh) -> Scene:
-    count = len(mesh.vertices)
-    return Scene(
-        vertices=np.asarray(mesh.vertices, np.float32),
-        faces=np.asarray(mesh.faces, np.int32),
-        face_materials=np.zeros(len(mesh.faces), np.int32),
-        normals=np.asarray(mesh.vertex_normals, np.float32),
-        uvs=np.zeros((count, 2), np.float32),
-        vertex_colors=np.ones((count, 3), np.float32),
-        materials=(Material("gray", np.full(3, 0.5)),),
-    )
+GRAY = Material("gray", np.full(3, 0.5))
 
 
 def balls_on_a_board() -> Scene:
@@ -34,7 +25,10 @@ def balls_on_a_board() -> Scene:
     shell.update_faces(shell.triangles_center[:, 2] > 0.03)
     board = trimesh.creation.box((0.8, 0.6, 0.02))
     board.apply_translation((0.1, 0, -0.11))
-    return join_scenes(*(scene_of(part) for part in (*parts, shell, board)))
+    whole = (*parts, shell, board)
+    return join_scenes(
+        *(scene_of(part.vertices, part.faces, part.vertex_normals, GRAY) for part in whole)
+    )
 
 
 def measured(scene: Scene) -> np.ndarray:

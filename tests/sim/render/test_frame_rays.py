@@ -18,6 +18,7 @@ UP = np.array([0.0, 0.0, 1.0])
 INTRINSICS = Intrinsics.from_fov(160, 90, 60.0)
 SKY = Environment(np.ones((8, 16, 3), np.float32))
 BASELINE = 0.12
+ALL = np.ones((90, 160), bool)
 GLASS = Material("glass", np.ones(3, np.float32), transmission=1.0, roughness=0.0)
 # One metre in front of the origin, looking along -x: image right is +y.
 CAMERA = Camera(INTRINSICS, look_at(np.array([1.0, 0, 0]), np.zeros(3), UP))
@@ -37,7 +38,7 @@ def rays_of(scene: Scene) -> tuple[SurfaceRays, np.ndarray]:
 def test_a_plate_hides_from_the_right_eye_what_its_disparity_covers() -> None:
     """The shadow zone lies left of the plate and is as wide as the step in disparity."""
     rays, depth = rays_of(join_scenes(wall(0.4, 0.1), wall(-0.5, 3.0)))
-    hidden = ~rays.right_visibility()
+    hidden = ~rays.right_visibility(ALL, depth)
     near, far = INTRINSICS.fx * BASELINE / 0.6, INTRINSICS.fx * BASELINE / 1.5
     row = hidden[45]
     plate_columns = np.flatnonzero(depth[45] < 0.7)
@@ -55,7 +56,7 @@ def test_glass_hides_nothing() -> None:
         join_scenes(wall(0.4, 0.1, transmission=1.0, name="glass"), wall(-0.5, 3.0))
     )
     assert depth.min() == pytest.approx(0.6, rel=1e-5)
-    assert rays.right_visibility().all()
+    assert rays.right_visibility(ALL, depth).all()
 
 
 def test_the_other_side_of_a_thin_sheet_is_not_the_same_point() -> None:
@@ -64,12 +65,12 @@ def test_the_other_side_of_a_thin_sheet_is_not_the_same_point() -> None:
     rays, depth = rays_of(sheet)
     seen_sheet = depth < 1.3
     assert seen_sheet.sum() > 20
-    assert not rays.right_visibility()[seen_sheet].any()
+    assert not rays.right_visibility(ALL, depth)[seen_sheet].any()
 
 
 def test_a_mirror_at_the_origin_shows_the_surround_at_its_distance() -> None:
     rays, depth = rays_of(wall(0.0, 0.2))
-    distance = rays.reflection_distance()
+    distance = rays.reflection_distance(ALL)
     hit = depth < 1.01
     points = CAMERA.unproject(pixel_centers(160, 90), depth)
     arriving = points - CAMERA.center_world
@@ -85,7 +86,7 @@ def test_a_mirror_shows_the_wall_behind_the_camera() -> None:
     arriving = CAMERA.unproject(pixel_centers(160, 90), depth) - CAMERA.center_world
     along = arriving[..., 0] / np.linalg.norm(arriving, axis=-1)
     hit = depth < 1.01
-    np.testing.assert_allclose(rays.reflection_distance()[hit], (1.5 / -along)[hit], rtol=1e-3)
+    np.testing.assert_allclose(rays.reflection_distance(ALL)[hit], (1.5 / -along)[hit], rtol=1e-3)
 
 
 @pytest.mark.parametrize("layers", [1, 2, 6])
@@ -93,15 +94,15 @@ def test_depth_behind_looks_through_every_layer_of_glass(layers: int) -> None:
     panes = [wall(0.5 - 0.02 * i, 0.1, transmission=1.0) for i in range(layers)]
     rays, depth = rays_of(join_scenes(*panes, wall(-0.5, 3.0)))
     assert depth.min() == pytest.approx(0.5, rel=1e-5)
-    np.testing.assert_allclose(rays.depth_behind(), 1.5, rtol=1e-5)
+    np.testing.assert_allclose(rays.depth_behind(ALL), 1.5, rtol=1e-5)
 
 
 def test_behind_glass_alone_lies_the_surround_and_behind_walls_nothing() -> None:
     rays, depth = rays_of(wall(0.0, 0.2, opacity=0.3))
     far = RaycastRenderer(wall(-0.5, 0.001), SKY).render_geometry(CAMERA)[0]
-    np.testing.assert_allclose(rays.depth_behind()[44:46, 60:100], far[44:46, 60:100], rtol=1e-5)
+    np.testing.assert_allclose(rays.depth_behind(ALL)[44:46, 60:100], far[44:46, 60:100], rtol=1e-5)
     rays, depth = rays_of(wall(0.0, 0.2))
-    np.testing.assert_array_equal(rays.depth_behind(), depth)
+    np.testing.assert_array_equal(rays.depth_behind(ALL), depth)
 
 
 def test_opacity_textures_cut_holes_into_geometry() -> None:
@@ -120,42 +121,14 @@ def test_opacity_textures_cut_holes_into_geometry() -> None:
 
 
 def test_rays_at_some_pixels_are_those_of_the_whole_frame() -> None:
-    rays, _ = rays_of(join_scenes(wall(0.4, 0.1, transmission=1.0), wall(-0.5, 0.6)))
+    rays, depth = rays_of(join_scenes(wall(0.4, 0.1, transmission=1.0), wall(-0.5, 0.6)))
     where = np.random.default_rng(0).random((90, 160)) < 0.2
     for kind, elsewhere in (
-        (rays.right_visibility, True),
+        (lambda some: rays.right_visibility(some, depth), True),
         (rays.reflection_distance, np.nan),
         (rays.depth_behind, np.nan),
     ):
-        some, everything = kind(where), kind()
+        some, everything = kind(where), kind(ALL)
         np.testing.assert_array_equal(some[where], everything[where])
         np.testing.assert_array_equal(some[~where], elsewhere)
         assert kind(np.zeros_like(where)).shape == where.shape  # asking for nothing is no error
-
-
-def test_rays_are_cast_once() -> None:
-    rays, _ = rays_of(wall(0.0, 0.2))
-    assert rays.right_visibility() is rays.right_visibility()
-    assert rays.depth_behind() is rays.depth_behind()
-
-
-def test_points_of_known_depth_are_seen_as_those_that_are_looked_for() -> None:
-    """A plate, a sheet seen from its two sides, a wall that ends, and the surround behind all."""
-    sheet = plate((0.2, 0.06, 0), (0.1, 0, 0), (0, 0, 0.1), Material("paper", np.ones(3)))
-    rays, depth = rays_of(join_scenes(wall(0.4, 0.1), sheet, wall(-0.5, 0.6)))
-    everywhere = np.ones((90, 160), dtype=bool)
-    looked_for = rays.right_visibility()
-    np.testing.assert_array_equal(rays.right_visibility(everywhere, depth), looked_for)
-    assert 0.02 < (~looked_for).mean() < 0.5
-    # Another depth is another point: what is told is used.
-    assert (rays.right_visibility(everywhere, 0.5 * depth) != looked_for).any()
-
-
-def test_known_depth_makes_no_difference_among_things_that_are_seen_through() -> None:
-    rays, depth = rays_of(
-        join_scenes(
-            wall(0.4, 0.1, transmission=1.0, name="glass"), wall(0.2, 0.05), wall(-0.5, 3.0)
-        )
-    )
-    everywhere = np.ones((90, 160), dtype=bool)
-    np.testing.assert_array_equal(rays.right_visibility(everywhere, depth), rays.right_visibility())

@@ -13,7 +13,8 @@ from digs_warp.sim.render.raycast import RaycastRenderer
 from digs_warp.sim.scene.environment import Environment, panorama_directions
 from digs_warp.sim.scene.join import join_scenes
 from digs_warp.sim.scene.scene import Material, Scene
-from reference.plates import plate
+from reference.plates import plate, scene_of
+from reference.raycast_scenes import see
 
 UP = np.array([0.0, 0.0, 1.0])
 INTRINSICS = Intrinsics.from_fov(160, 90, 40.0)
@@ -35,16 +36,7 @@ def body(mesh: trimesh.Trimesh, material: Material, smooth: bool = False) -> Sce
     if not smooth:
         mesh = mesh.copy()
         mesh.unmerge_vertices()
-    count = len(mesh.vertices)
-    return Scene(
-        vertices=mesh.vertices.astype(np.float32),
-        faces=mesh.faces.astype(np.int32),
-        face_materials=np.zeros(len(mesh.faces), np.int32),
-        normals=mesh.vertex_normals.astype(np.float32),
-        uvs=np.zeros((count, 2), np.float32),
-        vertex_colors=np.ones((count, 3), np.float32),
-        materials=(material,),
-    )
+    return scene_of(mesh.vertices, mesh.faces, mesh.vertex_normals, material)
 
 
 def glow(level: float) -> Material:
@@ -170,7 +162,7 @@ def test_clear_glass_disappears_in_a_white_surround() -> None:
 def test_a_body_covers_and_measures_like_any_other_surface() -> None:
     ball = trimesh.creation.icosphere(subdivisions=4, radius=0.2)
     views = [
-        RaycastRenderer(body(ball, m, smooth=True), BLACK).render(EYE)
+        see(RaycastRenderer(body(ball, m, smooth=True), BLACK), EYE)
         for m in (GLASS, replace(GLASS, transmission=0.0))
     ]
     np.testing.assert_array_equal(views[0].mask, views[1].mask)

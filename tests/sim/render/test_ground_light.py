@@ -14,6 +14,7 @@ from digs_warp.sim.render.ground_light import measure_plane, planes_of
 from digs_warp.sim.render.raycast import RaycastRenderer
 from digs_warp.sim.scene.environment import Environment, panorama_directions, set_up
 from digs_warp.sim.scene.scene import Material, Scene
+from reference.plates import scene_of
 
 RADIUS = 0.1
 UP = np.array([0.0, 0.0, 1.0])
@@ -26,16 +27,8 @@ GREY_SKY = Environment(np.full((64, 128, 3), 0.4, np.float32))
 def ball(radius: float = RADIUS) -> Scene:
     """A ball around the origin."""
     mesh = trimesh.creation.icosphere(subdivisions=5, radius=radius)
-    count = len(mesh.vertices)
-    return Scene(
-        vertices=mesh.vertices.astype(np.float32),
-        faces=mesh.faces.astype(np.int32),
-        face_materials=np.zeros(len(mesh.faces), np.int32),
-        normals=(mesh.vertices / radius).astype(np.float32),
-        uvs=np.zeros((count, 2), np.float32),
-        vertex_colors=np.ones((count, 3), np.float32),
-        materials=(Material("gray", np.full(3, 0.5, np.float32)),),
-    )
+    gray = Material("gray", np.full(3, 0.5, np.float32))
+    return scene_of(mesh.vertices, mesh.faces, mesh.vertices / radius, gray)
 
 
 def sun(direction: np.ndarray, degrees: float, power: float = 1.0) -> Environment:
@@ -87,8 +80,8 @@ def test_a_ball_takes_the_light_of_its_form_factor_from_the_floor() -> None:
 def test_the_light_map_agrees_with_the_form_factor() -> None:
     renderer = under_grey_sky("table")
     floor, table = (
-        measure_plane(renderer._surface, renderer._light.struct, plane)
-        for plane in (renderer._planes.floor, renderer._planes.table)
+        measure_plane(renderer._surface, renderer._light, plane)
+        for plane in (renderer._floor, renderer._table)
         if plane is not None
     )
     assert floor.height == pytest.approx(table.height - 0.75)
@@ -108,7 +101,7 @@ def test_the_sun_casts_the_shadow_of_the_ball() -> None:
     toward = np.array([-0.5, 0.4, 0.0]) + 0.9 * UP
     toward /= np.linalg.norm(toward)
     renderer = on("floor", sun(toward, 2.0))
-    assert renderer._light.struct.keys.count == 1
+    assert renderer._light.keys.count == 1
     points, share = lit_floor(renderer)
     assert renderer._surface.floor.is_soft == 0
     along = points @ toward
@@ -177,4 +170,4 @@ def test_auto_puts_small_things_on_a_table_and_large_ones_on_the_floor() -> None
     assert not set_up(small, room, "auto", 1.0).scene.has_furniture
     table = set_up(small, room, "table", 1.0)
     assert table.environment.floor == pytest.approx(-0.2 - 0.75)
-    assert planes_of(table.scene, table.environment).table is not None
+    assert planes_of(table.scene, table.environment)[0] is not None

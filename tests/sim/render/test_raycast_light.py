@@ -6,12 +6,21 @@ import numpy as np
 
 from digs_warp.geometry.camera import Camera
 from digs_warp.geometry.rigid import look_at
-from digs_warp.sim.render.ambient_occlusion import openness_nodes
 from digs_warp.sim.render.raycast import RaycastRenderer
 from digs_warp.sim.scene.join import join_scenes
 from digs_warp.sim.scene.scene import Material, Scene
 from reference.plates import plate
-from reference.raycast_scenes import CAMERA, GRAY, INTRINSICS, UP, gray_sky, rays_world, sky, sphere
+from reference.raycast_scenes import (
+    CAMERA,
+    GRAY,
+    INTRINSICS,
+    UP,
+    gray_sky,
+    rays_world,
+    see,
+    sky,
+    sphere,
+)
 
 
 def test_white_furnace_returns_the_color_of_a_matte_surface() -> None:
@@ -52,7 +61,7 @@ def test_zero_vertex_normals_fall_back_to_the_triangle() -> None:
     scene = plate((0, 0, 0), (0, 0.3, 0), (0, 0, 0.3), GRAY)
     blank = replace(scene, normals=np.zeros_like(scene.normals))
     camera = Camera(INTRINSICS, look_at(np.array([1.0, 0, 0]), np.zeros(3), UP))
-    one, other = (RaycastRenderer(s, sky()).render(camera) for s in (scene, blank))
+    one, other = (see(RaycastRenderer(s, sky()), camera) for s in (scene, blank))
     np.testing.assert_allclose(one.normals_world, other.normals_world, atol=1e-6)
     assert other.image[45, 80].min() > 0
 
@@ -60,15 +69,7 @@ def test_zero_vertex_normals_fall_back_to_the_triangle() -> None:
 def test_a_corner_is_darker_than_an_open_surface() -> None:
     floor = plate((0, 0, 0), (0.3, 0, 0), (0, 0.3, 0), GRAY)
     wall = plate((-0.3, 0, 0.3), (0, 0.3, 0), (0, 0, 0.3), GRAY)
-    corner = replace(
-        floor,
-        vertices=np.concatenate([floor.vertices, wall.vertices]),
-        normals=np.concatenate([floor.normals, wall.normals]),
-        uvs=np.concatenate([floor.uvs, wall.uvs]),
-        vertex_colors=np.ones((8, 3), np.float32),
-        faces=np.concatenate([floor.faces, wall.faces + 4]).astype(np.int32),
-        face_materials=np.zeros(4, np.int32),
-    )
+    corner = join_scenes(floor, wall)
     camera = Camera(INTRINSICS, look_at(np.array([0.4, 0, 0.8]), np.zeros(3), UP))
     alone, beside = (
         RaycastRenderer(s, gray_sky()).render_image(camera)[0] for s in (floor, corner)
@@ -95,19 +96,6 @@ def test_the_middle_of_a_large_face_is_bright_between_dark_corners() -> None:
         for s in (floor, join_scenes(floor, *rims))
     )
     assert 0.85 * bare < tray < bare
-
-
-def test_nodes_lie_on_vertices_and_edges_and_point_to_their_largest_face() -> None:
-    scene = plate((0, 0, 0), (1, 0, 0), (0, 1, 0), GRAY)
-    nodes = openness_nodes(scene)
-    assert len(nodes.points) == 4 + 5 and nodes.edges.shape == (2, 3)
-    for face, edges in zip(scene.faces, nodes.edges, strict=True):
-        corners = scene.vertices[face]
-        np.testing.assert_allclose(nodes.points[edges], (corners + np.roll(corners, -1, 0)) / 2)
-    middles = scene.vertices[scene.faces].mean(axis=1)
-    ends = nodes.points + nodes.inward
-    assert np.abs(ends[:, None] - middles).sum(axis=2).min(axis=1).max() < 1e-6
-    np.testing.assert_allclose(np.linalg.norm(nodes.normals, axis=1), 1, rtol=1e-6)
 
 
 def checkered_wall(square: int) -> Scene:

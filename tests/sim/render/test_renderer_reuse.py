@@ -79,13 +79,13 @@ def test_objects_in_the_same_surround_share_its_blurred_copies() -> None:
     radiance = np.random.default_rng(2).random((8, 16, 3), dtype=np.float32)
     sky, other = Environment(radiance), Environment(radiance[::-1])
     table = np.full(3, 0.2)
-    first, second = prepare_light(sky).struct, prepare_light(sky, below=table).struct
-    assert first.specular.ptr == second.specular.ptr
+    first, second = (prepare_light(sky, below=each)[1] for each in (None, table))
+    assert first.specular.texels.ptr == second.specular.texels.ptr
     assert not np.array_equal(first.irradiance.numpy(), second.irradiance.numpy())
-    upside_down = prepare_light(other).struct.specular.numpy()
-    assert not np.array_equal(upside_down, first.specular.numpy())
+    upside_down = prepare_light(other)[1].specular.texels.numpy()
+    assert not np.array_equal(upside_down, first.specular.texels.numpy())
     environment_light._copies.clear()
-    np.testing.assert_array_equal(prepare_light(other).struct.specular.numpy(), upside_down)
+    np.testing.assert_array_equal(prepare_light(other)[1].specular.texels.numpy(), upside_down)
 
 
 @pytest.fixture

@@ -11,8 +11,9 @@ from digs_warp.sim.render.lighting import take_out_spots
 from digs_warp.sim.render.raycast import RaycastRenderer
 from digs_warp.sim.scene.environment import Environment, panorama_directions, solid_angles
 from digs_warp.sim.scene.join import join_scenes
-from digs_warp.sim.scene.scene import Material, Scene
-from reference.plates import plate
+from digs_warp.sim.scene.scene import Material
+from reference.plates import plate, scene_of
+from reference.raycast_scenes import see
 from reference.shading_scenes import (
     ABOVE,
     BLACK,
@@ -57,15 +58,7 @@ def test_a_round_body_of_few_faces_has_no_steps_at_its_terminator() -> None:
     a = np.arange(segments)
     b = a + segments + 1
     faces = np.concatenate([np.stack([a, a + 1, b + 1], 1), np.stack([a, b + 1, b], 1)])
-    cylinder = Scene(
-        vertices=vertices.astype(np.float32),
-        faces=faces.astype(np.int32),
-        face_materials=np.zeros(len(faces), np.int32),
-        normals=np.concatenate([ring, ring]).astype(np.float32),
-        uvs=np.zeros((len(vertices), 2), np.float32),
-        vertex_colors=np.ones((len(vertices), 3), np.float32),
-        materials=(MATTE,),
-    )
+    cylinder = scene_of(vertices, faces, np.concatenate([ring, ring]), MATTE)
     environment, sun = sunny(sky=5.0)
     side = 1.2 * np.cross(UP, sun) / np.linalg.norm(np.cross(UP, sun))  # sees light and dark half
     camera = Camera(INTRINSICS, look_at(side, np.zeros(3), UP))
@@ -119,13 +112,13 @@ def test_even_surrounds_have_no_spots(environment: Environment) -> None:
 
 
 def test_a_black_surround_shows_nothing_and_measures_all() -> None:
-    view = RaycastRenderer(wall(MATTE), BLACK).render(FRONT)
+    view = see(RaycastRenderer(wall(MATTE), BLACK), FRONT)
     assert not view.image.any()
     assert view.mask[45, 80] == 255 and view.depth[45, 80] == pytest.approx(1.0, rel=1e-5)
 
 
 def test_a_white_surround_is_even() -> None:
-    view = RaycastRenderer(wall(MATTE), WHITE).render(FRONT)
+    view = see(RaycastRenderer(wall(MATTE), WHITE), FRONT)
     surround = view.image[view.mask == 0]
     assert len(surround) > 1000 and np.ptp(surround) <= 1
 
@@ -145,9 +138,7 @@ def test_glass_and_shadows_do_not_depend_on_threads() -> None:
     environment, _ = sunny()
     glass = Material("glass", np.ones(3, np.float32), transmission=0.9, roughness=0.1)
     scene = join_scenes(floor(MATTE), floor(MATTE, z=0.15, half=0.06), wall(glass, x=0.2))
-    a, b = (
-        RaycastRenderer(scene, environment, threads).render(ABOVE, seed=3) for threads in (1, 2)
-    )
+    a, b = (see(RaycastRenderer(scene, environment, threads), ABOVE, seed=3) for threads in (1, 2))
     np.testing.assert_array_equal(a.image, b.image)
     np.testing.assert_array_equal(a.mask, b.mask)
 
@@ -156,6 +147,6 @@ def test_a_camera_inside_the_object_sees_its_inside() -> None:
     """No near plane cuts anything off."""
     near = plate((0.0005, 0, 0), (0, 0.3, 0), (0, 0, 0.3), MATTE)
     camera = Camera(INTRINSICS, look_at(np.array([0.001, 0, 0]), np.array([-1.0, 0, 0]), UP))
-    view = RaycastRenderer(near, WHITE).render(camera)
+    view = see(RaycastRenderer(near, WHITE), camera)
     assert (view.material_ids == 0).all() and (view.mask == 255).all()
     np.testing.assert_allclose(view.depth, 0.0005, rtol=1e-3)

@@ -11,7 +11,7 @@ from digs_warp.sim.render.raycast import RaycastRenderer
 from digs_warp.sim.scene.environment import Environment, panorama_directions, solid_angles
 from digs_warp.sim.scene.join import join_scenes
 from digs_warp.sim.scene.scene import Material, Scene
-from reference.plates import plate
+from reference.plates import plate, scene_of
 
 INTRINSICS = Intrinsics.from_fov(160, 90, 40.0)
 UP = np.array([0.0, 0.0, 1.0])
@@ -45,15 +45,8 @@ def fine_plate(coarse: Scene, cells: int) -> Scene:
     number = np.arange((cells + 1) ** 2).reshape(cells + 1, cells + 1)
     a, b, c, d = number[:-1, :-1], number[:-1, 1:], number[1:, 1:], number[1:, :-1]
     faces = np.concatenate([np.stack([a, b, c], -1), np.stack([a, c, d], -1)]).reshape(-1, 3)
-    return Scene(
-        vertices=vertices.reshape(-1, 3).astype(np.float32),
-        faces=faces.astype(np.int32),
-        face_materials=np.zeros(len(faces), np.int32),
-        normals=np.tile(coarse.normals[0], (number.size, 1)),
-        uvs=np.zeros((number.size, 2), np.float32),
-        vertex_colors=np.ones((number.size, 3), np.float32),
-        materials=coarse.materials,
-    )
+    normals = np.tile(coarse.normals[0], (number.size, 1))
+    return scene_of(vertices.reshape(-1, 3), faces, normals, MATTE)
 
 
 def true_share(points: np.ndarray, parts: int = 8) -> np.ndarray:
@@ -124,7 +117,7 @@ def test_small_triangles_keep_the_share_that_their_vertices_see() -> None:
     x, z = scene.vertices[:, 0], scene.vertices[:, 2]
     tried = seen & on_floor & (x > -0.29)
     expected = true_share(scene.vertices[tried].astype(np.float64))
-    keys = renderer._light.struct.keys
+    keys = renderer._light.keys
     weights = keys.strengths.numpy()
     error = share[tried] @ (weights / weights.sum()) - expected
     half = (expected > 0.05) & (expected < 0.95)

@@ -8,7 +8,6 @@ import pytest
 from digs_warp.geometry.camera import Camera, Intrinsics
 from digs_warp.geometry.rigid import look_at
 from digs_warp.sim.render.raycast import RaycastRenderer
-from digs_warp.sim.render.rays import depth_behind_kernel
 from digs_warp.sim.render.upload import CELLS, stopping_faces
 from digs_warp.sim.scene.environment import Environment
 from digs_warp.sim.scene.join import join_scenes
@@ -101,12 +100,12 @@ def test_rays_find_the_same_with_and_without_the_faces_that_they_pass() -> None:
     renderer = RaycastRenderer(scene, Environment(np.ones((8, 16, 3), np.float32)))
     depth = renderer.render_geometry(camera)[0]
     rays = renderer.frame_rays(camera, 0.12)
-    assert rays._scene.solid is not rays._scene
-    everywhere = np.ones(depth.shape, bool)
-    whole = rays._scene.surface
-    behind = rays._cast(depth_behind_kernel, everywhere, whole)
-    np.testing.assert_allclose(rays.depth_behind(), behind, rtol=1e-5)
+    scene, everywhere = rays._scene, np.ones(depth.shape, bool)
+    assert scene.solid is not scene
+    behind, seen = rays.depth_behind(everywhere), rays.right_visibility(everywhere, depth)
+    rays._scene = replace(scene)  # in which nothing is left out
+    rays._scene.__dict__["solid"] = scene
+    np.testing.assert_allclose(rays.depth_behind(everywhere), behind, rtol=1e-5)
+    np.testing.assert_array_equal(rays.right_visibility(everywhere, depth), seen)
     assert len(np.unique(np.round(behind, 2))) >= 4  # label, small wall, wall, surround
-    seen = rays.right_visibility(everywhere, depth)
-    np.testing.assert_array_equal(seen, rays.right_visibility())
     assert 0.02 < (~seen).mean() < 0.5

@@ -64,7 +64,7 @@ def test_the_reference_measures_overlaps() -> None:
     assert overlap(box, box + (1.2, 0, 0)) == pytest.approx(-0.2)
 
 
-@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.parametrize("seed", range(3))
 def test_nothing_is_within_another_and_everything_is_carried(
     seed: int, files: list[MeshFile]
 ) -> None:
@@ -130,12 +130,6 @@ def test_the_scene_holds_the_pile(paths: list[Path]) -> None:
         points = points_of(scene, number)
         assert KDTree(points).query(there)[0].max() < 1e-6
         np.testing.assert_allclose(np.ptp(points, axis=0), each.size, atol=1e-6)
-
-
-def test_one_mesh_falls_alone(paths: list[Path]) -> None:
-    scene = load_inputs(SimulateConfig(mesh=paths[1], arrange="drop")).scene
-    assert len(scene.objects) == 1
-    assert scene.size[2] == pytest.approx(0.05, abs=0.1 * MM)  # lies
 
 
 def test_what_does_not_settle_is_named(

@@ -10,7 +10,6 @@ import pytest
 
 from digs_warp.checks import DigsError
 from digs_warp.data.images import linear_from_srgb, write_image
-from digs_warp.sim.scene.builtin import builtin_environment
 from digs_warp.sim.scene.environment import (
     Environment,
     load_environment,
@@ -52,22 +51,13 @@ def test_not_a_number_is_refused_with_its_count_and_a_command_that_mends_it(
     np.testing.assert_allclose(mended, 1.0, atol=1e-3)
 
 
-def test_missing_file_is_named(tmp_path: Path) -> None:
-    with pytest.raises(DigsError, match=r"environment .*none\.hdr.*no such file"):
-        load_environment(tmp_path / "none.hdr")
-
-
 def test_truncated_file_is_refused(tmp_path: Path, sample_data: Path) -> None:
     whole = (sample_data / "envs/forest_slope/forest_slope_1k.hdr").read_bytes()
     (tmp_path / "half.hdr").write_bytes(whole[: len(whole) // 2])
-    with pytest.raises(DigsError, match=r"half\.hdr"):
-        load_environment(tmp_path / "half.hdr")
-
-
-def test_a_file_that_is_no_image_is_refused(tmp_path: Path) -> None:
-    (tmp_path / "sky.hdr").write_text("hello")
-    with pytest.raises(DigsError, match=r"sky\.hdr"):
-        load_environment(tmp_path / "sky.hdr")
+    (tmp_path / "text.hdr").write_text("hello")
+    for name in ("half.hdr", "text.hdr", "none.hdr"):
+        with pytest.raises(DigsError, match=name.replace(".", r"\.")):
+            load_environment(tmp_path / name)
 
 
 def test_a_photo_is_no_panorama(tmp_path: Path) -> None:
@@ -96,25 +86,3 @@ def test_panorama_directions_are_unit_and_follow_the_convention() -> None:
     np.testing.assert_allclose(directions[15:17, 31:33].mean(axis=(0, 1)), [1, 0, 0], atol=5e-3)
     # To the right of +x lies -y.
     assert directions[16, 40, 1] < 0
-
-
-@pytest.fixture(scope="module")
-def room() -> Environment:
-    """The built-in room."""
-    return builtin_environment()
-
-
-def test_the_room_is_large_bright_and_always_the_same(room: Environment) -> None:
-    height, width = room.radiance.shape[:2]
-    assert width == 2 * height >= 2048
-    assert room.radiance.max() > 5 * np.median(room.radiance)
-
-
-def test_the_room_has_detail_in_every_direction(room: Environment) -> None:
-    """Every patch of about 8 degrees, but those inside a lamp, varies by more than 5 %."""
-    gray = room.radiance.mean(axis=2)[128:896]  # near the poles a patch is a sliver of the sphere
-    patches = gray.reshape(16, 48, 32, 64)
-    contrast = patches.std(axis=(1, 3)) / patches.mean(axis=(1, 3))
-    lamps = patches.min(axis=(1, 3)) > 4.0
-    assert (contrast[~lamps] > 0.05).all()
-    assert lamps.mean() < 0.05

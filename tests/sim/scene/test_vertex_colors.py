@@ -1,9 +1,7 @@
 import numpy as np
-import pytest
 from numpy.testing import assert_allclose
 
 from digs_warp.data.images import linear_from_srgb, srgb_from_linear
-from digs_warp.sim.scene.builtin import builtin_scene
 from digs_warp.sim.scene.join import sampled_texture, srgb_vertex_colors
 from digs_warp.sim.scene.scene import Material, Scene
 
@@ -63,12 +61,3 @@ def test_factor_texture_and_vertex_color_multiply_for_each_material():
     assert found.dtype == np.float32
     assert_allclose(found[:6], srgb_from_linear(expected), atol=1e-6)
     assert_allclose(found[6], 1.0)  # in no face
-
-
-@pytest.mark.parametrize("scene", [builtin_scene()], ids=["built in"])
-def test_the_built_in_object_has_more_than_one_color(scene: Scene):
-    colors = srgb_vertex_colors(scene)
-    assert colors.shape == scene.vertices.shape
-    assert (colors >= 0).all()
-    assert (colors <= 1).all()
-    assert colors.std(axis=0).max() > 0.05

@@ -7,8 +7,8 @@ import pytest
 
 from digs_warp.geometry.camera import Camera, Intrinsics
 from digs_warp.geometry.rigid import look_at
-from digs_warp.sim.render.protocol import CameraTrack
 from digs_warp.sim.render.raycast import RaycastRenderer
+from digs_warp.sim.render.views import CameraTrack
 from digs_warp.sim.scene.environment import Environment
 from digs_warp.sim.scene.scene import Material
 from digs_warp.sim.sensor.color import AUTO_EXPOSURE, WHITE_BALANCE

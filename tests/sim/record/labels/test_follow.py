@@ -9,8 +9,8 @@ from scipy.spatial.transform import Rotation
 from digs_warp.data.layers import Occlusion
 from digs_warp.geometry.camera import Camera, Intrinsics
 from digs_warp.geometry.rigid import look_at, rigid
-from digs_warp.sim.render.protocol import CameraTrack, Followed
 from digs_warp.sim.render.raycast import RaycastRenderer
+from digs_warp.sim.render.views import CameraTrack, Followed
 from digs_warp.sim.scene.environment import Environment
 from digs_warp.sim.scene.join import join_scenes
 from digs_warp.sim.scene.scene import Material, Scene

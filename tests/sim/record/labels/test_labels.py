@@ -12,7 +12,6 @@ from scipy.ndimage import map_coordinates
 from digs_warp.checks import CaptureError, DigsError
 from digs_warp.data.capture import Capture, read_capture
 from digs_warp.data.frame import Frame
-from digs_warp.data.images import linear_from_srgb
 from digs_warp.data.layers import Layer, Occlusion
 from digs_warp.data.rig import Rig
 from digs_warp.formats.captures.formats import export_capture
@@ -80,10 +79,6 @@ def centers(image: np.ndarray) -> np.ndarray:
     return pixel_centers(image.shape[1], image.shape[0])
 
 
-def leftward(disparity: np.ndarray) -> np.ndarray:
-    return np.stack([-disparity, np.zeros_like(disparity)], axis=-1)
-
-
 def test_disparity_of_perfect_eyes_is_focal_length_times_baseline_over_depth(
     maker: FrameMaker, frame: Frame
 ) -> None:
@@ -93,25 +88,6 @@ def test_disparity_of_perfect_eyes_is_focal_length_times_baseline_over_depth(
         (frame.load_disparity_right(), frame.load_depth_right()),
     ):
         np.testing.assert_allclose(disparity, focal_baseline / depth, rtol=1e-5)
-
-
-@pytest.mark.parametrize("side", ["left", "right"])
-def test_the_disparities_of_the_eyes_agree_where_both_see(frame: Frame, side: str) -> None:
-    disparities = [frame.load_disparity(), frame.load_disparity_right()]
-    occluded, sign = frame.load_occlusion(), 1
-    if side == "right":
-        disparities.reverse()
-        occluded, sign = frame.load_occlusion_right(), -1
-    here, there = disparities
-    places = centers(here) + sign * leftward(here)
-    seen = (occluded == Occlusion.SEEN) & smooth(there, places, 0.5)
-    assert seen.mean() > 0.6
-    apart = np.abs(at(there, places) - here)[seen]
-    assert np.quantile(apart, 0.99) < 0.05 and np.median(apart) < 2e-3
-    # What is hidden lands on something else, which is nearer.
-    hidden = occluded == Occlusion.HIDDEN
-    assert hidden.mean() > 0.01
-    assert (around(there, places).max(axis=0) > here - 0.05)[hidden].mean() > 0.98
 
 
 def test_flow_and_change_of_disparity_lead_to_the_next_frame(
@@ -125,45 +101,6 @@ def test_flow_and_change_of_disparity_lead_to_the_next_frame(
     apart = np.abs(at(then, places) - disparity - change)[seen]
     assert np.quantile(apart, 0.99) < 0.05 and np.median(apart) < 2e-3
     assert np.abs(change[seen]).max() > 0.1
-
-
-def test_flow_there_and_back_is_none(maker: FrameMaker, frame: Frame) -> None:
-    session, shutter = maker.session, maker._shutter(5)
-    later = maker.render(6).truth
-    back = session.renderer.follow(
-        session.image_eye(6, shutter).middle_track,
-        later.depth,
-        later.material_ids,
-        session.image_eye(5, shutter).middle_track,
-    ).shift
-    flow = frame.load_flow()
-    places = centers(flow) + flow
-    seen = frame.load_flow_occlusion() == Occlusion.SEEN
-    for axis in range(2):
-        calm = seen & smooth(back[..., axis], places, 0.2)
-        error = np.abs(at(back[..., axis], places) + flow[..., axis])[calm]
-        assert calm.mean() > 0.6 and np.quantile(error, 0.99) < 0.05
-
-
-def error_of(one: np.ndarray, other: np.ndarray, places: np.ndarray, where: np.ndarray) -> float:
-    """Mean difference in linear light between an image and another one, looked up at places."""
-    here, there = (linear_from_srgb(image / 255.0).mean(axis=-1) for image in (one, other))
-    return float(np.abs(at(there, places) - here)[where].mean())
-
-
-def test_photographs_agree_along_the_labels(frame: Frame, following: Frame) -> None:
-    """Half a pixel beside the labels, the photographs differ clearly more."""
-    left, right, later = frame.load_image(), frame.load_right_image(), following.load_image()
-    disparity, mask = frame.load_disparity(), frame.load_mask() == 255
-    cases = {
-        "right eye": (right, leftward(disparity), frame.load_occlusion()),
-        "next frame": (later, frame.load_flow(), frame.load_flow_occlusion()),
-    }
-    for other, shift, occluded in cases.values():
-        places, seen = centers(left) + shift, mask & (occluded == Occlusion.SEEN)
-        true = error_of(left, other, places, seen)
-        for beside in ([0.5, 0], [-0.5, 0]):
-            assert error_of(left, other, places + np.array(beside), seen) > 1.15 * true
 
 
 def test_disparity_is_what_a_drifted_pair_shows() -> None:

@@ -11,8 +11,8 @@ from digs_warp.record.fields import parse_json
 from digs_warp.record.files import to_json
 from digs_warp.record.typed import from_json
 from digs_warp.sim.config import SimulateConfig
-from digs_warp.sim.record.randomize.distributions import Fixed, LogUniform, Uniform, UniformWhole
-from digs_warp.sim.record.randomize.draws import DrawnScene, draw_scenes, share_of
+from digs_warp.sim.record.randomize.distributions import Choice, Span
+from digs_warp.sim.record.randomize.draws import SceneJob, draw_scenes, share_of
 from digs_warp.sim.record.randomize.settings_file import Randomization, load_randomization
 from digs_warp.sim.scene.appearance import LookSettings
 
@@ -20,14 +20,14 @@ CONFIG = SimulateConfig(frames=4, seed=11)
 MINE = Randomization(
     "mine",
     {
-        "light_level": Uniform(-2.0, 1.0),
-        "strength": LogUniform(0.5, 2.0),
-        "tint": Uniform(0.0, 1.0),
+        "light_level": Span(-2.0, 1.0),
+        "strength": Span(0.5, 2.0, "log_uniform"),
+        "tint": Span(0.0, 1.0),
     },
 )
 
 
-def draw(mine: Randomization = MINE, count: int = 5) -> tuple[DrawnScene, ...]:
+def draw(mine: Randomization = MINE, count: int = 5) -> tuple[SceneJob, ...]:
     return draw_scenes(mine, CONFIG, count)
 
 
@@ -43,7 +43,7 @@ def test_more_scenes_leave_the_first_ones_alone() -> None:
 
 
 def test_another_distribution_or_key_changes_no_other_draw() -> None:
-    changed = {"tint_hue": Uniform(0.0, 360.0), **MINE.entries, "strength": Fixed(3.0)}
+    changed = {"tint_hue": Span(0.0, 360.0), **MINE.entries, "strength": Choice.even(3.0)}
     for before, after in zip(draw(), draw(Randomization("mine", changed)), strict=True):
         assert after.drawn["strength"] == 3.0
         assert {**after.drawn, "strength": 0, "tint_hue": 0} == {
@@ -111,9 +111,9 @@ def test_objects_and_distractors_are_different_files_of_the_pool(tmp_path: Path)
     for path in files:
         path.touch()
     counted = {
-        "object_count": UniformWhole(1, 4),
-        "distractor_mesh_count": UniformWhole(0, 2),
-        "tint": Uniform(0.0, 1.0),
+        "object_count": Span(1, 4),
+        "distractor_mesh_count": Span(0, 2),
+        "tint": Span(0.0, 1.0),
     }
     scenes = draw_scenes(Randomization("mine", counted), CONFIG, 600, files)
     objects = [list(scene.config.scene) or [scene.config.mesh] for scene in scenes]
@@ -136,7 +136,7 @@ def test_objects_and_distractors_are_different_files_of_the_pool(tmp_path: Path)
 def test_more_objects_than_files_repeat_them(tmp_path: Path) -> None:
     (tmp_path / "a.obj").touch()
     (scene,) = draw_scenes(
-        Randomization("mine", {"object_count": Fixed(3)}), CONFIG, 1, [tmp_path / "a.obj"]
+        Randomization("mine", {"object_count": Choice.even(3)}), CONFIG, 1, [tmp_path / "a.obj"]
     )
     assert scene.config.scene == (tmp_path / "a.obj",) * 3
 
@@ -145,18 +145,22 @@ def test_objects_that_are_given_stay(tmp_path: Path) -> None:
     given = (tmp_path / "a.obj", tmp_path / "b.obj")
     for path in given:
         path.touch()
-    entries = {"object_count": Fixed(5), "mesh": Fixed(given[0]), "tint": Uniform(0.0, 1.0)}
+    entries = {
+        "object_count": Choice.even(5),
+        "mesh": Choice.even(given[0]),
+        "tint": Span(0.0, 1.0),
+    }
     mine = Randomization("mine", entries)
     (scene,) = draw_scenes(mine, replace(CONFIG, scene=given), 1)
     assert (scene.config.scene, scene.config.mesh) == (given, None)
     assert len(scene.config.look.tint) == 2
     # Without files to choose from, the built-in object stands alone.
-    (scene,) = draw_scenes(Randomization("mine", {"object_count": Fixed(5)}), CONFIG, 1)
+    (scene,) = draw_scenes(Randomization("mine", {"object_count": Choice.even(5)}), CONFIG, 1)
     assert (scene.config.scene, scene.config.mesh) == ((), None)
 
 
 def test_counts_are_checked() -> None:
-    for count, words in ((Fixed(0), "0, expected 1 to 255"), (UniformWhole(1, 2), "built-in")):
-        mine = Randomization("mine", {"object_count": count, "mesh": Fixed(None)})
+    for count, words in ((Choice.even(0), "0, expected 1 to 255"), (Span(1, 2), "built-in")):
+        mine = Randomization("mine", {"object_count": count, "mesh": Choice.even(None)})
         with pytest.raises(DigsError, match=rf"mine': object_count.*{words}"):
             draw_scenes(mine, CONFIG, 1)

@@ -9,11 +9,8 @@ from digs_warp.sim.config import SimulateConfig
 from digs_warp.sim.record.randomize.distributions import (
     Choice,
     Distribution,
-    Fixed,
-    LogUniform,
     Normal,
-    Uniform,
-    UniformWhole,
+    Span,
 )
 from digs_warp.sim.record.randomize.draws import draw_scenes
 from digs_warp.sim.record.randomize.settings_file import SHIPPED, Entry, Key, load_randomization
@@ -28,28 +25,28 @@ def read(folder: Path, text: str) -> dict[str, Distribution]:
 @pytest.mark.parametrize(
     ("text", "key", "distribution"),
     [
-        ("light_level: -1", "light_level", Fixed(-1.0)),
-        ("light_level: {uniform: [-1, 2]}", "light_level", Uniform(-1.0, 2.0)),
-        ("strength: {log_uniform: [0.5, 2]}", "strength", LogUniform(0.5, 2.0)),
+        ("light_level: -1", "light_level", Choice.even(-1.0)),
+        ("light_level: {uniform: [-1, 2]}", "light_level", Span(-1.0, 2.0)),
+        ("strength: {log_uniform: [0.5, 2]}", "strength", Span(0.5, 2.0, "log_uniform")),
         ("strength: {normal: [1, 0.25]}", "strength", Normal(1.0, 0.25, 0.25, 1.75)),
         (
             "strength: {normal: [1, 0.2], limits: [0.9, 3]}",
             "strength",
             Normal(1.0, 0.2, 0.9, 3.0),
         ),
-        ("width: {uniform: [64, 128]}", "width", UniformWhole(64, 128)),
+        ("width: {uniform: [64, 128]}", "width", Span(64, 128)),
         ("width: {choice: [64, null]}", "width", Choice((64, None), (1.0, 1.0))),
         (
             "profile: {choice: [d435, oak-d], weights: [3, 1]}",
             "profile",
             Choice(("d435", "oak-d"), (3.0, 1.0)),
         ),
-        ("tier: law", "tier", Fixed("law")),
-        ("labels: normals", "labels", Fixed("normals")),
-        ("tint: 0.3", "tint", Fixed((0.3,))),
-        ("tint: [0.1, 0.3]", "tint", Fixed((0.1, 0.3))),
-        ("tint: {uniform: [0, 1]}", "tint", Uniform(0.0, 1.0)),
-        ("environment: built-in", "environment", Fixed(None)),
+        ("tier: law", "tier", Choice.even("law")),
+        ("labels: normals", "labels", Choice.even("normals")),
+        ("tint: 0.3", "tint", Choice.even((0.3,))),
+        ("tint: [0.1, 0.3]", "tint", Choice.even((0.1, 0.3))),
+        ("tint: {uniform: [0, 1]}", "tint", Span(0.0, 1.0)),
+        ("environment: built-in", "environment", Choice.even(None)),
     ],
 )
 def test_entries_become_distributions(
@@ -61,7 +58,7 @@ def test_entries_become_distributions(
 def test_a_switch_is_true_or_false(tmp_path: Path) -> None:
     """No setting is one today, but any may become one."""
     entry = Entry("mine.yaml: switch", Key("switch", "true or false"), tmp_path)
-    assert entry.read(True) == Fixed(True)
+    assert entry.read(True) == Choice.even(True)
     assert entry.read({"choice": [True, False]}) == Choice((True, False), (1.0, 1.0))
     with pytest.raises(DigsError, match=r"switch: found 1, expected true or false"):
         entry.read(1)
@@ -73,10 +70,10 @@ def test_files_are_named_relative_to_the_randomization(tmp_path: Path) -> None:
     for path in skies:
         path.touch()
     found = read(tmp_path, "environment: skies/*.hdr")
-    assert found == {"environment": Choice.even(tuple(skies))}
+    assert found == {"environment": Choice.even(*skies)}
     mixed = read(tmp_path, "environment: {choice: [built-in, 'skies/*.hdr'], weights: [1, 1]}")
     assert mixed == {"environment": Choice((None, *skies), (1.0, 0.5, 0.5))}
-    assert read(tmp_path, "mesh: a.glb") == {"mesh": Fixed(tmp_path / "a.glb")}
+    assert read(tmp_path, "mesh: a.glb") == {"mesh": Choice.even(tmp_path / "a.glb")}
 
 
 @pytest.mark.parametrize(
@@ -134,7 +131,7 @@ def test_what_is_wrong_is_named_with_file_and_key(
             "strength: {uniform: [1, 200]}",
             ["strength {uniform: [1, 200]}: --error-strength: 200.0"],
         ),
-        ("tint: {choice: [[0.1, 2]]}", ["tint {choice: [[0.1, 2]]}: tint: 2.0, expected 0 to 1"]),
+        ("tint: {choice: [[0.1, 2]]}", ["tint: tint: 2.0, expected 0 to 1"]),
         ("profile: {choice: [d435, d436]}", ["profile", "'d436'", "did you mean 'd435'"]),
         ("mesh: nothing.glb", ["mesh: '", "no such file"]),
         ("effects: flying-pigs", ["effects: ", "flying-pigs"]),
@@ -154,7 +151,7 @@ def test_a_file_adds_to_its_base(tmp_path: Path) -> None:
     (tmp_path / "mine.yaml").write_text("light_level: 0.5\n")
     indoor = dict(load_randomization("indoor").entries)
     mine = load_randomization(tmp_path / "mine.yaml")
-    assert (mine.name, dict(mine.entries)) == ("mine", {**indoor, "light_level": Fixed(0.5)})
+    assert (mine.name, dict(mine.entries)) == ("mine", {**indoor, "light_level": Choice.even(0.5)})
     (tmp_path / "mine.yaml").write_text("base: wild\n")
     assert load_randomization(tmp_path / "mine.yaml").entries == load_randomization("wild").entries
     (tmp_path / "mine.yaml").write_text("base: outdoor\n")

@@ -10,7 +10,7 @@ import pytest
 from digs_warp.cli import EXIT_BAD_INPUT, EXIT_OK, EXIT_WRONG_USAGE, main
 from digs_warp.data.images import write_image
 from digs_warp.sim.config import SimulateConfig
-from digs_warp.sim.record.randomize.distributions import Choice, Distribution, Fixed
+from digs_warp.sim.record.randomize.distributions import Choice, Distribution
 from digs_warp.sim.record.randomize.draws import draw_scenes
 from digs_warp.sim.record.randomize.settings_file import SHIPPED, Randomization, load_randomization
 from digs_warp.sim.record.record import simulate_in_memory
@@ -102,7 +102,7 @@ DRAWN_KEYS = sorted({key for name in SHIPPED for key in load_randomization(name)
 
 
 # Keys of which ours have one value.
-UNLIKE = {"ground": Choice.even(("table", "floor"))}
+UNLIKE = {"ground": Choice.even("table", "floor")}
 
 
 @pytest.mark.parametrize("key", DRAWN_KEYS)
@@ -125,8 +125,12 @@ def recorded(key: str, entry: Distribution, share: float, inputs: Path) -> list[
         samples_per_pixel=1,
         tier="law",
     )
-    usual = {"ground": Fixed("table"), "tint": Fixed(0.5), "roughness_factor": Fixed(0.3)}
-    mine = Randomization("mine", {**usual, key: Fixed(entry.at(share))})
+    usual = {
+        "ground": Choice.even("table"),
+        "tint": Choice.even(0.5),
+        "roughness_factor": Choice.even(0.3),
+    }
+    mine = Randomization("mine", {**usual, key: Choice.even(entry.at(share))})
     counts = ("object_count", "distractor_mesh_count")
     meshes = sorted(inputs.glob("*.obj")) if key in counts else []
     (scene,) = draw_scenes(mine, replace(config, mesh=None) if meshes else config, 1, meshes)
