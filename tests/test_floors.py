@@ -36,12 +36,12 @@ FLOORS = {
 LINE_BUDGETS = {
     "api": 440,
     "check": 2_080,
-    "commands": 3_300,
+    "commands": 3_425,
     "data": 3_560,
     "device": 920,
     "engines": 1_010,
     "files at the top": 800,
-    "formats": 6_070,
+    "formats": 6_125,
     "geometry": 625,
     "init": 4_610,
     "losses": 810,
@@ -65,7 +65,7 @@ LINE_BUDGETS = {
     "train": 3_930,
     "usd": 4_130,
 }
-MOST_LINES, MOST_FILES = 80_400, 523  # of the product; 65,000 in 500 files are the goal
+MOST_LINES, MOST_FILES = 80_570, 525  # of the product; 65,000 in 500 files are the goal
 # A shorter file with a single client in its folder belongs into that client.
 CRUMB = 60
 

@@ -14,7 +14,7 @@ from digs_warp.data.index_rules import INDEX_NAME
 from digs_warp.formats.captures.formats import CaptureFormat, RecordingFormat
 from digs_warp.record.layout import RUN_RECORD, find_gaussians
 from digs_warp.record.run_log import RunLog
-from digs_warp.settings import FIELD_OF_VIEW, FRAMES, SIDE, Settings
+from digs_warp.settings import FIELD_OF_VIEW, FRAMES, SIDE, Range, Settings
 from digs_warp.words import counted
 
 if TYPE_CHECKING:
@@ -33,7 +33,7 @@ class SplatConversion(SplatOptions, Settings):
     """Version of SPZ files to write. 3: read by nearly all programs; 4: the same content in the newest
     container; 2: for the oldest programs, with coarser orientations."""
 
-    spz_sh_bits: tuple[int, int] = (5, 4)
+    spz_sh_bits: Annotated[tuple[int, int], Range(1, 8)] = (5, 4)
     """Bits of the view-dependent color in SPZ files, of band 1 and of the bands above, 1 to 8: more for
     quality, fewer for size."""
 
@@ -53,8 +53,6 @@ class SplatConversion(SplatOptions, Settings):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        if not all(1 <= bits <= 8 for bits in self.spz_sh_bits):
-            raise DigsError(f"--spz-sh-bits: {self.spz_sh_bits}, expected 1 to 8")
         if self.for_width is not None and self.made_for is None:
             raise DigsError("--for-width needs --for classic")
 

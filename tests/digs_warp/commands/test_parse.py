@@ -164,7 +164,7 @@ def test_refused_settings_are_explained_in_one_line(capsys: pytest.CaptureFixtur
 # What a command cannot be read without.
 REQUIRED = {
     **dict.fromkeys(("run", "simulate"), "--out x"),
-    **dict.fromkeys(("reconstruct", "export-usd", "render", "mesh"), "a --out x"),
+    **dict.fromkeys(("reconstruct", "export-usd", "render", "mesh", "edit"), "a --out x"),
     **{
         "convert": "a --out b",
         "info": "a",
@@ -176,6 +176,9 @@ REQUIRED = {
     },
     **{"sensor fit": "a --out x", "sensor wall": "--out x"},
 }
+
+# Of flags that take several.
+NUMBERS = {"--background": 3, "--spz-sh-bits": 2, "--keep-box": 6, "--turn": 3, "--move": 3}
 
 
 def kinds() -> Iterator[tuple[list[str], type[Command]]]:
@@ -218,7 +221,7 @@ def test_a_word_for_a_number_is_refused_with_the_flag_as_typed(
     for words, flags in NUMBER_FLAGS:
         for flag in flags:
             required = REQUIRED.get(" ".join(words), "").split()
-            bad = ["qqq"] * (3 if (words, flag) == (["render"], "--background") else 1)
+            bad = ["qqq"] * NUMBERS.get(flag, 1)
             assert main([*words, *required, flag, *bad]) == EXIT_WRONG_USAGE
             error = capsys.readouterr().err
             text = " ".join(error.replace("\u2502", " ").split())
