@@ -1,30 +1,34 @@
 """Depth, images and masks that do not lie over each other: moved, cut, inverted, or contradicted.
 
-Unregistered depth has its edges offset from the image edges. Masks that are shifted, or that cut the object,
-have outlines offset from the depth steps.
+Depth that is not registered has its edges beside those of the images (`digs_warp.check.registration`). Masks
+that are shifted, or that cut the object, have outlines offset from the depth steps. Where depth is too noisy
+for edges, masks tell of both.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
 from digs_warp.check import thresholds as limits
 from digs_warp.check.evidence import Evidence
+from digs_warp.check.registration import LOOKED_AT, registration
 from digs_warp.check.thresholds import Threshold
 from digs_warp.data.layers import Layer
-from digs_warp.measure.thumbnails import SmallFrame, small_depths
+from digs_warp.data.viewpoints import evenly
+from digs_warp.measure.thumbnails import SmallFrame, small_depths, small_frames
 from digs_warp.words import counted
 
-# Offsets of depth edges up to this many thumbnail pixels are tried; a peak rises above what is this far
-# around.
-EDGE_REACH, AROUND = 10, 4
+# The depth of a Kinect or its like is so much larger than its color image shows it, unless it is registered.
+KINECT_SCALE, KINECT_SPREAD = 525 / 585, 0.03
+KINECT = (
+    " Such is the depth of a Kinect, Xtion or PrimeSense that was recorded without registration: "
+    "--register-depth kinect."
+)
 
-# Outlines are moved and grown by up to this many thumbnail pixels. Distances are known up to those of the
-# largest outline, and a little more.
+# Outlines are moved and grown by up to this many thumbnail pixels.
 REACH = 8
-FARTHEST = REACH + 2
 
 # Masks that are looked at, evenly spread, for whether they mark anything.
 MASKS = 10
@@ -33,22 +37,20 @@ MASKS = 10
 HALF_WIDTH = 0.75
 
 
-def edges_moved(evidence: Evidence, least: Threshold) -> dict[str, Any] | None:
-    """Find depth edges that meet image edges much better after a shift by this [thumbnail px]."""
-    frames = [*evidence.frames.values()]
-    contrasts = [found for frame in frames if (found := _contrast(frame)) is not None]
-    if not contrasts or 2 * len(contrasts) < len(frames):
+def depth_elsewhere(evidence: Evidence, least: Threshold) -> dict[str, Any] | None:
+    """Find depth that fits the images better after a shift by this [of the width], or at another size."""
+    whole = [replace(frame, alone=False) for frame in evidence.capture.frames]
+    frames = small_frames(whole, evenly(range(len(whole)), LOOKED_AT)).values()
+    found = registration((frame.green, frame.depth) for frame in frames)
+    if found is None or found.certainty < limits.REGISTRATION_CERTAINTY:
         return None
-    contrast = np.mean(contrasts, axis=0)
-    row, column = (int(i) for i in np.unravel_index(int(np.argmax(contrast)), contrast.shape))
-    down, right = row - EDGE_REACH, column - EDGE_REACH
-    best, as_recorded = contrast[row, column], contrast[EDGE_REACH, EDGE_REACH]
-    better = limits.EDGE_CONTRAST_FACTOR * as_recorded + limits.EDGE_CONTRAST_OFFSET
-    if max(abs(down), abs(right)) < least or best < max(limits.EDGE_CONTRAST, better):
+    size = abs(np.log(found.scale))
+    if np.hypot(found.right, found.down) < least and size < limits.REGISTRATION_SIZE:
         return None
-    if best < _largest_around(contrast, row, column) + limits.EDGE_CONTRAST_PEAK:
-        return None
-    return {"move": moved_by(right, down, frames[0])}
+    return {
+        "move": found,
+        "kinect": KINECT if abs(found.scale - KINECT_SCALE) < KINECT_SPREAD else "",
+    }
 
 
 def moved_by(right: int, down: int, frame: SmallFrame) -> str:
@@ -113,7 +115,8 @@ def depth_beside_masks(evidence: Evidence, moved: Threshold) -> dict[str, Any] |
     fit = evidence.once(outlines)
     if fit is None or not _is_moved(fit, moved) or fit.image >= 1:
         return None
-    return {"move": moved_by(-fit.right, -fit.down, next(iter(evidence.frames.values())))}
+    frame = next(iter(evidence.frames.values()))
+    return {"move": moved_by(-fit.right, -fit.down, frame), "kinect": ""}
 
 
 def _cuts(fit: "OutlineFit", larger: float) -> bool:
@@ -221,28 +224,18 @@ def _moved(image: np.ndarray, rows: np.ndarray, columns: np.ndarray, reach: int)
 
 
 def _distance(mask: np.ndarray) -> np.ndarray:
-    """Return the distance to the outline [px], below 0 inside, (height, width).
-
-    It is infinite, or too large, beyond `FARTHEST`.
-    """
+    """Return the distance to the outline [px], below 0 inside, (height, width)."""
     return np.where(mask, 0.5 - _distance_to(~mask), _distance_to(mask) - 0.5)
 
 
 def _distance_to(pixels: np.ndarray) -> np.ndarray:
-    """Return the distance to the nearest of some pixels, a bool mask: along the columns, then along the rows.
+    """Return the distance to the nearest of some pixels, a bool mask; far where there are none."""
+    import cv2
 
-    In NumPy, because SciPy's transform takes a quarter of a second to import.
-    """
-    along = np.where(pixels, 0.0, np.inf)
-    for step in range(1, FARTHEST + 1):
-        along[step:][pixels[:-step] & (along[step:] > step)] = step
-        along[:-step][pixels[step:] & (along[:-step] > step)] = step
-    squared = along**2
-    nearest = squared.copy()
-    for step in range(1, FARTHEST + 1):
-        np.minimum(nearest[:, step:], squared[:, :-step] + step**2, out=nearest[:, step:])
-        np.minimum(nearest[:, :-step], squared[:, step:] + step**2, out=nearest[:, :-step])
-    return np.sqrt(nearest)
+    if not pixels.any():
+        return np.full(pixels.shape, np.inf)
+    away = (~pixels).astype(np.uint8)
+    return cv2.distanceTransform(away, cv2.DIST_L2, cv2.DIST_MASK_PRECISE).astype(np.float64)
 
 
 def _bend(depth: np.ndarray) -> np.ndarray:
@@ -264,31 +257,3 @@ def _mean(values: np.ndarray) -> np.ndarray:
 
 def _ratio(best: float, now: float) -> float:
     return float(best / now) if now > 0 else (np.inf if best > 0 else 1.0)
-
-
-def _contrast(frame: SmallFrame) -> np.ndarray | None:
-    """Return the mean image contrast at the depth edges for each offset, (2 EDGE_REACH + 1,) * 2."""
-    if min(frame.depth.shape) <= 2 * EDGE_REACH + 2:
-        return None
-    log_depth = np.log(frame.depth)
-    edges = np.zeros(frame.depth.shape, dtype=bool)
-    edges[:, 1:-1] |= np.abs(log_depth[:, 2:] - log_depth[:, :-2]) > limits.DEPTH_EDGE
-    edges[1:-1] |= np.abs(log_depth[2:] - log_depth[:-2]) > limits.DEPTH_EDGE
-    rows, columns = np.nonzero(edges[EDGE_REACH:-EDGE_REACH, EDGE_REACH:-EDGE_REACH])
-    down, right = np.gradient(frame.green)
-    steepness = np.hypot(down, right)
-    steepness = np.minimum(steepness, np.quantile(steepness, 0.95))
-    if len(rows) < limits.LEAST_EDGES or steepness.std() == 0:
-        return None
-    steepness = (steepness - steepness.mean()) / steepness.std()
-    return _moved(steepness, rows + EDGE_REACH, columns + EDGE_REACH, EDGE_REACH).mean(axis=-1)
-
-
-def _largest_around(contrast: np.ndarray, row: int, column: int) -> float:
-    """Return the largest contrast AROUND pixels away from a place; infinite if it is near the rim."""
-    size = contrast.shape[0]
-    if not (AROUND <= row < size - AROUND and AROUND <= column < size - AROUND):
-        return np.inf
-    rows, columns = np.indices(contrast.shape)
-    away = np.maximum(np.abs(rows - row), np.abs(columns - column))
-    return float(contrast[away == AROUND].max())

@@ -80,9 +80,12 @@ EXPLAINED = (
 )
 NOT_ALIGNED = (
     "The depth fits the images better if it is moved by {move}: depth and images do not have the same "
-    "camera."
+    "camera.{kinect}"
 )
-REGISTER = "Export depth that is registered to the color image."
+REGISTER = (
+    "Export depth that is registered to the color image, or let 'digs-warp convert FOLDER --from FORMAT "
+    "--out CAPTURE --register-depth found' move it."
+)
 CHECK_TIMES = "Check the timestamps."
 
 # Remedies for wrong units and conventions.
@@ -218,8 +221,10 @@ CHECKS = (
     ),
     Check(
         kind="alignment",
-        measure=alignment.edges_moved,
-        limit=Threshold(3, "thumbnail px", "noise and the sensor's windows move edges by less"),
+        measure=alignment.depth_elsewhere,
+        limit=Threshold(
+            0.01, "of the width", "as recorded, a room measures 0.006, others 0.004 or less", "1.5"
+        ),
         message=NOT_ALIGNED,
         remedy=REGISTER,
         is_error=True,

@@ -54,16 +54,11 @@ POINTS_FIT_FACTOR = Threshold(1.2, set_on="the same", margin="1.1")
 POINTS_FIT_MORE = Threshold(0.12, set_on="the same", margin="1.4")
 POINTS_MISFIT = Threshold(0.15, set_on="the same", margin="4")
 
-# Edges of depth and image: a change of depth over two thumbnail pixels, and fewer of them say nothing. At the
-# best offset, the images' contrast at depth edges (in standard deviations above its mean) is at least
-# this, exceeds that without a shift by this factor and difference, and by the last difference that at offsets
-# around: a peak, not a slope.
-DEPTH_EDGE = Threshold(0.1)
-LEAST_EDGES = Threshold(30, "px")
-EDGE_CONTRAST = Threshold(0.25, "standard deviations")
-EDGE_CONTRAST_FACTOR = Threshold(1.3)
-EDGE_CONTRAST_OFFSET = Threshold(0.12, "standard deviations")
-EDGE_CONTRAST_PEAK = Threshold(0.1, "standard deviations")
+# Depth against images: a change of place and size counts if it fits better than any other by this, and by
+# sizes from this logarithm on. Four recordings whose depth was shifted by 2 to 10 % or scaled by 0.85 to 1.15
+# keep the least certainty from it, six single photographs the largest wrong one.
+REGISTRATION_CERTAINTY = Threshold(1.5, "standard deviations", "a room, a cabinet, boxes", "1.1")
+REGISTRATION_SIZE = Threshold(0.045, set_on="as recorded, a room measures 0.03", margin="1.5")
 
 # A mask of fewer pixels marks nothing that could be reconstructed.
 LEAST_MASK = Threshold(50, "px")

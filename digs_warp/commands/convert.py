@@ -1,6 +1,7 @@
 """`digs-warp convert`: captures and Gaussians -> other programs' formats, recordings -> captures."""
 
 import logging
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
@@ -19,6 +20,8 @@ from digs_warp.words import counted
 
 if TYPE_CHECKING:
     from digs_warp.data.capture import Capture
+    from digs_warp.formats.captures.recording import RecordedFrame, Recording
+    from digs_warp.geometry.camera import Intrinsics
     from digs_warp.pipeline.reconstruction import Reconstruction
 
 
@@ -69,6 +72,12 @@ class RecordingOptions(Settings):
     """For recordings with lens distortion, such as fisheye: horizontal field of view of the undistorted
     images [degrees]. Default: the same focal length, so that the center stays as sharp as it is. For a
     film: the field of view of its camera."""
+
+    register_depth: str | None = None
+    """For depth of another camera than the images': found moves it by the shift and size at which its edges
+    fit theirs; kinect takes the calibration of the first Kinect; a JSON file gives yours: w, h, fl_x, fl_y,
+    cx and cy of the depth camera and, if it is elsewhere, color_from_depth (4 x 4, metres). Default: as
+    recorded."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -180,9 +189,11 @@ def import_recording(
     log = RunLog("convert", {"recording": source, "from": form, **vars(options)})
     with (
         NewFolder(out=out, overwrite=overwrite).opened([source]) as folder,
-        opened_recording(source, form, ImportOptions(**vars(options))) as recording,
+        opened_recording(source, form, ImportOptions(options.frames, options.fov_deg)) as recording,
     ):
         with log.stage("convert"):
+            if options.register_depth is not None:
+                recording = with_depth_camera(recording, options.register_depth)
             capture = write_capture(recording, form, folder)
         log.results = {"frames": len(capture), "poses_known": capture.knows_poses}
         log.save(folder / RUN_RECORD)
@@ -195,6 +206,59 @@ def import_recording(
     return (
         f"{out}: {counted(len(capture), 'frame')} from {form}, {log.seconds['convert']:.1f} s{hint}"
     )
+
+
+def with_depth_camera(recording: "Recording", how: str) -> "Recording":
+    """Return a recording with the camera of its depth, as `RecordingOptions.register_depth` says it.
+
+    Raises:
+        DigsError: no depth, a file that does not hold a camera, or nothing that surely fits.
+    """
+    from digs_warp.data.images import read_image
+    from digs_warp.formats.captures.recording import DepthCamera
+    from digs_warp.formats.captures.seven_scenes import kinect_depth_camera
+    from digs_warp.geometry.camera import Intrinsics
+    from digs_warp.record.fields import ABOVE_ZERO, Fields
+    from digs_warp.record.files import read_json
+
+    frames = [frame for frame in recording.frames if frame.depth is not None]
+    if not frames:
+        raise DigsError(f"--register-depth: recording '{recording.folder}' has no depth")
+    assert frames[0].depth is not None
+    height, width = read_image(frames[0].depth, "depth").shape[:2]
+    if how == "kinect":
+        camera = kinect_depth_camera(width, height)
+    elif how == "found":
+        camera = DepthCamera(_fitting_camera(recording, frames).resized(width, height))
+    else:
+        given = Fields(read_json(Path(how), "--register-depth"), f"'{how}'")
+        size = given.whole("w", 1), given.whole("h", 1)
+        numbers = (given.number(name, ABOVE_ZERO) for name in ("fl_x", "fl_y", "cx", "cy"))
+        moved = given.array("color_from_depth", (4, 4)) if "color_from_depth" in given else None
+        camera = DepthCamera(Intrinsics(*size, *numbers), moved)
+    return replace(recording, depth_camera=camera)
+
+
+def _fitting_camera(recording: "Recording", frames: "Sequence[RecordedFrame]") -> "Intrinsics":
+    """Return the camera of the depth, of the size of the images, at which its edges lie on theirs."""
+    from digs_warp.check.registration import LOOKED_AT, registration, thumbnail_of
+    from digs_warp.check.thresholds import REGISTRATION_CERTAINTY
+    from digs_warp.data.viewpoints import evenly
+    from digs_warp.formats.captures.to_capture import load_frame
+
+    some = evenly(frames, LOOKED_AT)
+    loaded = (load_frame(frame, recording) for frame in some)
+    found = registration(
+        thumbnail_of(each.image, each.depth) for each in loaded if each.depth is not None
+    )
+    if found is None or found.certainty < REGISTRATION_CERTAINTY or found.at_rim:
+        raise DigsError(
+            f"--register-depth found: recording '{recording.folder}': its edges of depth fit those of its "
+            "images nowhere clearly better than elsewhere; give the calibration of the depth camera: "
+            "--register-depth kinect, or a JSON file"
+        )
+    logger.warning("recording '%s': the depth is moved by %s", recording.folder, found)
+    return found.depth_camera(some[0].intrinsics)
 
 
 def convert_splats(source: Path, target: Path, overwrite: bool, options: SplatConversion) -> str:

@@ -119,10 +119,14 @@ def _rig(folder: Path, size: tuple[int, int], depth_size: tuple[int, int]) -> _R
             f"recording '{folder}': images of {size[0]}x{size[1]} pixels and no {CALIBRATION}; write "
             "fx 0 cx, 0 fy cy, 0 0 1 into that file (first pixel center at 0, 0)"
         )
-    depth = DepthCamera(
-        Intrinsics.from_matrix(DEPTH_MATRIX, *size, first_center=0), COLOR_FROM_DEPTH
-    )
-    return _Rig(Intrinsics.from_matrix(COLOR_MATRIX, *size, first_center=0), depth)
+    color = Intrinsics.from_matrix(COLOR_MATRIX, *size, first_center=0)
+    return _Rig(color, kinect_depth_camera(*size))
+
+
+def kinect_depth_camera(width: int, height: int) -> DepthCamera:
+    """Return the depth camera of the first Kinect for images of a size, beside its color camera."""
+    camera = Intrinsics.from_matrix(DEPTH_MATRIX, *KINECT_SIZE, first_center=0)
+    return DepthCamera(camera.resized(width, height), COLOR_FROM_DEPTH)
 
 
 def _rig_of_info(path: Path, size: tuple[int, int], depth_size: tuple[int, int]) -> _Rig:

@@ -315,6 +315,6 @@ def _scaled_to(k: Intrinsics, depth: np.ndarray, path: Path | None) -> Intrinsic
     if not same_shape(k, width, height):
         raise CaptureError(
             f"depth '{path}': {width}x{height} pixels, another shape than the image's {k.width}x{k.height}; "
-            "export depth that is registered to the color image"
+            "export depth that is registered to the color image, or give its camera: --register-depth FILE"
         )
     return k.resized(width, height)
