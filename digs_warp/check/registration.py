@@ -149,6 +149,7 @@ def _edges_of_depth(depth: np.ndarray) -> np.ndarray | None:
     away, labels = cv2.distanceTransformWithLabels(
         unknown.astype(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_PRECISE, labelType=cv2.DIST_LABEL_PIXEL
     )
+    labels = np.asarray(labels, np.intp)
     nearest = np.zeros(labels.max() + 1, np.float32)
     nearest[labels[~unknown]] = np.log(depth[~unknown])
     down, across = np.gradient(nearest[labels])
