@@ -19,6 +19,7 @@ from digs_warp.record.files import read_json, write_atomically
 from digs_warp.record.layout import LOCK, MANIFEST, REPLACING, RUN_RECORD, UNFINISHED
 from digs_warp.record.lock import remove_leftovers_of, sole_writer
 from digs_warp.record.manifest import recorded_files
+from digs_warp.record.progress import announced
 from digs_warp.record.replacement import check_place, finish_replacement, replace_result
 from digs_warp.record.run_log import RunRecord
 
@@ -136,8 +137,9 @@ class OutputFolder:
         """
         needed = _check_inputs(self.out, inputs)
         with sole_writer(self.out):
-            _finish(self.out)
-            work = self._workplace(needed, writes)
+            with announced("start"):
+                _finish(self.out)
+                work = self._workplace(needed, writes)
             try:
                 with _written_for(self.out, work), recorded_files(work, self.resume):
                     yield work

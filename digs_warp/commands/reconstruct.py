@@ -108,7 +108,11 @@ class Reconstruct(ReconstructionOptions, _Output):
             result = self._reconstruct(capture, source)
         seconds = time.perf_counter() - start
         words = reconstruction_words(result, len(capture))
-        return f"{self.output.out / layout.GAUSSIANS}: {words}, {seconds:.1f} s\n{result.verdict.words}"
+        out = self.output.out
+        return (
+            f"{out / layout.GAUSSIANS}: {words}, {seconds:.1f} s\n{result.verdict.words}\n"
+            f"next: digs-warp report {out}, or look around: digs-warp view {out}"
+        )
 
     def _reconstruct(self, capture: "Capture", source: Path) -> "Reconstruction":
         with loading():

@@ -142,4 +142,7 @@ def _summary(folder: Path, log: RunLog, what: str, verdict: str) -> str:
     facts["seconds"] = ", ".join(f"{name} {value:.1f}" for name, value in log.seconds.items())
     facts["done"] = f"{what}, {sum(log.seconds.values()):.0f} s"
     facts["verdict"] = verdict
+    facts["next"] = (
+        f"open {folder / layout.REPORT} in a browser, or look around: digs-warp view {folder}"
+    )
     return format_facts(facts)

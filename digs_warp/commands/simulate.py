@@ -159,7 +159,8 @@ class Simulate(SettingsCommand):
         return (
             f"{self.output.out}: {counted(len(capture), 'frame')} of {k.width} x {k.height} in "
             f"{seconds:.1f} s\n"
-            f"object: {recorded_object(self.output.out)}"
+            f"object: {recorded_object(self.output.out)}\n"
+            f"next: digs-warp view {self.output.out}, or digs-warp reconstruct {self.output.out} --out FOLDER"
         )
 
     def _record_many(self) -> str:

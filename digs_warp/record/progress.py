@@ -1,9 +1,11 @@
-"""Progress with a time estimate: bars on a terminal, occasional lines in a log."""
+"""Progress: a line when a stage begins, and a time estimate in bars on a terminal or lines in a log."""
 
 import logging
 import os
 import sys
 import time
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import Any, Protocol, Self
 
 from tqdm import tqdm
@@ -13,8 +15,10 @@ logger = logging.getLogger(__name__)
 # Shorter stages write no line to a log.
 SECONDS_BETWEEN_LINES = 30.0
 
-# Library calls are silent; the command line turns progress on.
+# Library calls are silent; the command line turns progress on, and its seconds count from then.
 _show_progress = False
+_start = 0.0
+_depth = 0  # of the stages that have begun
 
 
 class Progress(Protocol):
@@ -38,8 +42,25 @@ class Progress(Protocol):
 
 def show_progress(shown: bool = True) -> None:
     """Turn progress on stderr on or off for the whole process."""
-    global _show_progress
-    _show_progress = shown
+    global _show_progress, _start
+    _show_progress, _start = shown, time.monotonic()
+
+
+def _is_shown() -> bool:
+    return _show_progress and os.environ.get("TQDM_DISABLE", "0") in ("", "0")
+
+
+@contextmanager
+def announced(stage: str) -> Iterator[None]:
+    """Log that a stage begins, and how many seconds after the command; those within are indented."""
+    global _depth
+    if _is_shown():
+        logger.info("%6.1f s  %s%s", time.monotonic() - _start, "  " * _depth, stage)
+    _depth += 1
+    try:
+        yield
+    finally:
+        _depth -= 1
 
 
 def progress(total: int, label: str, unit: str = "step", initial: int = 0) -> Progress:
@@ -53,7 +74,7 @@ def progress(total: int, label: str, unit: str = "step", initial: int = 0) -> Pr
         unit: what is counted, in the singular; its plural ends in s.
         initial: how much was done before.
     """
-    shown = _show_progress and os.environ.get("TQDM_DISABLE", "0") in ("", "0")
+    shown = _is_shown()
     if shown and not sys.stderr.isatty():
         return _LogLines(total, label, unit, initial)
     return tqdm(

@@ -5,7 +5,7 @@ import os
 import platform
 import time
 from collections.abc import Callable, Iterator
-from contextlib import AbstractContextManager, contextmanager, suppress
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
@@ -14,6 +14,7 @@ from typing import Any
 from digs_warp.checks import DigsError
 from digs_warp.record.files import read_json, to_json, write_atomically
 from digs_warp.record.layout import RUN_RECORD
+from digs_warp.record.progress import announced
 from digs_warp.record.typed import from_json
 
 PACKAGE = Path(__file__).resolve().parents[1]
@@ -137,9 +138,11 @@ class RunLog:
     seconds: dict[str, float] = field(default_factory=dict)
     results: dict[str, Any] = field(default_factory=dict)
 
-    def stage(self, name: str) -> AbstractContextManager[None]:
-        """Time a stage; if it is entered twice, its times add up."""
-        return timed(self.seconds, name)
+    @contextmanager
+    def stage(self, name: str) -> Iterator[None]:
+        """Announce and time a stage; if it is entered twice, its times add up."""
+        with announced(name), timed(self.seconds, name):
+            yield
 
     @contextmanager
     def saved(self, path: Path) -> Iterator[None]:

@@ -20,7 +20,7 @@ from digs_warp.record.files import to_json, write_atomically
 from digs_warp.record.layout import RUN_RECORD, SENSOR_PLAN
 from digs_warp.record.lock import sole_writer
 from digs_warp.record.manifest import Manifest, recorded_files
-from digs_warp.record.progress import progress
+from digs_warp.record.progress import announced, progress
 from digs_warp.record.run_log import RunLog, RunRecord, timed
 from digs_warp.sim.camera.walk.imu import measured_imu, true_imu
 from digs_warp.sim.config import SimulateConfig as SimulateConfig
@@ -35,6 +35,7 @@ from digs_warp.sim.record.recorded_facts import (
 )
 from digs_warp.sim.record.sensor_plan import check_effects, make_plan
 from digs_warp.sim.record.session import Session, prepare_session
+from digs_warp.words import counted
 
 # Frames that are made at the same time, at most: each takes some tens of megabytes, and beyond this number
 # threads wait for the interpreter lock.
@@ -168,6 +169,7 @@ def _record(
     done = config.frame_count - len(missing)
     since = time.perf_counter()
     with (
+        announced(f"record {counted(len(missing), 'frame')}"),
         progress(config.frame_count, "Recording", "frame", done) as bar,
         closing(_made(maker, missing, writer)) as made,  # after an error no thread goes on writing
     ):

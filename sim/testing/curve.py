@@ -45,6 +45,7 @@ class DegradationCurve:
             AssertionError: an error is larger, or not a number; the message shows the curve.
             DigsError: a strength that was not measured.
         """
+        __tracebackhide__ = True  # pytest shows the line of the test
         by_strength = dict(zip(self.strengths, self.errors, strict=True))
         if unknown := [strength for strength in limits if strength not in by_strength]:
             raise DigsError(
@@ -77,6 +78,7 @@ class DegradationCurve:
                 than half of an earlier one, or an error that is not a number; the message shows the curve.
             DigsError: fewer than two strengths above 0, which show no growth.
         """
+        __tracebackhide__ = True
         if sum(strength > 0 for strength in self.strengths) < 2:
             raise DigsError(
                 f"assert_no_cliff: strengths {shown(self.strengths)}, expected two above 0 or more"

@@ -14,11 +14,12 @@ from digs_warp.data.frame import Frame
 from digs_warp.data.images import to_uint8
 from digs_warp.data.index_rules import INDEX_NAME
 from digs_warp.data.layers import Layer
+from digs_warp.data.viewpoints import evenly
 from digs_warp.geometry.camera import Intrinsics
 from digs_warp.record.fields import is_number
 from digs_warp.record.manifest import Content, recorded_files
 from digs_warp.record.progress import progress
-from digs_warp.settings import SEED, Settings
+from digs_warp.settings import FRAMES, SEED, Settings
 from digs_warp.sim.camera.profiles import RIG_FIGURES, load_profile
 from digs_warp.sim.camera.rig import StereoRig
 from digs_warp.sim.record.frame_maker import COLOR_SEED
@@ -39,12 +40,14 @@ class RecordingConfig(Settings):
             rest the default camera of simulations.
         effects: "auto" (all that work on a recording), or names separated by commas.
         seed: of all random numbers, >= 0.
+        frames: at most so many, evenly spread over the recording; None: all.
     """
 
     capture: Path
     profile: str | None = None
     effects: str = "auto"
     seed: Annotated[int, SEED] = 0
+    frames: Annotated[int | None, FRAMES] = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,6 +81,8 @@ class OwnRecording:
                 f"{capture}: no frame has depth, expected depth that a camera measured; record it with "
                 "depth, or leave 'capture' out to simulate"
             )
+        if config.frames is not None:
+            capture = replace(capture, frames=tuple(evenly(capture.frames, config.frames)))
         return OwnRecording(capture, _figures(capture, config.profile), effects, config.seed)
 
     def depth_rig(self, k: Intrinsics) -> StereoRig:

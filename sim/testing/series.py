@@ -96,6 +96,7 @@ class NoiseSeries:
 
     def measure(self, error: Callable[[Capture], float]) -> DegradationCurve:
         """Return how ``error(capture)`` grows with the noise; smaller is better."""
+        __tracebackhide__ = True
         errors = []
         for strength, capture in self:
             try:
@@ -109,6 +110,7 @@ class NoiseSeries:
 
 
 def _number(found: object) -> float:
+    __tracebackhide__ = True
     try:
         return float(found)  # pyright: ignore[reportArgumentType]
     except (TypeError, ValueError):

@@ -8,6 +8,7 @@ import pytest
 
 from digs_warp.record import progress as module
 from digs_warp.record.progress import progress, show_progress
+from digs_warp.record.run_log import RunLog
 
 
 @pytest.fixture
@@ -67,3 +68,23 @@ def test_a_long_stage_logs_a_line_every_half_minute_with_an_estimate(
         "Training: 160 of 200 steps, about 40 s left, loss 59",
         "Training: 190 of 200 steps, about 10 s left, loss 89",
     ]
+
+
+@pytest.mark.usefixtures("shown")
+def test_every_stage_says_that_it_begins_in_one_line(
+    capsys: pytest.CaptureFixture[str], caplog: pytest.LogCaptureFixture
+) -> None:
+    caplog.set_level(logging.INFO)
+    whole, part = RunLog("run", None), RunLog("reconstruct", None)
+    with whole.stage("reconstruct"), part.stage("train"):
+        pass
+    with whole.stage("report"):
+        pass
+    lines = [record.message for record in caplog.records]
+    assert [line.split(" s  ")[1] for line in lines] == ["reconstruct", "  train", "report"]
+    assert all(0.0 <= float(line.split()[0]) < 60 for line in lines)
+    show_progress(False)
+    with whole.stage("export"):
+        pass
+    assert len(caplog.records) == 3
+    assert "\r" not in capsys.readouterr().err

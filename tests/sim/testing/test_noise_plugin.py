@@ -16,7 +16,7 @@ from digs_warp.sim.testing.sources import SimulatedWalk
 def run_pytest(folder: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
     """Run pytest in a fresh process, in a folder that knows nothing of this repository."""
     return subprocess.run(
-        [sys.executable, "-m", "pytest", "-p", "no:dash", "--strict-markers", *arguments],
+        [sys.executable, "-m", "pytest", "--strict-markers", *arguments],
         cwd=folder,
         capture_output=True,
         text=True,
@@ -64,6 +64,7 @@ def test_each_effect_is_a_test_of_its_own_and_the_page_has_its_curve(
     done = run_pytest(tmp_path, "-q", "--sensor-noise-report", str(page), *processes)
     assert "2 failed, 1 passed" in done.stdout, done.stdout + done.stderr
     assert "test_each.py::test_effects[static-field]" in done.stdout
+    assert "series.py" not in done.stdout and "ZeroDivisionError" in done.stdout
     text = page.read_text()
     assert text.count("<code>noise</code>") == text.count("<pre>") == 2
     assert text.count('class="passed"') == 1 and text.count('class="failed"') == 2
@@ -72,6 +73,19 @@ def test_each_effect_is_a_test_of_its_own_and_the_page_has_its_curve(
     assert "ZeroDivisionError" in text and "failed before an error was measured" in text
     assert text.index("[static-field]") < text.index("[shot-noise]")  # what failed comes first
     assert "https://" not in text and "<script" not in text
+
+
+def test_failures_show_the_line_of_the_test_and_no_warning_of_others(tmp_path: Path) -> None:
+    (tmp_path / "test_curves.py").write_text(
+        "from digs_warp.sim.testing.curve import DegradationCurve\n"
+        "CURVE = DegradationCurve((0.0, 1.0, 2.0), (0.0, 1.0, 9.0))\n"
+        "def test_limit(): CURVE.assert_at_most({1: 0.5})\n"
+        "def test_cliff(): CURVE.assert_no_cliff(largest_growth=1.0)\n"
+    )
+    said = run_pytest(tmp_path, "-q").stdout
+    assert "test_curves.py:3: AssertionError" in said and "test_curves.py:4: AssertionError" in said
+    assert "curve.py:" not in said.replace("test_curves.py:", "")
+    assert "falls off a cliff" in said and "2 failed" in said and "warning" not in said
 
 
 def test_each_names_effects_that_exist() -> None:

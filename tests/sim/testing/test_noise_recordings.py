@@ -162,6 +162,16 @@ def test_captures_are_kept_until_the_recording_or_a_setting_changes(tmp_path: Pa
     assert {k: v for k, v in before.items() if k != "mark"} == file_hashes(again.folder)
 
 
+def test_a_long_recording_is_thinned_evenly(tmp_path: Path) -> None:
+    folder, cache = record(tmp_path / "own", frames=5), tmp_path / "cache"
+    thin = captures_of(folder, cache, frames=3).capture(0)
+    assert [frame.time for frame in thin.frames] == [
+        read_capture(folder).frames[number].time for number in (0, 1, 3)
+    ]
+    assert len(captures_of(folder, cache).capture(0)) == 5
+    assert len(captures_of(folder, cache, frames=9).capture(0)) == 5
+
+
 def test_an_effect_is_a_test_of_its_own(tmp_path: Path) -> None:
     folder = record(tmp_path / "own")
     marker = pytest.mark.sensor_noise(capture=folder, effects=each("quantum", "shot-noise")).mark
@@ -176,7 +186,7 @@ WRONG: list[tuple[dict[str, Any], str]] = [
     ({"effects": each("auto-exposure")}, "'auto-exposure' needs a simulated scene"),
     ({"effects": "disparity-nose"}, "did you mean 'disparity-noise'?"),
     ({"effects": "none"}, "nothing would change the recording"),
-    ({"frames": 3}, "'frames' is a setting of simulated recordings"),
+    ({"frames": 0}, "--frames: 0"),
     ({"mesh": "box.obj"}, "'mesh' is a setting of simulated recordings"),
     ({"tier": "law"}, "'tier' is a setting of simulated recordings"),
     ({"profil": "d435"}, "no setting 'profil'; did you mean 'profile'?"),
