@@ -14,7 +14,7 @@ def record_of(case: Case, number: int) -> dict[str, Any]:
         "labels": dict(case.labels),
         "recording": plain(case.recording),
         "reconstruction": plain(case.reconstruction),
-        "threads": case.threads or 2,
+        "threads": 2,
         "memory_mb": 900.0,
         "metrics": {"psnr_object": psnr, "ssim_object": 0.9, "psnr_frame": psnr, "ssim_frame": 0.9},
         "course": [

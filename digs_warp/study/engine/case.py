@@ -21,14 +21,12 @@ class Case:
         recording: settings of `digs_warp.sim.config.SimulateConfig` that differ from the default.
         reconstruction: dotted settings of `digs_warp.pipeline.reconstruct.ReconstructConfig` that differ.
         effort: estimated time relative to the other cases of the study, for the time budget.
-        threads: CPU threads; None: those of the runner.
     """
 
     labels: Mapping[str, Any]
     recording: Mapping[str, Any] = field(default_factory=dict)
     reconstruction: Mapping[str, Any] = field(default_factory=dict)
     effort: float = 1.0
-    threads: int | None = None
 
     @property
     def key(self) -> str:

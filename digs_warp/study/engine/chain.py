@@ -217,7 +217,7 @@ def _scale_error(capture: Capture, config: "ReconstructConfig", posed: PosedFram
         return abs(1 / metres - 1)
     training, _ = capture.split()
     model = sfm_from_truth(training, SFM_PER_METRE)
-    scale = estimate_scale(local_scales(model, training, config.init), config.init.scale)
+    scale = estimate_scale(local_scales(model, training, config.init))
     return abs(scale.sfm_per_metre / SFM_PER_METRE - 1)
 
 

@@ -133,24 +133,10 @@ def tabulate(name: str, labels: Sequence[str], groups: Groups, columns: Sequence
     return Table(name, [*labels, *(column.heading for column in columns)], rows)
 
 
-def curve(
-    label: str, points: Mapping[float, Sequence[Record]], value: Value, band: bool = False
-) -> Curve:
-    """Return the means of a value along x; where nothing was measured there is no point.
-
-    Args:
-        label: for the legend.
-        points: records by x.
-        value: of a record.
-        band: also draw the deviation.
-    """
-    means = {x: found for x, records in points.items() if (found := spread(records, value))}
-    return Curve(
-        label,
-        list(means),
-        [found.mean for found in means.values()],
-        spread=[found.deviation for found in means.values()] if band else (),
-    )
+def curve(label: str, points: Mapping[float, Sequence[Record]], value: Value) -> Curve:
+    """Return the means of a value of the records at each x; where nothing was measured there is no point."""
+    means = {x: found.mean for x, records in points.items() if (found := spread(records, value))}
+    return Curve(label, list(means), list(means.values()))
 
 
 def pareto_front(points: Sequence[tuple[float, float]]) -> list[int]:

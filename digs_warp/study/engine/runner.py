@@ -51,7 +51,7 @@ def run_cases(
 
 
 def _task(case: Case, measure: Measure, folder: Path, needs: Needs) -> Task:
-    needs = replace(needs, threads=case.threads or needs.threads, alone=True)
+    needs = replace(needs, alone=True)
     facts = {
         "labels": plain(case.labels),
         "recording": plain(case.recording),

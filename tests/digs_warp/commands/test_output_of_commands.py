@@ -100,22 +100,6 @@ def test_an_overwrite_that_is_terminated_resumes_to_the_same_bits(
     assert names(out) == sorted([*names(alone), "notes.txt"])
 
 
-def test_a_result_that_replaced_another_nowhere_names_the_hidden_folder(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    arguments = ["run", "--out", str(tmp_path / "out"), *SMALL, *SHORT]
-    small = ["--frames", "3", "--width", "48", "--height", "32"]
-    assert main([*arguments, *small]) == EXIT_OK
-    first = names(tmp_path / "out")
-    capsys.readouterr()
-    assert main([*arguments, *small, "--overwrite", "--seed", "1"]) == EXIT_OK
-    assert names(tmp_path / "out") == first
-    assert UNFINISHED not in "".join(capsys.readouterr())
-    files = [path for path in (tmp_path / "out").rglob("*") if path.is_file()]
-    assert [path for path in files if UNFINISHED.encode() in path.read_bytes()] == []
-    assert main(["info", str(tmp_path / "out")]) == EXIT_OK
-
-
 def test_the_functions_of_the_package_replace_no_file_of_others(
     capture: Path, tmp_path: Path
 ) -> None:

@@ -208,13 +208,6 @@ def number_flags(kind: type) -> Iterator[str]:
 NUMBER_FLAGS = [(words, list(number_flags(kind))) for words, kind in kinds()]
 
 
-def test_the_commands_have_flags_with_numbers() -> None:
-    assert sum(len(flags) for _, flags in NUMBER_FLAGS) > 80
-    assert {"--frames", "--target-points", "--elevations", "--time-budget"} <= set(
-        NUMBER_FLAGS[0][1]
-    )
-
-
 def test_a_word_for_a_number_is_refused_with_the_flag_as_typed(
     capsys: pytest.CaptureFixture[str],
 ) -> None:

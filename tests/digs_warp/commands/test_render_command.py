@@ -100,22 +100,6 @@ def test_values_out_of_range_are_wrong_usage(scene: Path, capsys) -> None:
         assert run(capsys, scene, "--out", "a.mp4", *arguments)[0] == EXIT_WRONG_USAGE
 
 
-def test_frames_of_an_earlier_film_are_replaced_only_on_request(
-    tmp_path: Path, scene: Path, capsys
-) -> None:
-    out = tmp_path / "film"
-    assert run(capsys, scene, "--out", out)[0] == EXIT_OK
-    first = (out / "0000.png").read_bytes()
-    assert run(capsys, scene, "--out", out)[0] == EXIT_BAD_INPUT
-    assert run(capsys, scene, "--out", out, "--overwrite", "--background", 0, 0, 0)[0] == EXIT_OK
-    assert (out / "0000.png").read_bytes() != first
-    mine = tmp_path / "mine"
-    mine.mkdir()
-    (mine / "0000.png").write_text("mine")
-    assert run(capsys, scene, "--out", mine, "--overwrite")[0] == EXIT_BAD_INPUT
-    assert (mine / "0000.png").read_text() == "mine"
-
-
 def test_an_interrupted_film_leaves_nothing(tmp_path: Path, scene: Path, capsys) -> None:
     def interrupted():
         yield np.zeros((48, 64, 3), np.uint8)

@@ -1,6 +1,5 @@
 """--config: the settings of an earlier run as defaults."""
 
-import json
 import os
 import re
 from pathlib import Path
@@ -10,7 +9,7 @@ import pytest
 
 from digs_warp import cli
 from digs_warp.checks import DigsError
-from digs_warp.cli import EXIT_BAD_INPUT, EXIT_OK, EXIT_WRONG_USAGE, main
+from digs_warp.cli import EXIT_BAD_INPUT, EXIT_WRONG_USAGE, main
 from digs_warp.commands.plan import Plan
 from digs_warp.commands.reconstruct import Reconstruct
 from digs_warp.commands.run import Run
@@ -76,16 +75,6 @@ def test_settings_come_back_identical(tmp_path: Path) -> None:
         second = cli.parse([name, *source, "--config", str(record), "--out", "b"])
         assert settings_of(second) == settings_of(first)
         assert second != first  # the folder
-
-
-def test_a_run_can_be_repeated_from_its_record(tmp_path: Path) -> None:
-    tiny = ["--frames", "2", "--width", "32", "--height", "18", "--samples-per-pixel", "1"]
-    assert main(["simulate", "--out", str(tmp_path / "a"), *tiny]) == EXIT_OK
-    again = ["simulate", "--config", str(tmp_path / "a" / "run.json"), "--out", str(tmp_path / "b")]
-    assert main(again) == EXIT_OK
-    records = [json.loads((tmp_path / name / "run.json").read_text()) for name in ("a", "b")]
-    assert records[0]["settings"] == records[1]["settings"]
-    assert records[0]["results"] == records[1]["results"]
 
 
 def test_flags_override_the_file(tmp_path: Path) -> None:

@@ -39,17 +39,3 @@ def test_the_same_numbers_give_the_same_bytes(tmp_path: Path) -> None:
     for path in (tmp_path / "one").rglob("*.*"):
         twin = tmp_path / "two" / path.relative_to(tmp_path / "one")
         assert path.read_bytes() == twin.read_bytes(), path.name
-
-
-def test_rows_have_names_and_the_first_is_at_the_top() -> None:
-    curve = Curve("after 100 steps", [0.5, -0.25, 1.5], [0, 1, 2], line=False)
-    chart = Chart(
-        "parts", "Parts", [curve], "difference [dB]", "", rows=["first", "second", "third"]
-    )
-    drawn = chart.svg().decode()
-    # The axis draws its names from the first to the last; SVG counts y downwards.
-    heights = [
-        float(re.findall(rf'y="([0-9.]+)"[^>]*>{name}<', drawn)[0])
-        for name in ("first", "second", "third")
-    ]
-    assert heights[0] < heights[1] < heights[2]

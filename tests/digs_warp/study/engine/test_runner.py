@@ -90,15 +90,10 @@ def test_a_failed_case_runs_again(tmp_path: Path) -> None:
     assert "error" not in next(iter(Store(tmp_path).records.values()))
 
 
-def test_workers_share_the_cores_unless_a_case_asks_for_threads(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_workers_share_the_cores(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("DIGS_WARP_THREADS", "6")
     run_cases(cases(1, 2, 3), tmp_path, measure=measure, engine=EngineConfig(workers=3))
     assert {r["threads_seen"] for r in Store(tmp_path).records.values()} == {"2"}
-    run_cases([Case(labels={"n": 5}, threads=3)], tmp_path, measure=measure)
-    *_, last = Store(tmp_path).records.values()
-    assert (last["threads"], last["threads_seen"]) == (3, "3")
 
 
 def test_a_half_written_line_is_dropped_and_its_case_runs_again(tmp_path: Path) -> None:
