@@ -57,15 +57,15 @@ LINE_BUDGETS = {
     "sim.render": 5_170,
     "sim.scene": 4_610,
     "sim.sensor": 6_100,
-    "sim.testing": 990,
+    "sim.testing": 980,
     "splat": 5_540,
-    "study": 2_360,
+    "study": 2_330,
     "surface": 610,
     "torch": 200,
     "train": 3_930,
     "usd": 4_130,
 }
-MOST_LINES, MOST_FILES = 80_824, 526  # of the product; 65,000 in 500 files are the goal
+MOST_LINES, MOST_FILES = 80_790, 526  # of the product; 65,000 in 500 files are the goal
 # A shorter file with a single client in its folder belongs into that client.
 CRUMB = 60
 
