@@ -41,7 +41,7 @@ LINE_BUDGETS = {
     "device": 920,
     "engines": 1_010,
     "files at the top": 800,
-    "formats": 6_126,
+    "formats": 6_500,
     "geometry": 625,
     "init": 4_610,
     "losses": 810,
@@ -65,7 +65,7 @@ LINE_BUDGETS = {
     "train": 3_930,
     "usd": 4_130,
 }
-MOST_LINES, MOST_FILES = 80_790, 526  # of the product; 65,000 in 500 files are the goal
+MOST_LINES, MOST_FILES = 81_160, 528  # of the product; 65,000 in 500 files are the goal
 # A shorter file with a single client in its folder belongs into that client.
 CRUMB = 60
 

@@ -120,6 +120,21 @@ RECORDINGS = {
             {"*conf*": "confidence in the depth", "*.m4a": "sound"},
         ),
         Form(
+            "polycam",
+            {
+                "*cameras/*.json": "cameras and poses; those of Polycam's own adjustment where they are there"
+            },
+            {
+                "*confidence/*": "confidence in the depth",
+                "keyframes/images/*": "images before Polycam's adjustment",
+                "keyframes/corrected_images/*": "images after it",
+                "*mesh_info.json": "the mesh of Polycam",
+                "*.glb": "the mesh of Polycam",
+                "*.mp4": "a film of the scan",
+                "*thumbnail*": "a small picture",
+            },
+        ),
+        Form(
             "zed",
             {"calibration.json": "fx, fy, cx, cy, baseline [m]"},
             {"*conf*": "confidence in the depth", "*disparity*": "disparity"},
@@ -207,5 +222,27 @@ FILMS = (
         {"*.bag": "color, or left infrared; depth registered to it"},
         {"accelerometer and gyroscope": "motion", "the right infrared image": "its pair"},
         {"lens models but Brown-Conrady and Kannala-Brandt": "record with another profile"},
+    ),
+    Form(
+        "stray",
+        {
+            "rgb.mp4": "the sharpest frames",
+            "depth/*.png": "millimetres",
+            "odometry.csv": "poses",
+            "camera_matrix.csv": "the camera",
+        },
+        {"confidence/*": "confidence in the depth", "imu.csv": "motion"},
+    ),
+    Form(
+        "ros",
+        {
+            "*.bag, *.mcap, folders of ROS 2": "Image and CompressedImage: color, and depth from the same "
+            "place; CameraInfo beside them"
+        },
+        {"all other topics": "poses, points, motion"},
+        {
+            "images without a camera_info": "record it, too",
+            "encodings of Bayer and YUV": "record rgb8, bgr8, mono8 or compressed images",
+        },
     ),
 )

@@ -2,6 +2,8 @@
 
 from collections.abc import Iterable, Iterator
 
+from digs_warp.formats.captures.formats import EXPORTERS, FILE_READERS, READERS
+from digs_warp.formats.splats.files import FORMATS
 from digs_warp.formats.table import DEPTH_IMAGES, FILMS, RECORDINGS, REFUSED_IMAGES, Form
 from digs_warp.sim.scene.mesh.gltf import SPLATS as GLTF_SPLATS
 from digs_warp.sim.scene.mesh.gltf import UNREADABLE_EXTENSIONS
@@ -13,7 +15,7 @@ PAGE = "what-is-read.md"
 # By suffix, as the readers have them.
 SPLATS = (
     Form(
-        ".ply",
+        ".ply, .compressed.ply",
         {
             "binary of either order, text, floats or doubles": "Gaussians of degree 0 to 3; with degree 4, "
             "up to 3",
@@ -105,8 +107,52 @@ def texts() -> dict[str, str]:
         "images": _table([images]),
         "recordings": _table([*RECORDINGS.values(), *FILMS]),
         "splats": _table(SPLATS),
+        "formats": _formats(),
         "meshes": _table(MESHES),
     }
+
+
+# What else than our own reader has read our files, or written those that we read; in the suite, or by the
+# script that is named.
+CHECKED = {
+    ".ply": "samples of others; trimesh and Open3D (points), splat-transform",
+    ".compressed.ply": "splat-transform, both ways (scripts/peers/splat_transform.py)",
+    ".spz": "samples of versions 2 to 4; gsply where it is installed",
+    ".splat": "samples of others",
+    ".sog": "splat-transform, both ways (scripts/peers/splat_transform.py)",
+    ".glb": "the rules of Khronos; trimesh (points); files of splat-transform",
+    ".gltf": "the rules of Khronos",
+    ".usda, .usdc, .usdz": "OpenUSD and NVIDIA's rules; usd-convert-gsplat (scripts/peers/usd_writers.py)",
+    "colmap": "pycolmap, the rules of OpenSplat",
+    "colmap-text": "pycolmap",
+    "nerfstudio": "the rules of its data parser; Open3D (points)",
+    "redwood": "Open3D",
+    "kitti-stereo": "as RAFT and pykitti read it",
+    "sceneflow": "as RAFT reads it",
+    "euroc": "sample recordings",
+    "ros": "rosbags wrote the bags",
+}
+_YES, _NO = "yes", ""
+
+
+def _formats() -> str:
+    """Return the table of what is read, what is written, and who has checked it."""
+    rows = [
+        [f"`{suffix}`", "splats", _YES, _YES if form.write else _NO, CHECKED.get(suffix, "")]
+        for suffix, form in FORMATS.items()
+    ]
+    usd = ".usda, .usdc, .usdz"
+    rows.append([f"`{usd}`", "splats and scenes", _YES, _YES, CHECKED[usd]])
+    readers = {*READERS, *FILE_READERS}
+    rows += [
+        [
+            *(f"`{name}`", "recordings"),
+            *(_YES if name in group else _NO for group in (readers, EXPORTERS)),
+            CHECKED.get(name, "files as its programs describe them"),
+        ]
+        for name in sorted(readers | EXPORTERS.keys())
+    ]
+    return Table("formats", ["format", "of", "read", "written", "checked with"], rows).markdown()
 
 
 def _table(forms: Iterable[Form]) -> str:

@@ -6,7 +6,7 @@ import numpy as np
 
 from digs_warp.data.capture import Capture
 from digs_warp.data.capture_writer import CaptureWriter, FrameImages
-from digs_warp.formats.captures.formats import read_recording
+from digs_warp.formats.captures.formats import opened_recording
 from digs_warp.formats.captures.to_capture import write_capture
 from digs_warp.geometry.camera import Intrinsics, pixel_centers
 from digs_warp.geometry.rigid import look_at
@@ -42,7 +42,8 @@ def points(capture: Capture, number: int) -> np.ndarray:
 
 
 def converted(form: str, source: Path, target: Path) -> Capture:
-    return write_capture(read_recording(source, form), form, target)
+    with opened_recording(source, form) as recording:
+        return write_capture(recording, form, target)
 
 
 def check_same(found: Capture, expected: Capture, tolerance: float) -> None:

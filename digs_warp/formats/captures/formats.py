@@ -33,8 +33,11 @@ RecordingFormat = Literal[
     "colmap",
     "7scenes",
     "euroc",
+    "polycam",
     "video",
     "realsense",
+    "stray",
+    "ros",
 ]
 CaptureFormat = Literal[
     "colmap",
@@ -60,16 +63,24 @@ READERS: dict[str, str] = {
     "colmap": "colmap_import.read_colmap",
     "7scenes": "seven_scenes.read_seven_scenes",
     "euroc": "euroc.read_euroc",
+    "polycam": "phones.read_polycam",
 }
 
-# Those whose recording is one file with many frames; the folder is for the chosen frames.
+# Those whose frames are in a film or a bag; the folder is for the chosen frames.
 FILE_READERS: dict[str, Callable[[Path, Path, "ImportOptions"], "Recording"]] = {
     "video": lambda file, scratch, options: _function("video.read_film")(
         file, scratch, options.frames or MOST_OF_A_FILM, options.fov_deg
     ),
-    "realsense": lambda file, scratch, options: _function("realsense.read_bag")(
-        file, scratch, options.frames or MOST_OF_A_FILM
-    ),
+    **{
+        form: lambda file, scratch, options, place=place: _function(place)(
+            file, scratch, options.frames or MOST_OF_A_FILM
+        )
+        for form, place in (
+            ("realsense", "realsense.read_bag"),
+            ("stray", "phones.read_stray"),
+            ("ros", "ros.read_ros"),
+        )
+    },
 }
 
 # Frames that are taken of a film if nobody says how many.

@@ -85,6 +85,26 @@ def read_film(path: Path, scratch: Path, count: int, fov_deg: float | None) -> R
     return Recording(path, frames)
 
 
+def chosen_frames(
+    path: Path, scratch: Path, count: int, length: int
+) -> tuple[dict[int, Path], tuple[int, int]]:
+    """Write sharp frames of a film to ``scratch``, and return them by number, and their (width, height).
+
+    Args:
+        path: the film.
+        scratch: the folder.
+        count: the most frames to take.
+        length: frames of which more is known; those behind are not taken.
+
+    Raises:
+        CaptureError: no film, or one without frames.
+    """
+    require_file(path, "film")
+    chosen = choose(_measure(path)[0][:length], count)
+    size = _extract(path, scratch, chosen)
+    return {number: scratch / _name(number) for number in chosen}, size
+
+
 def _name(number: int) -> str:
     return f"{number:06d}.png"
 

@@ -1,0 +1,210 @@
+"""Recordings of robots: ROS 1 bags, ROS 2 bags and MCAP, by rosbags: color, depth, and a camera_info each.
+
+Of the topics with images, the one with depth is that of 16UC1 or 32FC1, the other one color; where there are
+several, those with the most images. A camera_info belongs to the images beside it. Depth and color are taken
+as seen from one place, as topics named "aligned" or "registered" are. Poses are not read.
+"""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from digs_warp.checks import CaptureError
+from digs_warp.data.images import MM_PER_METRE, write_image
+from digs_warp.data.sharpness import Sharpness
+from digs_warp.formats.captures.lens import Lens, undistorted
+from digs_warp.formats.captures.recording import DepthCamera, RecordedFrame, Recording
+from digs_warp.formats.captures.video import choose
+from digs_warp.geometry.camera import Intrinsics
+
+_IMAGES = ("sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage")
+_INFO = "sensor_msgs/msg/CameraInfo"
+_DEPTH = ("16UC1", "32FC1", "mono16")
+# Type and channels of the pixels by their encoding.
+_ENCODINGS = {
+    **{"rgb8": ("u1", 3), "bgr8": ("u1", 3), "rgba8": ("u1", 4), "bgra8": ("u1", 4)},
+    **{"mono8": ("u1", 1), "8UC1": ("u1", 1), "8UC3": ("u1", 3)},
+    **{"16UC1": ("u2", 1), "mono16": ("u2", 1), "32FC1": ("f4", 1)},
+}
+# A depth image belongs to the color image nearest in time, at most this far [s].
+_APART = 0.02
+# What comes before the PNG in a compressed depth image [bytes].
+_DEPTH_HEADER = 12
+
+
+def read_ros(path: Path, scratch: Path, count: int) -> Recording:
+    """Write the chosen frames of a recording to ``scratch``, and return them.
+
+    Args:
+        path: a .bag or .mcap file, or the folder of a ROS 2 bag.
+        scratch: a folder that has to live as long as the recording.
+        count: the most frames to take.
+
+    Raises:
+        CaptureError: rosbags is missing, no bag, or one without color images and their camera_info.
+    """
+    bag = _Bag(path)
+    color, depth = bag.color, bag.depth
+    measure = Sharpness()
+    times, sharpness = [], []
+    for time, message in bag.messages(color):
+        times.append(time)
+        sharpness.append(measure(_rgb(_pixels(message, path))))
+    kept = {times[number] for number in choose(np.array(sharpness), count)}
+    depths = {}
+    if depth is not None:
+        wanted = np.array(sorted(kept))
+        for time, message in bag.messages(depth):
+            nearest = float(wanted[np.abs(wanted - time).argmin()])
+            if abs(nearest - time) <= _APART and nearest not in depths:
+                depths[nearest] = scratch / f"depth{len(depths):06d}.exr"
+                write_image(depths[nearest], _metres(_pixels(message, path)))
+    k, lens = bag.camera(color)
+    view = undistorted(k, lens)
+    frames = []
+    for time, message in bag.messages(color):
+        if time not in kept:
+            continue
+        kept.remove(time)
+        image = scratch / f"color{len(frames):06d}.png"
+        write_image(image, _rgb(_pixels(message, path)))
+        frames.append(RecordedFrame(image, k, time, depth=depths.get(time), view=view))
+    own = None if depth is None or bag.infos.get(depth) is None else bag.camera(depth)[0]
+    return Recording(
+        path, tuple(frames), depth_camera=None if own in (None, k) else DepthCamera(own)
+    )
+
+
+class _Bag:
+    """The topics of a bag that are read: ``color``, ``depth`` or None, and ``infos`` by topic of images."""
+
+    def __init__(self, path: Path) -> None:
+        try:
+            from rosbags.highlevel import AnyReader, AnyReaderError
+            from rosbags.typesys import Stores, get_typestore
+        except ModuleNotFoundError as error:
+            raise CaptureError(
+                f"'{path}': bags of ROS need rosbags: pip install 'digs-warp[ros]'"
+            ) from error
+        self._path, self._broken = path, AnyReaderError
+        self._open = lambda: AnyReader([path], default_typestore=get_typestore(Stores.ROS2_HUMBLE))
+        images, infos = {}, {}
+        with self._opened() as reader:
+            for connection in reader.connections:
+                if connection.msgtype in _IMAGES and connection.msgcount:
+                    first = next(reader.messages([connection]))
+                    message = reader.deserialize(first[2], connection.msgtype)
+                    is_depth = _encoding(message) in _DEPTH
+                    images[connection.topic] = is_depth, connection.msgcount
+                elif connection.msgtype == _INFO and connection.msgcount:
+                    first = next(reader.messages([connection]))
+                    infos[connection.topic] = reader.deserialize(first[2], connection.msgtype)
+        found = {
+            kind: max((n, topic) for topic, (is_depth, n) in images.items() if is_depth == kind)[1]
+            for kind in {is_depth for is_depth, _ in images.values()}
+        }
+        if False not in found:
+            raise CaptureError(f"'{path}': no color images in it; its topics: {', '.join(images)}")
+        self.color, self.depth = found[False], found.get(True)
+        self.infos = {topic: _beside(topic, infos) for topic in found.values()}
+
+    @contextmanager
+    def _opened(self) -> Iterator[Any]:
+        try:
+            with self._open() as reader:
+                yield reader
+        except CaptureError:
+            raise
+        except (self._broken, OSError, ValueError) as error:
+            raise CaptureError(
+                f"'{self._path}': {error}; expected a .bag, .mcap or the folder of a ROS 2 bag"
+            ) from error
+
+    def messages(self, topic: str) -> Iterator[tuple[float, Any]]:
+        """Yield time [s] and message."""
+        with self._opened() as reader:
+            wanted = [each for each in reader.connections if each.topic == topic]
+            for connection, _, data in reader.messages(wanted):
+                message = reader.deserialize(data, connection.msgtype)
+                yield message.header.stamp.sec + 1e-9 * message.header.stamp.nanosec, message
+
+    def camera(self, topic: str) -> tuple[Intrinsics, Lens | None]:
+        """Return the camera of a topic, and what bends its light."""
+        info = self.infos[topic]
+        if info is None:
+            raise CaptureError(f"'{self._path}': no camera_info for {topic}; record it, too")
+        matrix = np.array(getattr(info, "k", getattr(info, "K", None)), np.float64).reshape(3, 3)
+        bends = [float(each) for each in getattr(info, "d", getattr(info, "D", ()))]
+        k = Intrinsics.from_matrix(matrix, info.width, info.height, first_center=0)
+        if "rect" in topic or not any(bends):  # rectified images have none any more
+            return k, None
+        if info.distortion_model == "equidistant":
+            return k, Lens(tuple(bends[:4]), is_fisheye=True)
+        if info.distortion_model not in ("plumb_bob", ""):
+            raise CaptureError(
+                f"'{self._path}': lens model {info.distortion_model} of {topic}, expected plumb_bob or "
+                "equidistant; record the rectified images"
+            )
+        k1, k2, p1, p2, k3 = (*bends, *[0.0] * 5)[:5]
+        return k, Lens.brown(k1, k2, p1, p2, k3)
+
+
+def _beside(topic: str, infos: dict[str, Any]) -> Any:
+    """Return the camera_info whose topic begins like that of the images; None: none, or several, do."""
+    places = topic.split("/")
+    shared = {name: _shared(places, name.split("/")) for name in infos}
+    best = [name for name, length in shared.items() if length == max(shared.values())]
+    return infos[best[0]] if len(best) == 1 else None
+
+
+def _shared(one: list[str], other: list[str]) -> int:
+    """Return how many parts two paths begin with together."""
+    pairs = enumerate(zip(one, other, strict=False))
+    return next((i for i, (a, b) in pairs if a != b), min(len(one), len(other)))
+
+
+def _encoding(message: Any) -> str:
+    return (
+        message.encoding if hasattr(message, "encoding") else message.format.split(";")[0].strip()
+    )
+
+
+def _pixels(message: Any, path: Path) -> np.ndarray:
+    """Return the pixels of a message, (height, width, channels); red first."""
+    import cv2
+
+    encoding = _encoding(message)
+    if hasattr(message, "format"):
+        skipped = _DEPTH_HEADER if "compressedDepth" in message.format else 0
+        found = cv2.imdecode(np.frombuffer(message.data, np.uint8)[skipped:], cv2.IMREAD_UNCHANGED)
+        if found is None:
+            raise CaptureError(f"'{path}': an image of the form {message.format} cannot be decoded")
+        return np.atleast_3d(found)[..., ::-1] if found.ndim == 3 else found[..., None]
+    if encoding not in _ENCODINGS:
+        raise CaptureError(
+            f"'{path}': images of the encoding {encoding}, expected one of {', '.join(_ENCODINGS)}"
+        )
+    kind, channels = _ENCODINGS[encoding]
+    order = np.dtype(kind).newbyteorder(">" if message.is_bigendian else "<")
+    rows = np.frombuffer(message.data, np.uint8).reshape(message.height, message.step)
+    pixels = np.ascontiguousarray(rows[:, : message.width * channels * order.itemsize]).view(order)
+    pixels = pixels.reshape(message.height, message.width, channels)
+    return pixels[..., 2::-1] if encoding.startswith("bgr") else pixels
+
+
+def _rgb(pixels: np.ndarray) -> np.ndarray:
+    """Return an image, (height, width, 3), uint8."""
+    return np.ascontiguousarray(
+        np.repeat(pixels, 3, axis=2) if pixels.shape[2] == 1 else pixels[..., :3]
+    )
+
+
+def _metres(pixels: np.ndarray) -> np.ndarray:
+    """Return depth [m], (height, width), float32, NaN where unknown."""
+    depth = pixels[..., 0].astype(np.float32)
+    if pixels.dtype.kind == "u":
+        depth /= np.float32(MM_PER_METRE)
+    return np.where(depth > 0, depth, np.float32(np.nan))
