@@ -56,7 +56,7 @@ LINE_BUDGETS = {
     "sim.record": 2_340,
     "sim.render": 5_170,
     "sim.scene": 4_610,
-    "sim.sensor": 6_100,
+    "sim.sensor": 6_150,
     "sim.testing": 980,
     "splat": 5_540,
     "study": 2_330,
@@ -65,7 +65,7 @@ LINE_BUDGETS = {
     "train": 3_930,
     "usd": 4_130,
 }
-MOST_LINES, MOST_FILES = 81_160, 528  # of the product; 65,000 in 500 files are the goal
+MOST_LINES, MOST_FILES = 81_220, 528  # of the product; 65,000 in 500 files are the goal
 # A shorter file with a single client in its folder belongs into that client.
 CRUMB = 60
 

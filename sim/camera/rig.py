@@ -56,12 +56,15 @@ class StereoRig:
         white_balance_lag: its time constant [s].
         readout_time: from the first to the last row of a rolling shutter [s]; 0: global shutter.
         vignetting: light lost in the corners, 0 to 1.
+        lens_blur: standard deviation of the point spread of the eyes' lenses [px]; that of projected dots is
+            in their pattern.
         projector_power: brightness of a projected dot on a white matte wall at 1 m, in the unit of the
             environment's radiance, where usual panoramas have a mean of about 0.7; 0: no projector.
         projector_offset: place of the projector along the baseline, from the left eye [m].
         color_offset: place of the color camera along the baseline, from the left eye [m].
         color_zoom: focal length of the color camera over that of the eyes.
         color_noise: what ``image_noise`` is for the eyes, for the color camera.
+        color_blur: the same of ``lens_blur``.
     """
 
     intrinsics: Intrinsics
@@ -92,11 +95,13 @@ class StereoRig:
     white_balance_lag: float = 1.3
     readout_time: float = 0.0
     vignetting: float = 0.3
+    lens_blur: float = 0.0
     projector_power: float = 0.0
     projector_offset: float = 0.0
     color_offset: float = 0.0
     color_zoom: float = 1.0
     color_noise: float = 0.0
+    color_blur: float = 0.0
 
     def __post_init__(self) -> None:
         check_positive("rig: baseline [m]", self.baseline)

@@ -200,8 +200,13 @@ class FrameMaker:
     def _recorded_color(self, truth: FrameTruth, view: ColorView) -> np.ndarray:
         """Return the color camera's image after the effects on it; its noise is not that of the eyes."""
         config = self.session.config
-        k, noise = truth.rig.image_intrinsics, truth.rig.color_noise
-        rig = replace(truth.rig, intrinsics=k, image_noise=noise)
+        own = truth.rig
+        rig = replace(
+            own,
+            intrinsics=own.image_intrinsics,
+            image_noise=own.color_noise,
+            lens_blur=own.color_blur,
+        )
         seen = view.as_truth(truth)
         alone = replace(seen, right=view.image, right_highlights=view.highlights, rig=rig)
         seed = config.seed + COLOR_SEED

@@ -36,6 +36,13 @@ def box_mean(values: np.ndarray, size: int) -> np.ndarray:
     )
 
 
+def blurred(image: np.ndarray, sigma: float) -> np.ndarray:
+    """Return an image after a Gaussian of ``sigma`` pixels, same shape and type; mirrored at the borders."""
+    import cv2
+
+    return cv2.GaussianBlur(image, (0, 0), sigma, borderType=cv2.BORDER_REFLECT_101)
+
+
 def separable(
     values: np.ndarray, across: np.ndarray, down: np.ndarray, offset: float
 ) -> np.ndarray:

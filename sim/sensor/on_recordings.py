@@ -10,7 +10,7 @@ from dataclasses import replace
 import numpy as np
 
 from digs_warp.sim.camera.rig import StereoRig
-from digs_warp.sim.sensor.color import AUTO_EXPOSURE, PIXEL_EFFECTS, WHITE_BALANCE
+from digs_warp.sim.sensor.color import AUTO_EXPOSURE, LENS_BLUR, PIXEL_EFFECTS, WHITE_BALANCE
 from digs_warp.sim.sensor.color.encoding import decode
 from digs_warp.sim.sensor.color.protocol import EyeImages
 from digs_warp.sim.sensor.color.recorded import after_effects
@@ -25,8 +25,9 @@ from digs_warp.sim.sensor.tiers import apply_effects
 # depth where the window of the search lies across a depth step.
 DISPARITY_NOISE, STEP_HOLES = "disparity-noise", "step-holes"
 
-# Exposure and white balance follow light above white, which a recording has lost.
-_ON_IMAGES = tuple(each for each in PIXEL_EFFECTS if each not in (AUTO_EXPOSURE, WHITE_BALANCE))
+# Exposure and white balance follow light above white, which a recording has lost; a lens has blurred it.
+_NOT_HERE = (LENS_BLUR, AUTO_EXPOSURE, WHITE_BALANCE)
+_ON_IMAGES = tuple(each for each in PIXEL_EFFECTS if each not in _NOT_HERE)
 
 EFFECTS_ON_RECORDINGS = (
     DISPARITY_NOISE,

@@ -51,7 +51,7 @@ SEED = 0
 SHOWN_DRIFT = 20.0
 
 # What other cameras than that of the pictures do with their matches.
-WITHOUT_PICTURE = ("rejection", "smoothing", "speckle")
+WITHOUT_PICTURE = ("rejection", "smoothing", "speckle", "lens-blur")
 
 # Of the picture of the tiers: its name, and the full scale of its errors [px].
 TIERS_PICTURE = "tiers"
@@ -235,7 +235,11 @@ def draw_all(studio: SensorStudio, folder: Path) -> None:
         studio.surface_strip(effect, folder / f"{effect.name}.jpg")
     tiers_strip(studio, folder / f"{TIERS_PICTURE}.jpg")
     images = {effect.name: studio.shuttered(effect) for effect in (ROLLING_SHUTTER, IMAGE_BLUR)}
-    images |= {effect.name: studio.colored(effect) for effect in PIXEL_EFFECTS}
+    images |= {
+        effect.name: studio.colored(effect)
+        for effect in PIXEL_EFFECTS
+        if effect.name not in WITHOUT_PICTURE
+    }
     for name, image in images.items():
         color_strip(studio.truth.image, image, folder / f"{name}.jpg")
     color_strip(*studio.infrared(), folder / f"{PROJECTOR.name}.jpg", "left infrared")

@@ -9,7 +9,7 @@ from digs_warp.sim.sensor.color.rendering import (
     Projector,
     RollingShutter,
 )
-from digs_warp.sim.sensor.color.vignetting import Vignetting
+from digs_warp.sim.sensor.color.vignetting import LensBlur, Vignetting
 
 PROJECTOR = Projector()
 ROLLING_SHUTTER = RollingShutter()
@@ -19,7 +19,9 @@ CALIBRATION_DRIFT = CalibrationDrift()
 # Applied to the finished images; the three above change how the images are rendered.
 AUTO_EXPOSURE = AutoExposure()
 WHITE_BALANCE = WhiteBalance()
+LENS_BLUR = LensBlur()
 PIXEL_EFFECTS: tuple[PixelEffect, ...] = (
+    LENS_BLUR,
     Vignetting(),
     AUTO_EXPOSURE,
     WHITE_BALANCE,

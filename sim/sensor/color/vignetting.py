@@ -1,4 +1,4 @@
-"""Vignetting: the image gets darker toward its corners.
+"""The lens: it spreads points, and the image gets darker toward its corners.
 
 A lens gathers less light off its axis: cos^4 of the angle. Cameras compensate for most of this. The rig
 states how much light the corners still lose; the law gives the shape of the loss.
@@ -15,6 +15,42 @@ from digs_warp.sim.camera.rig import StereoRig
 from digs_warp.sim.sensor.color.protocol import EyeImages
 from digs_warp.sim.sensor.effects.protocol import Choice, choose_above
 from digs_warp.sim.sensor.facts import SceneFacts
+from digs_warp.sim.sensor.filters import blurred
+
+BLUR_COST = 6.0  # [ms/MP]
+
+
+@dataclass(frozen=True)
+class LensBlur:
+    """The point spread of the lens after the sharpening of the camera: a Gaussian on the light.
+
+    Its MTF at a quarter of a cycle per pixel is exp(-2 (pi sigma / 4)^2).
+    """
+
+    name: ClassVar[str] = "lens-blur"
+
+    def choose(self, facts: SceneFacts, rig: StereoRig) -> Choice:
+        """Depends on the lenses alone."""
+        return choose_above(
+            self.name,
+            "lens_blur",
+            max(rig.lens_blur, rig.color_blur),
+            0.0,
+            "px",
+            BLUR_COST,
+            on="the lens spreads every point over several pixels",
+            off="the lens is taken for perfect",
+        )
+
+    def apply(
+        self, eyes: EyeImages, rig: StereoRig, rng: np.random.Generator, strength: float = 1.0
+    ) -> EyeImages:
+        """Blur both images; ``strength`` is a factor on the width."""
+        sigma = strength * rig.lens_blur
+        if sigma == 0:
+            return eyes
+        return eyes.with_images(blurred(eyes.left, sigma), blurred(eyes.right, sigma))
+
 
 # Smallest visible loss in the corners: about one 8-bit step.
 VISIBLE_LOSS = 0.01

@@ -19,7 +19,7 @@ from digs_warp.sim.sensor.color.image_noise import (
     shot_factor,
 )
 from digs_warp.sim.sensor.color.protocol import EyeImages, PixelEffect
-from digs_warp.sim.sensor.color.vignetting import Vignetting
+from digs_warp.sim.sensor.color.vignetting import LensBlur, Vignetting
 from digs_warp.sim.sensor.facts import SceneFacts, measure_facts
 from digs_warp.sim.sensor.frame import Motion
 from reference.stereo_frames import make_frame
@@ -110,6 +110,18 @@ def test_vignetting_takes_what_the_rig_states_from_the_corners_and_nothing_from_
         for x, y in [(250.5, 90.5), (0.5, 0.5)]
     ]
     assert 1 - left[90, 250] / 0.5 == pytest.approx(0.4 * (1 - cos4[0]) / (1 - cos4[1]), rel=1e-3)
+
+
+@pytest.mark.parametrize("sigma", [0.6, 0.75, 1.1])
+def test_the_lens_passes_the_stated_share_of_fine_contrast(sigma: float) -> None:
+    """At a quarter of a cycle per pixel, along rows; plain areas keep their light."""
+    wave = 0.5 + 0.4 * np.cos(np.pi / 2 * np.arange(320))
+    images = eyes(np.broadcast_to(wave[None, :, None], (180, 320, 3)))
+    blurred = LensBlur().apply(images, replace(RIG, lens_blur=sigma), rng())
+    contrast = np.ptp(blurred.left[90, 40:280, 1]) / np.ptp(images.left[90, 40:280, 1])
+    assert contrast == pytest.approx(np.exp(-2 * (np.pi * sigma / 4) ** 2), rel=0.03)
+    assert blurred.left[20:160, 40:280].mean() == pytest.approx(0.5, abs=1e-4)
+    np.testing.assert_array_equal(blurred.left, blurred.right)
 
 
 @pytest.mark.parametrize("effect", PIXEL_EFFECTS, ids=lambda effect: effect.name)
