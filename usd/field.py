@@ -207,12 +207,8 @@ def stored_sh_degree(prim: "Usd.Prim", count: int, what: str) -> int | None:
     per_splat, rest = divmod(len(values), count)
     actual = isqrt(per_splat) - 1
     if rest or actual < 0 or (actual + 1) ** 2 != per_splat:
-        _log.warning(
-            "%s: %d SH coefficients fit no degree for %d splats; they are ignored",
-            what,
-            len(values),
-            count,
-        )
+        message = "%s: %d SH coefficients fit no degree for %d splats; they are ignored"
+        _log.warning(message, what, len(values), count)
         return None
     if actual != degree:
         _log.warning(

@@ -31,11 +31,8 @@ def recorded_points(capture: Capture, cameras: Sequence[Camera]) -> PointCloud |
     shown = in_view(points.points_world, cameras)
     count = int(shown.sum())
     if count < len(points):
-        logger.info(
-            "%d of %d sparse points are in no image, and are left out",
-            len(points) - count,
-            len(points),
-        )
+        unseen = len(points) - count
+        logger.info("%d of %d sparse points are in no image, and are left out", unseen, len(points))
     if count < FEWEST:
         logger.warning(
             "%s: %d of its %d sparse points are in view, which is too few to start from; matching the images",

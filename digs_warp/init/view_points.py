@@ -43,6 +43,8 @@ KEPT_PIXELS = 100_000
 # How far from its mask the object may still be, as a share of the image's width: rims are soft, and poses and
 # depth a little off.
 MASK_MARGIN = 0.02
+# Pixels around the mask that are cut out with it: points depend on them in their last bits.
+MARGIN = 3
 # Depth where a ray meets nothing at all [m]: it sees through everything.
 NOTHING = 1e6
 # How far a ray that meets the surround sees, in terms of the surround's depth: what lies there is no object.
@@ -150,6 +152,10 @@ def thinned_object_depth(
 
 
 def box_of(in_mask: np.ndarray) -> Box:
-    """Return the rows and columns around all mask pixels; the first pixel for an empty mask."""
+    """Return the rows and columns around all mask pixels, with a margin; the first pixel for no mask."""
     x0, y0, x1, y1 = mask_box(in_mask)
-    return slice(y0, max(y1, 1)), slice(x0, max(x1, 1))
+    rows, columns = (
+        slice(max(first - MARGIN, 0), min(last + MARGIN, size))
+        for first, last, size in zip((y0, x0), (y1, x1), in_mask.shape, strict=True)
+    )
+    return (rows, columns) if x0 < x1 else (slice(0, 1), slice(0, 1))

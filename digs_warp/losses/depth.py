@@ -208,10 +208,7 @@ class DepthLoss:
         self._scale = 0.0
         self._regions = wp.zeros((2, 4), dtype=int, device=device)
         self.sums = wp.zeros(depth.max_height, dtype=float, device=device)
-        empty = [
-            wp.zeros(1, dtype=float, device=device),
-            wp.zeros(1, dtype=wp.uint8, device=device),
-        ]
+        empty = [wp.zeros(1, dtype=kind, device=device) for kind in (float, wp.uint8)]
         self._launch = ParallelLaunch(
             depth_kernel,
             depth.max_height,

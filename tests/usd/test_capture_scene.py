@@ -118,16 +118,6 @@ def test_usd_cameras_see_every_point_where_ours_do(tmp_path: Path):
             assert near < depth.min() < depth.max() < far
 
 
-def test_lens_is_animated_only_where_it_changes(tmp_path: Path):
-    for zoom, samples in ((0.0, 0), (3.0, 9)):
-        path = tmp_path / f"zoom{zoom}.usdz"
-        scene = CaptureScene((SceneVariant("a", splats(5)),), cameras=camera_path(zoom=zoom))
-        write_capture_scene(path, scene)
-        stage = open_stage(path)
-        focal = stage.GetPrimAtPath("/Asset/Rig/left").GetAttribute("focalLength")
-        assert focal.GetNumTimeSamples() == samples
-
-
 def test_the_timeline_plays_at_the_speed_of_the_recording(package: Path):
     stage = open_stage(package)
     assert (stage.GetStartTimeCode(), stage.GetEndTimeCode()) == (0, 8)
@@ -233,15 +223,6 @@ def test_a_failed_write_leaves_the_old_scene_and_nothing_else(tmp_path: Path):
         write_capture_scene(path, scene)
     assert path.read_bytes() == before
     assert [entry.name for entry in tmp_path.iterdir()] == ["scene.usdz"]
-
-
-def test_scenes_without_splats_are_fine(tmp_path: Path):
-    path = tmp_path / "scene.usdz"
-    scene = CaptureScene(
-        (SceneVariant("a", splats(0)),), cameras=camera_path(), course=((0, splats(0)),)
-    )
-    write_capture_scene(path, scene)
-    assert len(read_scene(path).gaussians) == 0
 
 
 def test_scenes_that_make_no_sense_are_refused():

@@ -67,15 +67,6 @@ def test_a_merged_splat_blocks_as_much_light_as_its_group():
     assert_allclose(merged.opacities[0] * area, row.opacities.sum() * 0.02**2, rtol=1e-5)
 
 
-def test_a_splat_alone_in_its_voxel_stays_as_it_is():
-    pair_and_one = replace(splats(3), means=np.array([[0, 0, 0], [0.001, 0, 0], [1.0, 1, 1]]))
-    merged = merged_in_voxels(pair_and_one, 2)
-    assert len(merged) == 2
-    last = int(np.argmax(merged.means[:, 0]))
-    for name in ("means", "log_scales", "quats", "opacity_logits", "sh"):
-        assert_array_equal(getattr(merged, name)[last], getattr(pair_and_one, name)[2])
-
-
 def test_hard_cases_come_out_finite():
     cases = {
         "invisible": replace(splats(10), opacity_logits=np.full(10, -1e4)),

@@ -36,12 +36,6 @@ def test_a_wire_one_voxel_thick_stays() -> None:
     assert not_isolated(np.concatenate([plate(), wire]), VOXEL).all()
 
 
-def test_a_small_part_that_stands_apart_stays() -> None:
-    part = plate(0.02) + [1.0, 0, 0]
-    assert len(part) == 25
-    assert not_isolated(np.concatenate([plate(), part]), VOXEL).all()
-
-
 @pytest.mark.parametrize("spacing", [0.004, 0.1])
 def test_depth_maps_coarser_than_the_voxels_lose_nothing(spacing: float) -> None:
     surface = plate(20 * spacing, spacing)

@@ -151,13 +151,6 @@ def test_texture_seen_by_points_off_the_surface_is_no_gloss() -> None:
     assert view_dependence(shiny).degree == 3
 
 
-def test_the_few_points_of_a_room_that_are_seen_often_are_found(tmp_path: Path) -> None:
-    capture = write_tiny_capture(tmp_path / "capture")
-    elsewhere = np.full((19000, 3), 10 * RADIUS)
-    found = view_dependence(look_up(capture.frames, np.concatenate([elsewhere, ball(800).means])))
-    assert found.points > 60  # every tenth point would show 12
-
-
 def test_points_that_few_photographs_see_tell_no_exposure_of_a_room() -> None:
     """Many points are seen twice, from places where their colors have nothing in common."""
     directions, changed, _ = adapting(*seen(1, points=200))

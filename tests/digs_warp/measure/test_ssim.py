@@ -173,11 +173,3 @@ def test_same_bits_for_any_number_of_threads(monkeypatch: pytest.MonkeyPatch) ->
     one, more = found
     assert one[0] == more[0]
     np.testing.assert_array_equal(one[1], more[1])
-
-
-def test_planes_keep_pixels_and_their_border_stays_zero() -> None:
-    pixels = np.random.default_rng(0).uniform(size=(5, 7, 3)).astype(np.float32)
-    planes = ImagePlanes(7, 5, 3)
-    planes.assign(pixels)
-    np.testing.assert_array_equal(planes.to_numpy(), pixels)
-    assert np.count_nonzero(planes.data.numpy()) == pixels.size

@@ -15,12 +15,13 @@ from digs_warp.data.images import srgb_from_linear
 from digs_warp.data.triangle_mesh import TriangleMesh
 from digs_warp.geometry.camera import Camera, Intrinsics
 from digs_warp.geometry.rigid import quat_xyzw_from_matrix
+from digs_warp.geometry.sh import C0
 from digs_warp.show.film.camera_path import Subject, orbit
 from digs_warp.splat.skin import REACH
 from digs_warp.surface.depth_views import DepthView, depth_views
-from digs_warp.surface.extract import Scene, extract_surface, remove_floaters, within_mask
+from digs_warp.surface.extract import Scene, extract_surface, remove_floaters
 from digs_warp.surface.files import write_mesh
-from digs_warp.surface.fuse import fuse_views, inside_ball
+from digs_warp.surface.fuse import fuse_views
 from reference.optional import open3d_or_skip
 from reference.tiny_capture import RADIUS, ball
 
@@ -130,17 +131,6 @@ def test_parts_of_a_size_stay_together() -> None:
     assert remove_floaters(empty).removed_parts == 0
 
 
-def test_masks_and_the_ball_bound_the_depth() -> None:
-    view = exact_views()[8]
-    left = np.zeros(view.depth.shape, np.uint8)
-    left[:, :64] = 255
-    masked = within_mask(view, left)
-    assert np.isnan(masked.depth[:, 64:]).all()
-    np.testing.assert_array_equal(masked.depth[:, :64], view.depth[:, :64])
-    assert (inside_ball(view, ORIGIN, 1.2 * RADIUS) > 0).sum() == np.isfinite(view.depth).sum()
-    assert (inside_ball(view, ORIGIN, 0.9 * RADIUS) == 0).all()
-
-
 def test_masks_cut_the_mesh() -> None:
     """Every camera shows only the upper half of its image: the lowest part of the ball is never seen."""
     upper = np.zeros((96, 96), np.uint8)
@@ -150,6 +140,16 @@ def test_masks_cut_the_mesh() -> None:
     result = extract_surface(discs(), level, SCENE, VOXEL, masks)
     whole = extract_surface(discs(), level, SCENE, VOXEL)
     assert result.mesh.points_world[:, 2].min() > whole.mesh.points_world[:, 2].min() + RADIUS / 4
+
+
+def test_views_show_color_without_background() -> None:
+    camera = cameras()[8]
+    view = next(depth_views(ball(), [camera], ORIGIN))
+    seen = np.isfinite(view.depth)
+    assert 0.5 < seen.mean() < 0.9
+    mean = 0.5 + C0 * ball().sh[:, 0].mean()
+    assert abs(view.color[seen].mean() - mean) < 0.1
+    assert list(depth_views(ball(), [], ORIGIN)) == []
 
 
 def test_what_gives_no_surface_is_said() -> None:
