@@ -19,7 +19,7 @@ class CheckResult:
         findings: what does not fit or could be better, the gravest first; empty for a good capture.
         agreement: of neighboring frames as recorded; None where poses or depth are unknown.
         sharpness: median, 0.25 to 1; None: too plain to tell, or not asked for.
-        exposure_change: median from frame to frame [stops]; None: needs depth and poses, or not asked for.
+        exposure_change: median from frame to frame [stops]; None: too little in common, or not asked for.
         not_checked: what could not be looked at, and why.
     """
 
@@ -95,9 +95,9 @@ def _not_checked(evidence: Evidence) -> tuple[str, ...]:
     )
     missing = []
     if not has_depth:
-        missing.append("units, focal length, pose convention, exposure, moving things: need depth")
+        missing.append("units, focal length, pose convention, moving things: need depth")
     elif not capture.knows_poses:
-        missing.append("focal length, pose convention, exposure, moving things: need poses")
+        missing.append("focal length, pose convention, moving things: need poses")
     elif evidence.agreement is None or not evidence.agreement.is_known:
         missing.append(
             "units, focal length, pose convention: the images show too little, or too little of it twice"

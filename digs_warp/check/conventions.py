@@ -16,7 +16,7 @@ from digs_warp.check.evidence import Agreement, Evidence, agreement
 from digs_warp.check.thresholds import Threshold
 from digs_warp.geometry.camera import Camera, Intrinsics, pixel_centers
 from digs_warp.geometry.rigid import OPENCV_FROM_OPENGL, invert_rigid
-from digs_warp.measure.thumbnails import WIDTH, SmallFrame, green_means, thumbnails
+from digs_warp.measure.thumbnails import WIDTH, SmallFrame, front_points, green_means, thumbnails
 
 # Depth cameras measure medians in this range [m].
 NEAREST, FARTHEST = 0.01, 100.0
@@ -132,9 +132,6 @@ def depth_range(evidence: Evidence, _: Threshold) -> dict[str, Any] | None:
 # Frames and points that are looked at, evenly spread.
 VIEWS, POINTS = 12, 2000
 
-# A point is hidden where another one in its cell [thumbnail px] is nearer by this factor.
-CELL, BEHIND = 4, 1.1
-
 
 @dataclass(frozen=True, eq=False)
 class PointsFit:
@@ -187,14 +184,9 @@ def _points_fit(
     """Return how points, (n, 3), of a brightness, (n,), fit thumbnails; what is nearer hides points."""
     in_view, here, there = np.zeros(len(points), bool), [np.zeros(0)], [np.zeros(0)]
     for camera, image in views:
-        px, depth = camera.project(points)
-        shown = np.flatnonzero(camera.shows(px, depth))
+        shown, px, front = front_points(camera, points)
         in_view[shown] = True
-        column, row = px[shown].astype(int).T
-        cell = row // CELL * image.shape[1] + column // CELL
-        nearest = np.full(image.size, np.inf)
-        np.minimum.at(nearest, cell, depth[shown])
-        front = depth[shown] <= BEHIND * nearest[cell]
+        column, row = px.astype(int).T
         here.append(green[shown[front]])
         there.append(image[row[front], column[front]])
     one, other = np.concatenate(here), np.concatenate(there)

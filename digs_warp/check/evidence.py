@@ -3,7 +3,7 @@
 Two frames agree where the depth of one is what the camera of the other measured.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any, NamedTuple, TypeVar
@@ -225,18 +225,22 @@ def _correlation(here: np.ndarray, there: np.ndarray) -> float:
 def brightness_ratio(first: SmallFrame, second: SmallFrame) -> float | None:
     """Return how many times brighter the second frame shows the points that both see; None: too few."""
     seen = shared_points(first, second)
-    fair = seen.same_surface & _is_fair(seen.here) & _is_fair(seen.there)
+    return ratio_of(seen.here[seen.same_surface], seen.there[seen.same_surface])
+
+
+def ratio_of(here: np.ndarray, there: np.ndarray) -> float | None:
+    """Return how many times brighter places are there, (n,) of 0 to 255 each; None: too few are fair."""
+    fair = _is_fair(here) & _is_fair(there)
     if fair.sum() < limits.LEAST_POINTS_FOR_BRIGHTNESS:
         return None
-    return float(np.median(seen.there[fair] / seen.here[fair]))
+    return float(np.median(there[fair] / here[fair]))
 
 
 def _is_fair(brightness: np.ndarray) -> np.ndarray:
     return (brightness > limits.DARKEST) & (brightness < limits.BRIGHTEST)
 
 
-def exposure_change(frames: Mapping[int, SmallFrame], pairs: Pairs) -> float | None:
-    """Return the median change of the exposure between the frames of a pair [stops]; None: not known."""
-    ratios = [brightness_ratio(frames[first], frames[second]) for first, second in pairs]
+def exposure_change(ratios: Iterable[float | None]) -> float | None:
+    """Return the median change of the exposure [stops] of ratios of brightness; None: none is known."""
     stops = [abs(np.log2(ratio)) for ratio in ratios if ratio is not None]
     return float(GAMMA * np.median(stops)) if stops else None

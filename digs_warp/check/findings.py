@@ -348,7 +348,7 @@ CHECKS = (
     Check(
         kind="exposure",
         measure=recording.exposure_jumps,
-        limit=Threshold(0.6, "stops", "cameras that adapt reach 0.32", "1.5"),
+        limit=Threshold(0.42, "stops", "cameras that adapt reach 0.32", "1.3"),
         message="The exposure changes by {stops:.1f} stops from frame to frame (median).",
         remedy="Keep --fit-exposure on, which is the default. Next time, lock exposure and white balance.",
         asked_by="check",

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from digs_warp.check import thresholds as limits
-from digs_warp.check.evidence import Evidence, exposure_change
+from digs_warp.check.evidence import Evidence, brightness_ratio, exposure_change, ratio_of
 from digs_warp.check.thresholds import Threshold
 from digs_warp.checks import DigsError
 from digs_warp.data.frame import Frame
@@ -18,6 +18,7 @@ from digs_warp.device.threads import default_threads
 from digs_warp.geometry.camera import Camera
 from digs_warp.geometry.rigid import turn_degrees
 from digs_warp.measure.thumbnails import green_means, small_frames, thumbnail_step, thumbnails
+from digs_warp.poses.photo_matches import PhotoMatches, matches_of_steps
 from digs_warp.words import counted
 
 # Photographs that are looked at, evenly spread; the exposure is compared with that of the next frame.
@@ -112,10 +113,10 @@ def _stillness(evidence: Evidence) -> Stillness | None:
     return stillness(evidence.capture.frames)
 
 
-def still_camera(evidence: Evidence, share: Threshold) -> dict[str, Any] | None:
-    """Find recordings in which more than this share of the surroundings stands still."""
+def still_camera(evidence: Evidence, _: Threshold) -> dict[str, Any] | None:
+    """Find recordings in which the surroundings stand still, as `Stillness` says it."""
     found = None if evidence.capture.frames[0].alone else evidence.once(_stillness)
-    return {"still": found.still} if found and found.is_still and found.still > share else None
+    return {"still": found.still} if found and found.is_still else None
 
 
 def few_views(evidence: Evidence, least: Threshold) -> dict[str, Any] | None:
@@ -194,12 +195,23 @@ def _looked_at(evidence: Evidence) -> list[int]:
 
 
 def median_exposure_change(evidence: Evidence) -> float | None:
-    """Return the change of the exposure from frame to frame [stops]; None: needs depth and poses."""
-    if not evidence.knows_poses:
-        return None
-    pairs = [(n, n + 1) for n in _looked_at(evidence) if n + 1 < len(evidence.capture)]
-    frames = small_frames(evidence.capture.frames, sorted({n for pair in pairs for n in pair}))
-    return exposure_change(frames, [pair for pair in pairs if set(pair) <= frames.keys()])
+    """Return the change of the exposure from frame to frame [stops]; None: they show too little in common.
+
+    Points that depth and poses lay on each other are compared; without these, matched features.
+    """
+    capture = evidence.capture
+    if not (evidence.knows_poses and capture.has_depth):
+        return exposure_change(
+            _matched_ratio(each) for each in matches_of_steps(capture.frames[:PHOTOGRAPHS])
+        )
+    pairs = [(n, n + 1) for n in _looked_at(evidence) if n + 1 < len(capture)]
+    frames = small_frames(capture.frames, sorted({n for pair in pairs for n in pair}))
+    known = [pair for pair in pairs if set(pair) <= frames.keys()]
+    return exposure_change(brightness_ratio(frames[a], frames[b]) for a, b in known)
+
+
+def _matched_ratio(matches: PhotoMatches | None) -> float | None:
+    return None if matches is None else ratio_of(*matches.brightness)
 
 
 def median_sharpness(evidence: Evidence) -> float | None:

@@ -92,11 +92,6 @@ OUTLIER_OVERLAP = Threshold(0.1)
 AGREEING_SHARE = Threshold(0.75)
 LEAST_TYPICAL_AGREEMENT = Threshold(0.4)
 
-# Matched photographs: fewer matches prove nothing; the share of them that agrees with the poses of most
-# steps.
-LEAST_MATCHES = Threshold(30, "matches")
-USUAL_MATCH_SHARE = Threshold(0.6, set_on="an arc of 12 frames, a real room", margin="1.3")
-
 # Repeated frames: thumbnails that differ by less show the same.
 SAME_THUMBNAIL = Threshold(1.0, "of 255")
 

@@ -45,9 +45,6 @@ THINNED = 4
 # beside a point lie behind it or before it, and those behind are out of reach.
 FACING = 4.0
 
-_AGREES = wp.constant(wp.float64(AGREES_VOXELS))
-_NEAR = wp.constant(wp.float64(NEAR_VOXELS))
-_VOXELS = wp.constant(wp.float64(TOLERANCE_VOXELS))
 # A point this near to the surface stays [voxels]: its mean of many measurements is better than the nearest
 # pixels of the views, and a cloud of one voxel is one layer.
 STAYS = 0.4
@@ -55,6 +52,9 @@ STAYS = 0.4
 # Rays to the surface that a point keeps from one pass over the views to the next.
 KEPT_RAYS = wp.constant(64)
 
+_AGREES = wp.constant(wp.float64(AGREES_VOXELS))
+_NEAR = wp.constant(wp.float64(NEAR_VOXELS))
+_VOXELS = wp.constant(wp.float64(TOLERANCE_VOXELS))
 _FACING = wp.constant(wp.float64(FACING))
 _STAYS = wp.constant(wp.float64(STAYS))
 _SHARE = wp.constant(wp.float64(TOLERANCE_SHARE))

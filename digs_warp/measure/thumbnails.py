@@ -93,6 +93,22 @@ def pixels_showing(camera: Camera, points: np.ndarray) -> tuple[np.ndarray, np.n
     return np.where(seen.inside, seen.rows * k.width + seen.columns, -1), seen.depth
 
 
+# A point is hidden where another one is nearer by this factor in the same of so many cells across the image.
+CELLS, BEHIND = 40, 1.1
+
+
+def front_points(camera: Camera, points: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return which of sparse points (n, 3) a camera looks at, their pixels (k, 2), and which are in front."""
+    px, depth = camera.project(points)
+    shown = np.flatnonzero(camera.shows(px, depth))
+    k, px, depth = camera.intrinsics, px[shown], depth[shown]
+    columns, rows = (px * (CELLS / k.width)).astype(int).T
+    cells = (rows * CELLS + columns).clip(0)
+    nearest = np.full(cells.max(initial=0) + 1, np.inf)
+    np.minimum.at(nearest, cells, depth)
+    return shown, px, depth <= BEHIND * nearest[cells]
+
+
 def small_depth(frame: Frame, number: int) -> SmallDepth:
     """Return the thumbnail of a frame that has depth; its image is not read."""
     depth = frame.load_depth()

@@ -135,8 +135,8 @@ def _alone_if_still(
     """
     given, moves = config.sfm.poses == "capture", recording.moved(capture.frames)
     subject = subject_of(capture, config.subject, config.segment)
-    # Of a scene with poses, the check tells what stands still; a simulated one has right poses.
-    if given and moves and (capture.about.tier or subject == "scene"):
+    # A simulation has right poses, and a user who marks what moves with the camera knows what stands still.
+    if given and moves and (capture.about.tier or config.segment.ignore_mask):
         return capture, config
     found = recording.stillness(capture.frames)
     if found is None or not (found.is_still or (found.is_bare and subject == "object")):
@@ -145,7 +145,8 @@ def _alone_if_still(
         raise DigsError(
             f"{capture}: the camera stands still and something turns before it, so that poses can only be "
             "found from what lies inside the masks of the object: give masks (of the recording, or --masks) "
-            "and --poses auto, or --poses board:FILE if a printed board turns with it"
+            "and --poses auto, or --poses board:FILE if a printed board turns with it. If a part of the "
+            "camera is in view, such as a gripper, mark it with --ignore-mask"
         )
     if config.segment.source != "capture":
         split = PosedFrames.split(capture, config.test_every)

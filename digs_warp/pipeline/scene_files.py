@@ -4,6 +4,8 @@ import logging
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
+
 from digs_warp.checks import DigsError, require_file
 from digs_warp.data.capture import Capture, read_capture
 from digs_warp.data.gaussians import Gaussians
@@ -27,6 +29,9 @@ OURS = ".npz"
 USD_SUFFIXES = (".usdz", ".usdc", ".usda", ".usd")
 SUFFIXES = (OURS, *SPLAT_SUFFIXES, *USD_SUFFIXES)
 WRITABLE = (OURS, *SPLATS_WRITABLE, *USD_SUFFIXES)
+
+# Points that go with photographs into other programs, at most.
+MOST_POINTS = 50_000
 
 
 def read_scene(
@@ -60,8 +65,8 @@ def read_scene(
 def posed_capture(folder: Path) -> Capture:
     """Return the capture in ``folder``; if that holds a reconstruction, its capture with its frames.
 
-    Frames that the reconstruction could not place are left out, and so are sparse points of the recording,
-    which belong to the poses that it had.
+    Frames that the reconstruction could not place are left out. Sparse points are those that photographs
+    were started from: those of the recording belong to the poses that it had.
 
     Raises:
         DigsError: neither is there, a file is broken, or the recording of a reconstruction is gone.
@@ -79,7 +84,10 @@ def posed_capture(folder: Path) -> Capture:
     offset = result.poses.world_offset
     about = replace(capture.about, poses_known=None, world_offset=offset)
     held_out = frozenset(frame.name for frame in result.frames.held_out)
-    return replace(capture, frames=frames, about=about, points=None, held_out=held_out)
+    points = result.start.points if result.start and not capture.has_depth else None
+    if points is not None and len(points) > MOST_POINTS:
+        points = points.select(np.linspace(0, len(points) - 1, MOST_POINTS).astype(int))
+    return replace(capture, frames=frames, about=about, points=points, held_out=held_out)
 
 
 def _is_reconstruction(folder: Path) -> bool:

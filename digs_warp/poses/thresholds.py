@@ -42,6 +42,13 @@ MAX_REPROJECTION_ERROR = 3.0
 # inliers, below which a motion is not tried | by hand
 MIN_INLIERS = 10
 
+# --- Matched photographs (photo_matches.py)
+
+# matches of two photographs, below which they prove nothing | by hand
+LEAST_MATCHES = 30
+# share of matches within this of the epipolar lines of right poses | an arc of 12 frames, a real room | 1.3
+USUAL_MATCH_SHARE = 0.6
+
 # --- Covisibility and correlation of two frames (covisibility.py, agreement.py)
 
 # degree between two views of a point, from which on pictures are too different | by hand

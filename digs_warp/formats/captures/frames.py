@@ -23,6 +23,7 @@ from digs_warp.init.config import InitConfig
 from digs_warp.init.depth_points import NoPointsError, depth_points
 from digs_warp.init.scene_points import scene_points
 from digs_warp.init.visibility import DepthViews, confirmed
+from digs_warp.measure.thumbnails import front_points
 from digs_warp.record.files import copy_file
 from digs_warp.record.progress import progress
 
@@ -146,7 +147,7 @@ class StartPoints:
     """Points of the training frames, one per voxel.
 
     Attributes:
-        cloud: the points; none if the capture has no depth.
+        cloud: the points; of a capture without depth its sparse ones, if it has some.
         voxel_size: edge length of their grid, the finest one of a scene [m].
         training: the frames that they come from, and that a trainer may see.
     """
@@ -162,7 +163,8 @@ class StartPoints:
 def start_points(capture: Capture) -> StartPoints:
     """Return the points that `digs-warp reconstruct` starts from by default, with the recorded poses.
 
-    They are the object's if the capture has masks, else the scene's. Held-out frames do not contribute.
+    They are the object's if the capture has masks, else the scene's; of photographs those that came with
+    them. Held-out frames do not contribute.
 
     Raises:
         DigsError: a file of the capture cannot be read.
@@ -176,6 +178,8 @@ def start_points(capture: Capture) -> StartPoints:
             cloud, report = depth_points(with_mask, InitConfig())
         elif with_depth:
             cloud, report = scene_points(with_depth, InitConfig())
+        else:
+            cloud = capture.load_points() or cloud
     except NoPointsError as error:
         logger.warning("%s: exported without points to start from: %s", capture, error)
     return StartPoints(cloud, report.voxel_size if report else 0.0, training)
@@ -184,13 +188,17 @@ def start_points(capture: Capture) -> StartPoints:
 def sightings(capture: Capture, start: StartPoints) -> list[np.ndarray]:
     """Return for each frame the indices of the points that it shows, ascending.
 
-    A frame shows a point if its depth there is that of the point. Held-out frames have none.
+    A frame shows a point if its depth there is that of the point; without depth, if no other point hides it.
+    Held-out frames have none.
     """
     training = set(start.training)
 
     def work(_: int, frame: Frame) -> np.ndarray:
-        if not len(start) or frame not in training or not frame.has(Layer.DEPTH):
+        if not len(start) or frame not in training:
             return np.zeros(0, dtype=np.int64)
+        if not frame.has(Layer.DEPTH):
+            seen = front_points(frame.camera, start.cloud.points_world)
+            return seen[0][seen[2]]
         view = DepthViews.of([(frame.camera, frame.load_depth())])
         return np.flatnonzero(confirmed(start.cloud.points_world, view, start.voxel_size))
 

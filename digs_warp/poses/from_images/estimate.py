@@ -97,7 +97,7 @@ def structure_from_motion(frames: Sequence[Frame], config: SfmConfig, workspace:
         check_completeness(quality, config.min_registered)
         check_motion(model)
     else:
-        check_agreement(quality)
+        check_agreement(quality, frames)
     logger.info("structure from motion: %s", quality)
     return SfmResult(model, is_metric, quality, log.seconds)
 

@@ -1,16 +1,19 @@
 """How good a sparse model is, without knowing the truth; which ones cannot be used, and why none came out."""
 
 import logging
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
 from digs_warp.checks import DigsError
+from digs_warp.data.frame import Frame
 from digs_warp.data.sfm_model import SfmModel
 from digs_warp.device.libraries import import_pycolmap
 from digs_warp.poses import thresholds
 from digs_warp.poses.from_images.colmap import ImageSet
+from digs_warp.poses.photo_matches import agreeing_shares
 from digs_warp.words import counted
 
 
@@ -107,13 +110,23 @@ def check_completeness(quality: SfmQuality, min_registered: float) -> None:
         )
 
 
-def check_agreement(quality: SfmQuality) -> None:
-    """Refuse given poses that hardly any match of features fits.
+def check_agreement(quality: SfmQuality, frames: Sequence[Frame]) -> None:
+    """Refuse given poses with few points, unless the matches of features agree with them.
+
+    Few photographs from far apart share few points, however right their poses are.
 
     Raises:
         DigsError: with the number of points that do fit.
     """
     if quality.observations_per_image < thresholds.MIN_OBSERVATIONS:
+        shares = [share for share in agreeing_shares(frames) if share is not None]
+        if shares and np.median(shares) > thresholds.USUAL_MATCH_SHARE:
+            logger.warning(
+                "structure from motion: %d images share only %s, but %.0f %% of their matches agree with the "
+                "poses",
+                *(quality.images, counted(quality.points, "point"), 100 * np.median(shares)),
+            )
+            return
         raise DigsError(
             f"structure from motion: with the given poses {quality.images} images share only "
             f"{quality.points} points; the camera was at rest, or the poses' errors are too large, their "

@@ -9,11 +9,11 @@ import pytest
 from digs_warp.check.check import check_capture
 from digs_warp.check.evidence import Evidence
 from digs_warp.check.findings import CHECKS, Finding, limit_of
-from digs_warp.check.outliers import agreeing_shares
-from digs_warp.check.thresholds import USUAL_MATCH_SHARE
 from digs_warp.data.capture import Capture
 from digs_warp.data.frame import Frame
 from digs_warp.data.layers import Layer
+from digs_warp.poses.photo_matches import agreeing_shares
+from digs_warp.poses.thresholds import USUAL_MATCH_SHARE
 from digs_warp.sim.camera.walk.settings import WalkSettings
 from digs_warp.sim.config import SimulateConfig
 from digs_warp.sim.record.record import simulate_in_memory
@@ -145,6 +145,21 @@ def test_right_poses_have_none(photographs: Capture) -> None:
     assert len(shares) > STEPS / 2
     assert min(shares) > MARGIN * limit_of("pose jump")
     assert np.median(shares) > MARGIN * USUAL_MATCH_SHARE
+
+
+def test_exposure_of_photographs_is_told_by_what_they_match(photographs: Capture) -> None:
+    """Half a stop from frame to frame, with poses or without."""
+
+    def other_exposure(frame: Frame) -> Frame:
+        light = 0.5 * (frame.load_image() / 255.0) ** 2.2 * 2 ** (0.5 * (int(frame.name) % 2))
+        return frame.with_layer(Layer.IMAGE, (255 * light ** (1 / 2.2)).astype(np.uint8))
+
+    uneven = each_frame(photographs, other_exposure)
+    unknown = replace(uneven, about=replace(uneven.about, poses_known=False))
+    for capture in (uneven, unknown):
+        (found,) = look_for(capture, "exposure")
+        assert "changes by 0.5 stops" in found.what
+    assert look_for(photographs, "exposure") == []
 
 
 def test_depth_and_unknown_poses_are_left_to_others(photographs: Capture) -> None:

@@ -1,12 +1,15 @@
 """What the quality report says of models that are made by hand, and which models are refused."""
 
 import logging
+from collections.abc import Sequence
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from digs_warp.checks import DigsError
+from digs_warp.data.frame import Frame
 from digs_warp.data.point_cloud import PointCloud
 from digs_warp.data.sfm_model import Observations, SfmModel
 from digs_warp.geometry.camera import Camera, Intrinsics
@@ -18,6 +21,7 @@ from digs_warp.poses.from_images.quality import (
     check_motion,
     measure_quality,
 )
+from reference.sfm_views import arc, record
 
 UP = np.array([0.0, 0.0, 1.0])
 GOOD = SfmQuality(
@@ -80,10 +84,25 @@ def test_a_split_model_says_how_many_images_and_what_to_try() -> None:
         check_completeness(split, min_registered=0.9)
 
 
-def test_given_poses_that_fit_nothing_are_refused() -> None:
-    check_agreement(GOOD)
-    with pytest.raises(DigsError, match="share only 30 points"):
-        check_agreement(replace(GOOD, points=30, observations_per_image=0.6))
+def test_given_poses_with_few_points_are_refused_unless_matches_agree_with_them(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    frames = record(arc(4, 60.0), tmp_path).frames
+    turned = [replace(f, camera=replace(f.camera, world_from_cam=p)) for f, p in _exchanged(frames)]
+    few = replace(GOOD, points=30, observations_per_image=0.6)
+    check_agreement(GOOD, turned)
+    check_agreement(few, frames)
+    assert "of their matches agree with the poses" in caplog.text
+    for wrong in (turned, []):
+        with pytest.raises(DigsError, match="share only 30 points"):
+            check_agreement(few, wrong)
+
+
+def _exchanged(frames: Sequence[Frame]) -> list[tuple[Frame, np.ndarray]]:
+    """Each frame with the pose of another one."""
+    return [
+        (frames[i], frames[j].camera.world_from_cam) for i, j in ((0, 2), (1, 0), (2, 3), (3, 1))
+    ]
 
 
 def test_cameras_on_a_straight_line_are_refused() -> None:

@@ -93,15 +93,25 @@ def test_a_capture_without_masks_gets_points_of_the_whole_scene(
     assert model.num_points3D() > 1000
 
 
-def test_a_capture_without_depth_gets_no_points(ball: Capture, tmp_path: Path) -> None:
+@pytest.mark.parametrize("has_points", [False, True])
+def test_a_capture_without_depth_keeps_its_points(
+    ball: Capture, tmp_path: Path, has_points: bool
+) -> None:
     flat = replace(
         ball,
         frames=tuple(
             replace(frame, layers={Layer.IMAGE: frame.layers[Layer.IMAGE]}) for frame in ball.frames
         ),
     )
-    model = import_pycolmap().Reconstruction(exported(flat, "colmap", tmp_path) / "sparse/0")
-    assert (model.num_points3D(), model.num_reg_images()) == (0, 10)
+    points = initial_points(ball.split()[0], InitConfig())
+    flat = replace(flat, points=points if has_points else None)
+    model = import_pycolmap().Reconstruction(exported(flat, "colmap", tmp_path / "a") / "sparse/0")
+    count = len(points) if has_points else 0
+    assert (model.num_points3D(), model.num_reg_images()) == (count, 10)
+    assert (exported(flat, "nerfstudio", tmp_path / "b") / "sparse_pc.ply").is_file() == has_points
+    if has_points:  # a camera sees a part of the ball, and not through it
+        shares = [image.num_points3D / count for image in model.images.values()]
+        assert 0.2 < max(shares) < 0.8
 
 
 def test_masks_without_the_object_are_a_warning(
