@@ -35,20 +35,20 @@ FLOORS = {
 # The most lines of a room. A change that needs more says in its message what the weight buys.
 LINE_BUDGETS = {
     "api": 440,
-    "check": 2_206,
+    "check": 2_120,
     "commands": 3_500,
     "data": 3_560,
     "device": 920,
     "engines": 1_010,
     "files at the top": 800,
-    "formats": 6_500,
+    "formats": 6_506,
     "geometry": 625,
     "init": 4_610,
     "losses": 810,
     "masks": 1_373,
-    "measure": 1_630,
+    "measure": 1_643,
     "pipeline": 2_530,
-    "poses": 5_194,
+    "poses": 5_350,
     "record": 2_150,
     "show": 3_610,
     "sim.camera": 1_560,
@@ -65,7 +65,7 @@ LINE_BUDGETS = {
     "train": 3_930,
     "usd": 4_120,
 }
-MOST_LINES, MOST_FILES = 81_220, 528  # of the product; 65,000 in 500 files are the goal
+MOST_LINES, MOST_FILES = 81_318, 529  # of the product; 65,000 in 500 files are the goal
 # A shorter file with a single client in its folder belongs into that client.
 CRUMB = 60
 
