@@ -1,17 +1,21 @@
 """A result that lies elsewhere as a whole: the motion that found poses leave open."""
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from digs_warp.data.frame import Frame
 from digs_warp.data.gaussians import Gaussians
+from digs_warp.data.layers import Layer
 from digs_warp.data.triangle_mesh import TriangleMesh
 from digs_warp.geometry.rigid import matrix_from_rotation_vector, rigid, transform_points
 from digs_warp.study.engine.placement import mesh_in_place, motion_to_truth, seen_in_place
+from digs_warp.study.engine.scores import depth_error
 from reference.ball_capture import ball_views, write_capture
 from reference.splat_scenes import random_gaussians
+from reference.tiny_capture import ball, write_tiny_capture
 
 # Of the world in which the result was made, against the true one.
 MOVED = rigid(
@@ -61,3 +65,15 @@ def test_true_views_see_a_result_where_it_was_made(recorded: list[Frame]) -> Non
     mesh = TriangleMesh(points, np.array([[0, 1, 2]]), np.zeros((50, 3)))
     there = mesh_in_place(mesh, np.linalg.inv(MOVED)).points_world
     np.testing.assert_allclose(there, transform_points(MOVED, points), atol=1e-6)
+
+
+def test_depth_is_compared_inside_the_mask_alone(tmp_path: Path) -> None:
+    frames = []
+    for frame in write_tiny_capture(tmp_path, frames=2).frames:
+        mask, depth = frame.load_mask(), frame.load_depth()
+        mask[:, :36] = 0
+        depth[mask <= 127] = 5.0
+        frames.append(frame.with_layer(Layer.MASK, mask).with_layer(Layer.DEPTH, depth))
+    found = depth_error(ball(), frames)
+    assert found["depth_mae"] is not None and found["depth_mae"] < 0.05  # m
+    assert found["depth_seen"] is not None and found["depth_seen"] > 0.5
