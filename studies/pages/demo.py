@@ -53,7 +53,7 @@ def draw_stages(run: Path) -> None:
     panels = {
         "what the camera sees": frame.load_image(),
         "what its depth sensor reports": depth_picture(capture, frame),
-        "points from the depth": points_picture(points, frame.camera, dot=0),
+        "points from the depth": points_picture(points, frame.camera, 1, frame.load_depth_true()),
         "Gaussians, a view held out": read_image(run / f"reconstruction/renders/{frame.name}.png"),
     }
     figure = Figure(figsize=(16, 3.75), dpi=110)

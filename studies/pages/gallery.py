@@ -21,6 +21,7 @@ from scripts.page_marks import DOCS, fill
 from studies.pages.demo import shown
 
 PAGE, PICTURES = "results.md", "images/gallery"
+FOLDER = Path("out/gallery")
 WINDOW = (1280, 800)  # [px] holds verdict, view and figures
 
 
@@ -41,28 +42,31 @@ class Example:
     credit: str = ""
 
 
-USUAL = "--width 320 --frames 16 --iterations 300"
 EXAMPLES = (
-    Example("builtin", "The built-in object in the built-in room", USUAL),
+    Example("builtin", "The built-in object in the built-in room", ""),
     Example(
         "mustard",
         "A bottle of mustard, from a mesh",
-        f"--mesh DATA/meshes/ycb_mustard_bottle/ycb_mustard_bottle.glb {USUAL}",
+        "--mesh DATA/meshes/ycb_mustard_bottle/ycb_mustard_bottle.glb",
         "Mesh: YCB Object and Model Set (Calli, Singh, Walsman, Srinivasa, Abbeel, Dollar), "
         "[CC BY 4.0](https://creativecommons.org/licenses/by/4.0/)",
     ),
     Example(
         "tea-set",
         "A tea set on a table, from a mesh",
-        f"--mesh DATA/meshes/tea_set/tea_set.glb {USUAL}",
+        "--mesh DATA/meshes/tea_set/tea_set.glb",
         'Mesh: "tea_set_01", Poly Haven, posed by Toyota Research Institute, '
         "[CC0 1.0](https://creativecommons.org/publicdomain/zero/1.0/)",
     ),
-    Example("room", "A room: everything in view, not only the object", f"--subject scene {USUAL}"),
+    Example(
+        "room",
+        "A room: everything in view, not only the object",
+        "--subject scene --width 320 --frames 16 --iterations 300",
+    ),
 )
 
 
-def main(folder: Path = Path("out/gallery")) -> None:
+def main(folder: Path = FOLDER) -> None:
     """Make what is missing, and write the gallery."""
     sections = [section(example, folder / example.name) for example in EXAMPLES]
     fill(PAGE, "examples", "\n\n".join(sections))
@@ -72,19 +76,23 @@ def section(example: Example, run: Path) -> str:
     """Run an example if it is not there yet, photograph its report and return its text."""
     report = run / "report.html"
     if not report.exists():
-        flags = example.flags.replace("DATA", str(sample_data()))
-        command = [sys.executable, "-m", "digs_warp", "run", *shlex.split(flags)]
-        subprocess.run([*command, "--out", str(run), "--resume"], check=True)
+        words = [word.replace("DATA", str(sample_data())) for word in command(example, run)[1:]]
+        subprocess.run([sys.executable, "-m", "digs_warp", *words, "--resume"], check=True)
     picture = Path(PICTURES) / f"{example.name}.jpg"
     write_atomically(DOCS / picture, encode_jpeg(photograph(report), 80))
     lines = (
         f"### {example.title}",
-        f"`digs-warp run {example.flags} --out {run}`",
+        f"`{shlex.join(command(example, FOLDER / example.name))}`",
         figures(run),
         f"![The report of the run: {example.title.lower()}]({picture})",
         f"*{example.credit}.*" if example.credit else "",
     )
     return "\n\n".join(line for line in lines if line)
+
+
+def command(example: Example, run: Path) -> list[str]:
+    """Return the words that make an example."""
+    return ["digs-warp", "run", *shlex.split(example.flags), "--out", str(run)]
 
 
 def photograph(report: Path) -> np.ndarray:

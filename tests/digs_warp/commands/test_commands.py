@@ -33,7 +33,8 @@ def test_reconstruct_then_info_and_export_work_on_its_folder(
     summary = capsys.readouterr().out
     assert re.fullmatch(
         rf"{folder}/gaussians.npz: [\d,]+ Gaussians from 3 frames in voxels of 50 mm, "
-        r"PSNR .* dB .*, [\d.]+ s\n(good: |poor, because ).*\n",
+        r"PSNR .* dB .*, [\d.]+ s\n(good: |poor, because ).*\n"
+        rf"next: digs-warp report {folder}, or look around: digs-warp view {folder}\n",
         summary,
     )
     assert main(["info", str(folder)]) == EXIT_OK
