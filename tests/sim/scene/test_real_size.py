@@ -17,7 +17,6 @@ from digs_warp.measure.surface_metrics import distances_to_surface
 from digs_warp.show.report.capture_facts import recorded_object
 from digs_warp.show.report.facts import describe
 from digs_warp.sim.config import SimulateConfig
-from digs_warp.sim.record.data_set import plan_jobs, simulate_many
 from digs_warp.sim.record.record import simulate
 from digs_warp.sim.scene.mesh.placement import Unit
 from digs_warp.surface.true_surface import read_true_surface
@@ -111,20 +110,6 @@ def test_info_names_size_unit_and_axis_of_a_mesh(tmp_path: Path) -> None:
     assert facts["size"] == "2.000 x 1.000 x 0.500 m in a capture, z up"
     assert facts["up axis"] == "z of the file"
     assert facts["unit"].startswith("PLY has no unit: 2 x 1 x 0.5 taken as m; --mesh-unit")
-
-
-def test_many_meshes_can_be_scaled(tmp_path: Path) -> None:
-    for name, size in (("a", 0.1), ("b", 3.0)):
-        save(tmp_path / f"{name}.glb", trimesh.creation.box(extents=(size, size, size)))
-    config = SimulateConfig(frames=1, width=16, samples_per_pixel=1, tier="law", object_size=0.4)
-    meshes = [tmp_path / "a.glb", tmp_path / "b.glb"]
-    results = simulate_many(plan_jobs(config, meshes, []), tmp_path / "set")
-    assert [result.error for result in results] == ["", ""]
-    assert all("object of 0.4 m" in str(result) for result in results)
-    for result in results:
-        words = recorded_object(tmp_path / "set" / result.name)
-        assert words is not None
-        assert words.startswith("0.400 x 0.400 x 0.400 m, y up in the file; scaled to 0.4 m")
 
 
 def test_the_summary_names_size_and_axis_and_why(tmp_path: Path) -> None:
