@@ -71,7 +71,9 @@ class GlRenderer(RaycastRenderer):
         two_lights(self._pyrender, self._drawing, self._light.irradiance.numpy())
         self._has_glass = any(is_see_through(material) for material in scene.materials)
         # Numbers of the meshes as colors; 0 is the background.
-        self._id_colors = {node: _id_color(i + 1) for i, node in enumerate(self._shown)}
+        self._id_colors = {
+            node: (n & 255, (n >> 8) & 255, n >> 16) for n, node in enumerate(self._shown, 1)
+        }
         kinds = [tuple(map(int, node.mesh.name.split())) for node in self._shown]
         self._kinds = np.array([(-1, 0), *kinds], np.int32)  # material and object of each number
 
@@ -207,7 +209,3 @@ def _mean(views: list[tuple[np.ndarray, np.ndarray]]) -> tuple[np.ndarray, np.nd
     light = sum(map(decode, images[1:]), decode(images[0])) / len(views)
     cover = np.stack(masks).sum(axis=0, dtype=np.float32)
     return encode(light), (cover / len(views) + 0.5).astype(np.uint8)
-
-
-def _id_color(number: int) -> tuple[int, int, int]:
-    return number & 255, (number >> 8) & 255, number >> 16

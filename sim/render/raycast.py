@@ -99,13 +99,14 @@ class RaycastRenderer:
             if not self._has_openness:
                 self._measure_openness()
         image = _empty_image(count)
+        folded = int(np.uint32(seed % 2**32).astype(np.int32))  # a kernel's int
         scene = [way, self._surface, self._light, srgb_encoding()]
 
         def render(numbers: np.ndarray, samples: int, sharing: float) -> None:
             """Render some pixels; each sample stands for its share of a pixel, one of ``sharing``."""
             image.numbers = wp.array(numbers.astype(np.int32), dtype=int, device="cpu", copy=False)
             view = make_view(first, self.surround, sharing)
-            inputs = [view, *scene, samples, _int32(seed), image]
+            inputs = [view, *scene, samples, folded, image]
             launch_parallel(color_kernel, len(numbers), inputs, threads=threads)
 
         alone = [make_view(first, self.surround), *scene, image]
@@ -176,11 +177,6 @@ def _empty_image(count: int) -> Image:
     image.mask = wp.empty(count, dtype=wp.uint8, device="cpu")
     image.kinds = wp.empty(count, dtype=wp.uint8, device="cpu")
     return image
-
-
-def _int32(seed: int) -> int:
-    """Fold any non-negative seed into the range of a kernel's int."""
-    return int(np.uint32(seed % 2**32).astype(np.int32))
 
 
 # What the arrays of all scenes that are kept may have together [bytes]: the training that follows may want

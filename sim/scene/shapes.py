@@ -62,7 +62,10 @@ def ring_patch(rows: np.ndarray, uvs: np.ndarray) -> Patch:
     normals = np.cross(turn, along).reshape(-1, 3)
     vertices = rows.reshape(-1, 3)
     normals = _mended(normals, along, vertices)
-    return _without_slivers(Patch(vertices, faces, normals, uvs.reshape(-1, 2)))
+    # At the poles, faces have no area.
+    a, b, c = np.moveaxis(vertices[faces], 1, 0)
+    faces = faces[np.linalg.norm(np.cross(b - a, c - a), axis=1) > 1e-14]
+    return Patch(vertices, faces, normals, uvs.reshape(-1, 2))
 
 
 def _mended(normals: np.ndarray, along: np.ndarray, vertices: np.ndarray) -> np.ndarray:
@@ -75,13 +78,6 @@ def _mended(normals: np.ndarray, along: np.ndarray, vertices: np.ndarray) -> np.
         neighbor = normals[row + 1 if row == 0 else row - 1, :-1].mean(axis=0)
         normals[row], length[row] = neighbor, np.linalg.norm(neighbor)
     return (normals / length[..., None]).reshape(-1, 3)
-
-
-def _without_slivers(patch: Patch) -> Patch:
-    """Drop the faces without area at the poles."""
-    a, b, c = np.moveaxis(patch.vertices[patch.faces], 1, 0)
-    kept = np.linalg.norm(np.cross(b - a, c - a), axis=1) > 1e-14
-    return Patch(patch.vertices, patch.faces[kept], patch.normals, patch.uvs)
 
 
 def angles(segments: int) -> np.ndarray:

@@ -35,7 +35,8 @@ def labels_named(selection: str) -> tuple[str, ...]:
     """
     if selection == "none":
         return ()
-    names = set(LABELS) if selection == "all" else _split(selection)
+    named = LABELS if selection == "all" else selection.split(",")
+    names = {name.strip() for name in named if name.strip()}
     unknown = sorted(names - set(LABELS))
     if unknown or not names:
         name = unknown[0] if unknown else selection
@@ -48,7 +49,3 @@ def label_layers(names: Sequence[str], is_last: bool) -> tuple[Layer, ...]:
     """Return the layers of labels by name; the last frame of a recording has no next one."""
     layers = [layer for name in names for layer in LABELS[name]]
     return tuple(layer for layer in layers if not (is_last and layer in OF_NEXT_FRAME))
-
-
-def _split(selection: str) -> set[str]:
-    return {name.strip() for name in selection.split(",") if name.strip()}
