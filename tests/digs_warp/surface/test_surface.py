@@ -149,6 +149,11 @@ def test_views_show_color_without_background() -> None:
     assert 0.5 < seen.mean() < 0.9
     mean = 0.5 + C0 * ball().sh[:, 0].mean()
     assert abs(view.color[seen].mean() - mean) < 0.1
+    # Nor with the black behind splats that cover a part.
+    faint = replace(ball(), opacity_logits=ball().opacity_logits - 6.0)
+    other = next(depth_views(faint, [camera], ORIGIN))
+    both = seen & np.isfinite(other.depth)
+    assert abs((other.color - view.color)[both].mean()) < 0.05
     assert list(depth_views(ball(), [], ORIGIN)) == []
 
 
