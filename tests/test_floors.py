@@ -56,7 +56,7 @@ LINE_BUDGETS = {
     "sim.record": 2_340,
     "sim.render": 5_165,
     "sim.scene": 4_615,
-    "sim.sensor": 6_150,
+    "sim.sensor": 6_160,
     "sim.testing": 980,
     "splat": 5_540,
     "study": 2_330,

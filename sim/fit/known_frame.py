@@ -13,6 +13,7 @@ from digs_warp.sim.sensor.color.image_noise import ReadNoise, ShotNoise
 from digs_warp.sim.sensor.color.recorded import recorded_images
 from digs_warp.sim.sensor.drift import NO_DRIFT, Drift
 from digs_warp.sim.sensor.effects import AFTER_MATCHING
+from digs_warp.sim.sensor.effects.disparity_errors import Speckle
 from digs_warp.sim.sensor.effects.protocol import Choice
 from digs_warp.sim.sensor.filters import sampled
 from digs_warp.sim.sensor.frame import FrameTruth, Motion, Sensed
@@ -84,7 +85,8 @@ def _seen_from_right(disparity: np.ndarray) -> np.ndarray:
 
 # Noise of the images, and what acts on matches, are as strong as the rig says; a drift is in the frame.
 ON_IMAGES = (ShotNoise(), ReadNoise())
-ON_DEPTH = tuple(effect.name for effect in AFTER_MATCHING)
+# Not speckle: what changes between frames comes from the noise of the images here, which the wall tells.
+ON_DEPTH = tuple(effect.name for effect in AFTER_MATCHING if effect.name != Speckle.name)
 
 
 def sense_frame(

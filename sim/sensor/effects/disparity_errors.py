@@ -89,7 +89,7 @@ class Speckle:
         return choose_above(
             self.name,
             "changing_sigma",
-            rig.changing_sigma if rig.projector_power > 0 else 0.0,
+            _speckle(rig),
             0.0,
             "px",
             SPECKLE_COST,
@@ -101,8 +101,16 @@ class Speckle:
         self, sensed: Sensed, rig: StereoRig, rng: np.random.Generator, strength: float = 1.0
     ) -> Sensed:
         """Add the noise; ``strength`` is a factor on it."""
+        size = strength * _speckle(rig)
+        if size == 0:
+            return sensed
         noise = octave_normal(rng, sensed.disparity.shape, rig.disparity_correlation)
-        return sensed.shifted(np.float32(strength * rig.changing_sigma) * noise)
+        return sensed.shifted(np.float32(size) * noise)
+
+
+def _speckle(rig: StereoRig) -> float:
+    """Return the standard deviation of the noise that only a projector makes [px]."""
+    return rig.changing_sigma if rig.projector_power > 0 else 0.0
 
 
 # Correlation length, as a share of the image width: 46 px on the pair (741 px wide) that shows it.

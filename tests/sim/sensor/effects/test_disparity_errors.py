@@ -94,6 +94,8 @@ def test_the_device_drops_what_it_does_not_trust() -> None:
 
 def test_speckle_is_what_changes_of_the_noise() -> None:
     rig = make_rig(disparity_sigma=0.2, temporal_share=0.25, disparity_correlation=4.0)
+    assert (error_of(make_frame(30.0, rig), "speckle") == 0).all(), "no projector"
+    rig = replace(rig, projector_power=0.2)
     first, second = (error_of(make_frame(30.0, rig, number=number), "speckle") for number in (0, 1))
     assert first.std() == pytest.approx(0.1, rel=0.05)
     assert abs(np.corrcoef(first.ravel(), second.ravel())[0, 1]) < 0.05
