@@ -1,3 +1,5 @@
+# rosbags is an extra that type checking need not have:
+# pyright: reportMissingImports=false
 """Recordings of robots: ROS 1 bags, ROS 2 bags and MCAP, by rosbags: color, depth, and a camera_info each.
 
 Of the topics with images, the one with depth is that of 16UC1 or 32FC1, the other one color; where there are

@@ -39,7 +39,7 @@ def in_box(gaussians: Gaussians, low: np.ndarray, high: np.ndarray) -> np.ndarra
 
 def in_masks(gaussians: Gaussians, frames: Sequence[Frame]) -> np.ndarray:
     """Return which centers the masks of the frames show, shape (n,), bool."""
-    shown, inside = np.zeros((2, len(gaussians)))
+    shown, inside = np.zeros(len(gaussians)), np.zeros(len(gaussians))
     for frame in frames:
         if not frame.has(Layer.MASK):
             continue

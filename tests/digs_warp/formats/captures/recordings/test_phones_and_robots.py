@@ -1,3 +1,5 @@
+# rosbags is an extra that type checking need not have:
+# pyright: reportMissingImports=false
 """Polycam, Stray Scanner and bags of ROS, written here as the programs write them."""
 
 import json
