@@ -34,6 +34,8 @@ logger = logging.getLogger(__name__)
 LEAST_MATCHED = 0.15
 # A stage that keeps a smaller share of pixels or voxels is said, for something is wrong there.
 LEAST_KEPT = 0.2
+# If a stage keeps less, fewer points than both of these are an error: small images have few as well.
+FEWEST_POINTS, LEAST_PER_PIXEL = 1000, 1e-3
 # The name of what the edge filter keeps in a `DepthReport`.
 EDGES = "away from edges"
 
@@ -208,6 +210,13 @@ def _measured_points(
     for stage, kept in report.kept.items():
         if kept < LEAST_KEPT:
             logger.warning("initialization: only %.2g %% are %s (%s)", 100 * kept, stage, report)
+    wanted, is_emptied = next(iter(report.pixels.values())), min(report.kept.values()) < LEAST_KEPT
+    if is_emptied and len(points) < min(FEWEST_POINTS, LEAST_PER_PIXEL * wanted):
+        raise DigsError(
+            f"initialization: {len(points)} points are left of {wanted:,} pixels ({report}), which makes no "
+            "scene. If the depth is that poor, start without it: --strategy mvs, or random; else see what "
+            "'digs-warp check' says of the recording"
+        )
     return points, report
 
 

@@ -10,6 +10,7 @@ import pytest
 from digs_warp.checks import CaptureError, DigsError
 from digs_warp.data.frame import Frame
 from digs_warp.data.layers import Layer
+from digs_warp.geometry.camera import Camera, Intrinsics
 from digs_warp.init.config import MASK_THRESHOLD
 from digs_warp.init.recipes import InitConfig, initial_points
 from reference.ball_capture import RADIUS, View, ball_views, write_capture
@@ -137,6 +138,24 @@ def test_dotted_depth_goes_without_the_edge_filter(
     )
     assert "consists of dots or thin lines: it is left out" in caplog.text
     assert "are with depth (" in caplog.text  # a ninth of the pixels
+
+
+def test_depth_of_next_to_nothing_is_an_error_in_images_of_some_size() -> None:
+    for size in (1, 10):
+        k = Intrinsics.from_fov(40 * size, 30 * size, 60.0)
+        depth = np.full((k.height, k.width), np.nan, np.float32)
+        depth[:: 5 * size, :: 5 * size] = 2.0
+        layers: dict[Layer, np.ndarray] = {
+            Layer.IMAGE: np.zeros((*depth.shape, 3), np.uint8),
+            Layer.DEPTH: depth,
+            Layer.MASK: np.full(depth.shape, 255, np.uint8),
+        }
+        frame = Frame("0000", Camera(k, np.eye(4)), 0.0, layers)
+        if size == 1:
+            assert len(initial_points([frame], CONFIG)) > 40
+            continue
+        with pytest.raises(DigsError, match=r"points are left of 120,000 pixels.*--strategy mvs"):
+            initial_points([frame], CONFIG)
 
 
 def test_frames_without_a_mask_are_named(tmp_path: Path, views: list[View]) -> None:
