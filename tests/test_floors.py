@@ -65,7 +65,7 @@ LINE_BUDGETS = {
     "train": 3_930,
     "usd": 4_120,
 }
-MOST_LINES, MOST_FILES = 81_325, 529  # of the product; 65,000 in 500 files are the goal
+MOST_LINES, MOST_FILES = 81_327, 529  # of the product; 65,000 in 500 files are the goal
 # A shorter file with a single client in its folder belongs into that client.
 CRUMB = 60
 
