@@ -47,6 +47,8 @@ LIKENESS = (
     (25.0, "fair", "resemble"),
     (-np.inf, COARSE, "roughly resemble"),
 )
+# As near as this many times what the camera measures is nearly as near.
+NEARLY = 1.5
 # Of everything in view, with what is far and seen once, so much less is as good [dB].
 SCENE_PSNR = 5.0
 
@@ -192,4 +194,6 @@ def _words(poses: Poses, scores: Scores, adherence: float | None, seen: OnObject
 def _nearness(error: float, usual: float, what: str, who: str) -> str:
     if error <= usual or not usual:
         return f"as near to {what} as {who}"
+    if error <= NEARLY * usual:
+        return f"nearly as near to {what} as {who}"
     return f"{error / usual:.1f} times as far from {what} as {who}"
