@@ -174,12 +174,14 @@ def _surface_card(result: Reconstruction) -> str:
 def _tiles(result: Reconstruction, records: RunRecords) -> str:
     last = result.course[-1] if result.course else None
     points = len(result.start.points) if result.start else None
+    degree = result.gaussians.sh_degree
+    gloss = f"gloss of degree {degree}" if degree else "no gloss"
     trained = f"training {number(last.seconds if last else None, 1, 's')} of them"
     cards = [
         _likeness_card(result),
         _surface_card(result),
         card(
-            *("Gaussians", f"{len(result.gaussians):,}", _size_word(result)),
+            *("Gaussians", f"{len(result.gaussians):,}", gloss),
             *(f"from {number(points, 0)} points", "gaussians"),
         ),
         card(
@@ -188,11 +190,6 @@ def _tiles(result: Reconstruction, records: RunRecords) -> str:
         ),
     ]
     return f"<div class=cards>{''.join(cards)}</div>"
-
-
-def _size_word(result: Reconstruction) -> str:
-    degree = result.gaussians.sh_degree
-    return f"gloss of degree {degree}" if degree else "no gloss"
 
 
 def _links(folder: Path) -> str:
