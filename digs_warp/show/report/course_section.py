@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from math import isfinite
+from operator import attrgetter
 
 from digs_warp.init.start import Subject
 from digs_warp.pipeline.reconstruction import Reconstruction
@@ -13,6 +14,7 @@ _PSNR = {"psnr_object": "on the object", "psnr_frame": "full frame"}
 _SSIM = {"ssim_object": "on the object", "ssim_frame": "full frame"}
 
 _Value = Callable[[CourseRow], float | None]
+_iteration: _Value = attrgetter("iteration")
 
 
 def course_section(result: Reconstruction) -> str:
@@ -91,10 +93,6 @@ def _splats_chart(rows: Sequence[CourseRow]) -> list[str]:
     svg = line_chart([line], "iterations", "Gaussians")
     alt = f"Number of Gaussians over iterations, from {line.y[0]:,.0f} to {line.y[-1]:,.0f}"
     return [chart(svg, alt, "Number of Gaussians.")]
-
-
-def _iteration(row: CourseRow) -> int:
-    return row.iteration
 
 
 def _line(

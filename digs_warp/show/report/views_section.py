@@ -2,7 +2,6 @@
 
 from dataclasses import dataclass
 from html import escape
-from math import isnan
 
 import numpy as np
 
@@ -75,7 +74,7 @@ def views_section(capture: Capture, result: Reconstruction) -> str:
     """
     views = result.scores.views
     of = _OF[result.poses.subject]
-    ranked = sorted(views, key=lambda view: _or_zero(getattr(view, of.psnr)))
+    ranked = sorted(views, key=lambda view: np.nan_to_num(getattr(view, of.psnr)))
     if not ranked:
         return section("Held-out views", "No view was held out.", name="views")
     chosen = np.linspace(0, len(ranked) - 1, min(MAX_VIEWS, len(ranked))).round().astype(int)
@@ -123,10 +122,6 @@ def _aligned_words(result: Reconstruction) -> str:
     return (
         f"{words} Those of the training views differ by {result.training.exposure_stops:.2f} stops."
     )
-
-
-def _or_zero(value: float) -> float:
-    return 0.0 if isnan(value) else value
 
 
 def _label(view: ViewScore, of: _Compared) -> str:
