@@ -48,7 +48,8 @@ def test_the_gallery_shows_its_examples_and_no_other_pictures() -> None:
     sections = {each.partition("\n")[0]: each for each in page(gallery.PAGE).split("## ")[1:]}
     for example in gallery.EXAMPLES:
         section = sections[example.title]
-        shown = f"`digs-warp run {example.flags}`", f"({gallery.PICTURES}/{example.name}.jpg)"
+        command = f"`digs-warp run {example.flags} --out out/gallery/{example.name}`"
+        shown = command, f"({gallery.PICTURES}/{example.name}.jpg)"
         assert all(each in section for each in (*shown, " Gaussians, PSNR ", example.credit))
         assert ("DATA" in example.flags) == bool(example.credit)
     pictures = {path.stem for path in (DOCS / gallery.PICTURES).iterdir()}
