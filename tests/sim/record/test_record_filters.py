@@ -128,7 +128,7 @@ def test_all_cameras_and_effects_bear_filters() -> None:
     differs = np.any([np.isfinite(one) & (one != last) for one in earlier], axis=0)
     known = np.isfinite(last)
     changed = maker.device.apply(shots).disparity != last
-    assert 0.2 < differs[known].mean() < 0.8
+    assert differs[known].mean() > 0.9, "speckle changes all"
     assert changed[known & differs].mean() > 0.99 and not changed[known & ~differs].any()
     # In the color camera's image, places of depth are slightly different.
     share = (depths[0] != depths[1])[before].mean()
