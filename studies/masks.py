@@ -8,9 +8,10 @@ from pathlib import Path
 
 import numpy as np
 
+from digs_warp.checks import check_shape
 from digs_warp.data.images import read_image
 from digs_warp.masks.config import SegmentConfig
-from digs_warp.masks.masks import intersection_over_union, segment
+from digs_warp.masks.masks import segment
 from digs_warp.study.timing import Stopwatch
 from studies.results import Result
 
@@ -41,3 +42,17 @@ def bench_masks() -> list[Result]:
             }
             results.append(Result({"masks": name, "frames": FRAMES, "width": WIDTH}, values))
     return results
+
+
+def intersection_over_union(mask: np.ndarray, truth: np.ndarray, threshold: int = 127) -> float:
+    """Return the share of pixels in both masks among those in either, 0 to 1; two empty masks agree fully.
+
+    Args:
+        mask: shape (height, width), uint8.
+        truth: of the same shape.
+        threshold: values above it are object.
+    """
+    check_shape("mask", mask, truth.shape)
+    a, b = mask > threshold, truth > threshold
+    either = np.count_nonzero(a | b)
+    return np.count_nonzero(a & b) / either if either else 1.0

@@ -26,7 +26,6 @@ from digs_warp.measure.metrics import psnr
 from digs_warp.pipeline.reconstruct import ReconstructConfig, reconstruct
 from digs_warp.pipeline.reconstruction import Reconstruction
 from digs_warp.poses.from_images.config import SfmConfig
-from digs_warp.poses.from_images.similarity import camera_errors
 from digs_warp.record.progress import progress
 from digs_warp.splat.device import DeviceGaussians
 from digs_warp.study.scenes import sample_data
@@ -34,6 +33,7 @@ from digs_warp.study.timing import Stopwatch
 from digs_warp.train.adherence import adherence, load_measured_views
 from digs_warp.train.config import Density, Stop, TrainConfig
 from digs_warp.train.evaluate import load_test_views, photographed_gain, render_views, with_gain
+from studies.pose_errors import camera_errors
 from studies.real_recordings import RealRecording, convert, find_recordings
 from studies.results import Result
 

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from digs_warp.checks import DigsError, check_shape
+from digs_warp.checks import DigsError
 from digs_warp.data.file_names import masks_in
 from digs_warp.data.frame import Frame, PixelSource
 from digs_warp.data.images import mask_of, read_image, write_image
@@ -227,17 +227,3 @@ def _forget_other_masks(paths: Sequence[Path], key: str, folder: Path) -> None:
         for path in paths:
             remove(path)
         write_atomically(note, json.dumps({"key": key}).encode())
-
-
-def intersection_over_union(mask: np.ndarray, truth: np.ndarray, threshold: int = 127) -> float:
-    """Return the share of pixels in both masks among those in either, 0 to 1; two empty masks agree fully.
-
-    Args:
-        mask: shape (height, width), uint8.
-        truth: of the same shape.
-        threshold: values above it are object.
-    """
-    check_shape("mask", mask, truth.shape)
-    a, b = mask > threshold, truth > threshold
-    either = np.count_nonzero(a | b)
-    return np.count_nonzero(a & b) / either if either else 1.0

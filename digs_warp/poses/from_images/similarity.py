@@ -1,13 +1,11 @@
-"""Errors of cameras apart from the similarity that structure from motion leaves open, and the world axes."""
+"""The similarity that structure from motion leaves open, and the axes of its world."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from digs_warp.checks import DigsError, check_shape
-from digs_warp.data.frame import Frame
-from digs_warp.data.sfm_model import SfmModel
 from digs_warp.data.viewpoints import upward
 from digs_warp.geometry.camera import Camera
 from digs_warp.geometry.rigid import rigid, turn_degrees
@@ -25,21 +23,6 @@ class Similarity:
     def apply(self, points: np.ndarray) -> np.ndarray:
         """Return the points (..., 3) in the target frame."""
         return self.scale * points @ self.rotation.T + self.translation
-
-
-@dataclass(frozen=True, eq=False)
-class PoseErrors:
-    """Errors of the registered cameras after the best similarity alignment of their centers.
-
-    Attributes:
-        centers_m: distance of each center to the true one [m], shape (n,).
-        rotations_deg: angle of each rotation to the true one [degree], shape (n,).
-        sfm_per_metre: the scale that the true poses tell.
-    """
-
-    centers_m: np.ndarray
-    rotations_deg: np.ndarray
-    sfm_per_metre: float
 
 
 def umeyama(source: np.ndarray, target: np.ndarray) -> Similarity:
@@ -65,35 +48,6 @@ def umeyama(source: np.ndarray, target: np.ndarray) -> Similarity:
     rotation = u @ np.diag(signs) @ vt
     scale = float((singular * signs).sum() / (a**2).sum(axis=1).mean())
     return Similarity(scale, rotation, target_mean - scale * rotation @ source_mean)
-
-
-def pose_errors(model: SfmModel, frames: Sequence[Frame]) -> PoseErrors:
-    """Compare the model's cameras with those of the frames of the same names, taken as true.
-
-    Raises:
-        DigsError: fewer than three cameras, or cameras on one line.
-    """
-    return camera_errors(dict(zip(model.names, model.cameras, strict=True)), frames)
-
-
-def camera_errors(cameras: Mapping[str, Camera], frames: Sequence[Frame]) -> PoseErrors:
-    """Compare cameras, by the names of their frames, with those of ``frames``, taken as true.
-
-    Raises:
-        DigsError: fewer than three cameras, or cameras on one line.
-    """
-    true = {frame.name: frame.camera for frame in frames}
-    truths = [true[name] for name in cameras]
-    found = np.array([camera.center_world for camera in cameras.values()])
-    expected = np.array([camera.center_world for camera in truths])
-    alignment = umeyama(found, expected)
-    turned = np.array([alignment.rotation @ c.world_from_cam[:3, :3] for c in cameras.values()])
-    rotations = np.array([c.world_from_cam[:3, :3] for c in truths])
-    return PoseErrors(
-        centers_m=np.linalg.norm(alignment.apply(found) - expected, axis=1),
-        rotations_deg=turn_degrees(turned, rotations),
-        sfm_per_metre=1.0 / alignment.scale,
-    )
 
 
 def world_as_recorded(cameras: Sequence[Camera], recorded: Sequence[Camera]) -> np.ndarray:

@@ -11,12 +11,12 @@ from digs_warp.data.frame import Frame
 from digs_warp.data.layers import Layer
 from digs_warp.masks.agreed import agreed_masks
 from digs_warp.masks.config import SegmentConfig
-from digs_warp.masks.masks import intersection_over_union
 from digs_warp.pipeline.config import FrontEndConfig
 from digs_warp.pipeline.front_end import front_end, load_front_end
 from digs_warp.record.run_log import RunLog
 from digs_warp.sim.config import SimulateConfig
 from digs_warp.sim.record.record import simulate_in_memory
+from studies.masks import intersection_over_union
 
 WRONG = {2: "empty", 5: "cut", 7: "neighbor", 11: "empty"}
 

@@ -9,8 +9,8 @@ from digs_warp.masks.from_depth import (
     object_by_depth,
     without_enclosed_holes,
 )
-from digs_warp.masks.masks import intersection_over_union
 from digs_warp.masks.planes import far_edge, on_or_behind_main_plane
+from studies.masks import intersection_over_union
 
 HEIGHT, WIDTH = 120, 160
 V, U = np.mgrid[:HEIGHT, :WIDTH].astype(np.float64)

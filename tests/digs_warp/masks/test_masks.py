@@ -13,7 +13,7 @@ from digs_warp.data.frame import Frame
 from digs_warp.data.images import read_image, write_image
 from digs_warp.data.layers import Layer
 from digs_warp.masks.config import SegmentConfig
-from digs_warp.masks.masks import intersection_over_union, segment, with_masks
+from digs_warp.masks.masks import segment, with_masks
 from digs_warp.masks.network import (
     MaskNetwork,
     default_model_path,
@@ -22,6 +22,7 @@ from digs_warp.masks.network import (
 )
 from reference.tiny_capture import HEIGHT, WIDTH, write_tiny_capture
 from reference.tiny_network import write_network
+from studies.masks import intersection_over_union
 
 
 @pytest.fixture(scope="module")

@@ -18,12 +18,12 @@ from digs_warp.masks.config import SegmentConfig
 from digs_warp.pipeline.config import FrontEndConfig, check_front_end
 from digs_warp.pipeline.front_end import FrontEnd, front_end, load_front_end
 from digs_warp.poses.from_images.config import SfmConfig
-from digs_warp.poses.from_images.similarity import camera_errors
 from digs_warp.poses.refine.photometric_alignment import in_place
 from digs_warp.record.run_log import RunLog
 from reference.perturbed_poses import perturbed_capture
 from reference.sfm_views import arc, record
 from reference.wrong_captures import other_focal
+from studies.pose_errors import camera_errors
 
 # The photographs are small: features are also sought in the image enlarged twice.
 SFM = SfmConfig(double_size=True, features=1500, pairing="sequential", overlap=4, loop_images=0)

@@ -18,12 +18,12 @@ from digs_warp.geometry.rigid import matrix_from_rotation_vector, rigid
 from digs_warp.pipeline.config import FrontEndConfig
 from digs_warp.pipeline.front_end import front_end
 from digs_warp.poses.from_images.config import SfmConfig
-from digs_warp.poses.from_images.similarity import camera_errors
 from digs_warp.record.run_log import RunLog
 from digs_warp.sim.camera.walk.settings import WalkSettings
 from digs_warp.sim.config import SimulateConfig
 from digs_warp.sim.record.record import simulate_in_memory
 from reference.optional import open3d_or_skip
+from studies.pose_errors import camera_errors
 
 # Its recording takes a minute: light is measured anew for each place of the object.
 pytestmark = pytest.mark.long

@@ -10,8 +10,9 @@ from digs_warp.data.point_cloud import PointCloud
 from digs_warp.data.sfm_model import Observations, SfmModel
 from digs_warp.geometry.camera import Camera, Intrinsics
 from digs_warp.geometry.rigid import look_at, matrix_from_rotation_vector, rigid
-from digs_warp.poses.from_images.similarity import Similarity, on_one_axis, pose_errors, umeyama
+from digs_warp.poses.from_images.similarity import Similarity, on_one_axis, umeyama
 from digs_warp.poses.refine.photometric_alignment import in_place
+from studies.pose_errors import pose_errors
 
 INTRINSICS = Intrinsics.from_fov(64, 48, 60.0)
 

@@ -17,9 +17,9 @@ from digs_warp.geometry.camera import Camera
 from digs_warp.poses.from_images import colmap
 from digs_warp.poses.from_images.config import SfmConfig
 from digs_warp.poses.from_images.estimate import SfmResult, structure_from_motion
-from digs_warp.poses.from_images.similarity import pose_errors
 from reference.perturbed_poses import perturbed_poses
 from reference.sfm_views import INTRINSICS, arc, photograph, turns_on_the_spot
+from studies.pose_errors import pose_errors
 
 # The photographs are small: features are also sought in the image enlarged twice.
 CONFIG = SfmConfig(double_size=True, features=800, pairing="sequential", overlap=3, loop_images=2)

@@ -21,9 +21,9 @@ from digs_warp.poses.from_images.colmap import ImageSet, quiet_pycolmap
 from digs_warp.poses.from_images.config import SfmConfig
 from digs_warp.poses.from_images.model import sfm_model
 from digs_warp.poses.from_images.rolling_shutter import correct_rolling_shutter
-from digs_warp.poses.from_images.similarity import pose_errors
 from digs_warp.record.typed import from_json
 from reference.sfm_views import INTRINSICS, arc
+from studies.pose_errors import pose_errors
 
 READOUT = 0.02
 # Seconds between photographs: the arc is walked at 0.25 m/s.
