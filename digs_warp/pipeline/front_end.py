@@ -14,6 +14,8 @@ import numpy as np
 
 from digs_warp.check import recording
 from digs_warp.check.check import check_capture
+from digs_warp.check.evidence import Evidence
+from digs_warp.check.findings import limit_of
 from digs_warp.checks import DigsError
 from digs_warp.data.capture import Capture, object_alone
 from digs_warp.data.layers import Layer
@@ -141,6 +143,9 @@ def _alone_if_still(
     found = recording.stillness(capture.frames)
     if found is None or not (found.is_still or (found.is_bare and subject == "object")):
         return capture, config
+    agreement = Evidence(capture).agreement if given and moves and subject == "scene" else None
+    if agreement is not None and agreement.score > limit_of("agreement"):
+        return capture, config  # the depth of everything in view fits the poses
     if found.is_still and (subject == "scene" or (given and not moves)):
         raise DigsError(
             f"{capture}: the camera stands still and something turns before it, so that poses can only be "
