@@ -47,7 +47,7 @@ LINE_BUDGETS = {
     "losses": 810,
     "masks": 1_359,
     "measure": 1_643,
-    "pipeline": 2_530,
+    "pipeline": 2_531,
     "poses": 5_304,
     "record": 2_150,
     "show": 3_610,
