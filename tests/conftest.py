@@ -1,5 +1,6 @@
 """Fixtures shared by the whole suite."""
 
+import logging
 import os
 import signal
 from collections.abc import Callable, Iterator
@@ -8,6 +9,7 @@ from pathlib import Path
 import pytest
 from filelock import FileLock
 
+from digs_warp.cli import TALKATIVE
 from digs_warp.data.capture import Capture, read_capture
 from digs_warp.pipeline.reconstruct import ReconstructConfig, reconstruct
 from digs_warp.record.progress import show_progress
@@ -76,10 +78,14 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 
 
 @pytest.fixture(autouse=True)
-def bars_off_again() -> Iterator[None]:
-    """The command line turns progress bars on for its process; a test that runs it must not."""
+def command_line_is_over() -> Iterator[None]:
+    """The command line shows bars and sets levels of logs for its process; a test that runs it must not."""
+    loggers = [logging.getLogger(name) for name in (None, "digs_warp", *TALKATIVE)]
+    levels = [logger.level for logger in loggers]
     yield
     show_progress(False)
+    for logger, level in zip(loggers, levels, strict=True):
+        logger.setLevel(level)
 
 
 @pytest.fixture

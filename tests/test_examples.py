@@ -73,7 +73,7 @@ def test_the_noise_project_passes_where_it_is_copied(tmp_path: Path) -> None:
     text = page.read_text()
     assert "test_no_effect_alone_does_harm[step-holes]: " in text
     assert "<code>distance_error" in text
-    assert text.count("<table>") == 3
+    assert text.count("<pre>") == 3
 
 
 def test_the_noise_project_says_what_it_lacks(tmp_path: Path) -> None:

@@ -30,7 +30,7 @@ DROP = "simulate --scene {folder}/box.glb {folder}/box.glb --arrange drop --out 
 
 # The library to install for each job, or None: it needs none of those that are blocked together.
 JOBS = {
-    "av,pycolmap,open3d,pyrender,sklearn,trimesh,zstandard,yaml,onnxruntime": {
+    "av,pycolmap,open3d,pyrender,sklearn,trimesh,zstandard,onnxruntime": {
         "--help": None,
         "info {folder}/capture": None,
         "info {folder}/gaussians.npz": None,
@@ -43,7 +43,6 @@ JOBS = {
         "render {folder}/gaussians.npz --width 32 --seconds .1 --out {folder}/a.mp4": "av",
         "mesh {folder}/gaussians.npz --out {folder}/out.ply": "open3d",
         f"{SMALL} --mesh {{folder}}/a.obj": "trimesh",
-        "simulate --config {folder}/a.yaml --out {folder}/out": "pyyaml",
         f"{SMALL} --config {{folder}}/gl.json": "pyrender",
         "reconstruct {folder}/capture --masks isnet --mask-model {folder}/a.usda --out {folder}/out": (
             "'digs-warp[masks]'"
@@ -67,7 +66,6 @@ def test_a_job_without_its_library_names_it_and_others_work(libraries: str, tmp_
     save(tmp_path / "box.glb", trimesh.creation.box((0.1, 0.1, 0.1)))
     (tmp_path / "a.usda").write_text("#usda 1.0\n")
     (tmp_path / "a.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")
-    (tmp_path / "a.yaml").write_text("settings: {frames: 1}\n")
     (tmp_path / "gl.json").write_text('{"settings": {"renderer": "gl"}}')
     jobs = {words.format(folder=tmp_path): each for words, each in JOBS[libraries].items()}
     done = subprocess.run(

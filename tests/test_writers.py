@@ -47,7 +47,6 @@ ALLOWED = {
     ): "files that are synced, in an order that a note keeps",
     ("sim/testing/series.py", "rename"): "of record/disk.py: a folder whose files are synced",
     ("studies/usd_files.py", "save"): "what is measured, in a temporary folder",
-    ("studies/pages/killed.py", "copyfile"): "in a temporary folder",
     ("studies/real_recordings.py", "symlink_to"): "in a temporary folder",
     ("studies/timing.py", "write_text"): "a switch of the system below /proc",
 }

@@ -73,7 +73,7 @@ class ImagePlanes:
         x0, y0, x1, y1 = (PADDING + edge for edge in box)
         part = planes.reshape(self.channels, -1, self.pitch)[:, y0:y1, x0:x1]
         part += np.moveaxis(pixels, 2, 0)
-        if self.data.device.is_cuda:
+        if str(self.data.device) != "cpu":
             self.data.assign(planes)
 
     def resize(self, width: int, height: int) -> None:

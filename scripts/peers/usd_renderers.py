@@ -37,7 +37,7 @@ BLACK = (0.0, 0.0, 0.0)
 SAMPLE = 300
 # Deviations at which Mitsuba's rays enter a splat.
 SHELL = 3.0
-COLUMNS = (
+COLUMNS: tuple[str, ...] = (
     "ours and Mitsuba [dB]",
     "photograph: ours [dB]",
     "by depth [dB]",

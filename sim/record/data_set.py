@@ -151,9 +151,11 @@ def record_scene(job: SceneJob, folder: Path) -> dict[str, Any]:
 def _result(job: SceneJob, record: Mapping[str, Any]) -> SceneResult:
     if "error" in record:
         failure = record["failure"]
-        return SceneResult(job.name, record["error"], 0, 0.0, drawn=job.drawn, failure=failure)
+        return SceneResult(
+            job.name, record["error"], 0, 0.0, drawn=job.drawn or None, failure=failure
+        )
     numbers = {name: record[name] for name in ("frames", "seconds", "fill", "error_mm", "size")}
-    return SceneResult(job.name, "", **numbers, drawn=job.drawn)
+    return SceneResult(job.name, "", **numbers, drawn=job.drawn or None)
 
 
 def _longest_side(folder: Path) -> float | None:

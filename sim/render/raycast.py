@@ -113,7 +113,8 @@ class RaycastRenderer:
         launch_parallel(surround_kernel, count, alone, threads=threads)
         numbers = np.flatnonzero(image.kinds.numpy())
         together = samples * track.world_from_cam.shape[1]
-        nearness = 1.0 / np.linalg.norm(track.world_from_cam[..., :3, 3], axis=-1).min()
+        distance = np.linalg.norm(track.world_from_cam[..., :3, 3], axis=-1).min()
+        nearness = 1.0 / max(distance, 1e-6)
         moved = (way.swings.numpy() + nearness * way.shifts.numpy()).max() / pixel_angle
         if together > 1 and count > TINY and moved <= LONGEST_WAY:
             render(numbers, 0, SMOOTH)

@@ -23,6 +23,7 @@ from digs_warp.torch import CaptureDataset, TorchView, render  # noqa: E402 (aft
 ALL = RasterOptions(outputs="normals")
 SCENE = random_gaussians(12, seed=4)
 VIEW = camera(33, 27)
+BEHIND = (BACKGROUND[0], BACKGROUND[1], BACKGROUND[2])
 
 
 def tensors(dtype: Any = torch.float32) -> list[Any]:
@@ -30,8 +31,8 @@ def tensors(dtype: Any = torch.float32) -> list[Any]:
 
 
 def test_the_view_is_that_of_render() -> None:
-    view = render(*tensors(), camera=VIEW, near=NEAR, background=BACKGROUND, options=ALL)
-    wanted = render_numpy(SCENE, VIEW, near=NEAR, background=BACKGROUND, options=ALL)
+    view = render(*tensors(), camera=VIEW, near=NEAR, background=BEHIND, options=ALL)
+    wanted = render_numpy(SCENE, VIEW, near=NEAR, background=BEHIND, options=ALL)
     for name in TorchView._fields:
         np.testing.assert_array_equal(getattr(view, name).detach(), getattr(wanted, name))
     plain = render(*tensors(), camera=VIEW)
@@ -81,7 +82,7 @@ def test_autograd_gives_the_gradients_of_the_twin(dtype: Any) -> None:
     wanted = twin_gradients(parameters, VIEW, twin, BACKGROUND, adjoints, ALL).parameters
 
     inputs = tensors(dtype)
-    view = render(*inputs, camera=VIEW, near=NEAR, background=BACKGROUND, options=ALL)
+    view = render(*inputs, camera=VIEW, near=NEAR, background=BEHIND, options=ALL)
     terms = [
         (output.nan_to_num() * torch.tensor(weight, dtype=dtype)).sum()
         for output, weight in zip(view, weights, strict=True)

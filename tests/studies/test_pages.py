@@ -2,6 +2,7 @@
 
 import json
 import re
+import shlex
 from types import ModuleType
 
 import numpy as np
@@ -48,7 +49,7 @@ def test_the_gallery_shows_its_examples_and_no_other_pictures() -> None:
     sections = {each.partition("\n")[0]: each for each in page(gallery.PAGE).split("## ")[1:]}
     for example in gallery.EXAMPLES:
         section = sections[example.title]
-        command = f"`digs-warp run {example.flags} --out out/gallery/{example.name}`"
+        command = f"`{shlex.join(gallery.command(example, gallery.FOLDER / example.name))}`"
         shown = command, f"({gallery.PICTURES}/{example.name}.jpg)"
         assert all(each in section for each in (*shown, " Gaussians, PSNR ", example.credit))
         assert ("DATA" in example.flags) == bool(example.credit)

@@ -34,7 +34,7 @@ def placed(gaussians: Gaussians, b_from_a: Similarity) -> Gaussians:
 
 def in_box(gaussians: Gaussians, low: np.ndarray, high: np.ndarray) -> np.ndarray:
     """Return which centers lie in a box [m], shape (n,), bool."""
-    return ((gaussians.means >= low) & (gaussians.means <= high)).all(axis=1)
+    return np.all((gaussians.means >= low) & (gaussians.means <= high), axis=1)
 
 
 def in_masks(gaussians: Gaussians, frames: Sequence[Frame]) -> np.ndarray:

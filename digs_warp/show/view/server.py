@@ -12,7 +12,7 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager, suppress
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 from urllib.parse import unquote
 
 import numpy as np
@@ -149,7 +149,8 @@ class _Handler(BaseHTTPRequestHandler):
 
     def do_POST(self) -> None:
         # A name of elsewhere that leads to this machine would make another page one of this server.
-        is_here = self.server.server_address[0] != HOST or self.headers["Host"].startswith(_HERE)
+        host, _ = cast("tuple[str, int]", self.server.server_address)
+        is_here = host != HOST or self.headers["Host"].startswith(_HERE)
         if self.path != "/save" or OWN_HEADER not in self.headers or not is_here:
             self.send_error(403)
             return

@@ -6,7 +6,7 @@ change no other draw.
 
 import hashlib
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -36,12 +36,12 @@ class SceneJob:
     Attributes:
         name: its folder below that of the data set: mesh/environment/walk, or the number of the draw.
         config: what to record.
-        drawn: what was drawn at random, by key, as JSON has it, with the seed; None: nothing was.
+        drawn: what was drawn at random, by key, as JSON has it, with the seed; empty: nothing was.
     """
 
     name: str
     config: SimulateConfig
-    drawn: Mapping[str, Any] | None = None
+    drawn: Mapping[str, Any] = field(default_factory=dict)
 
 
 def draw_scenes(

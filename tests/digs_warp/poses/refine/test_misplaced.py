@@ -199,5 +199,6 @@ def test_a_frame_in_a_wrong_place_keeps_its_good_mask(capture: Capture, tmp_path
     assert not [
         finding for finding in prepared.poses.findings if "contradicted most other views" in finding
     ]
-    kept = {frame.name: frame for frame in prepared.poses.posed.training}[frames[WRONG].name]
+    posed = prepared.poses.posed
+    kept = {frame.name: frame for frame in (*posed.training, *posed.held_out)}[frames[WRONG].name]
     np.testing.assert_array_equal(kept.load_mask(), frames[WRONG].load_mask())
