@@ -77,15 +77,22 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
             item.add_marker(pytest.mark.sample_data)
 
 
+# Of logs, as they are before a command line sets them for its process.
+LEVELS = {name: logging.getLogger(name).level for name in (None, "digs_warp", *TALKATIVE)}
+
+
 @pytest.fixture(autouse=True)
 def command_line_is_over() -> Iterator[None]:
-    """The command line shows bars and sets levels of logs for its process; a test that runs it must not."""
-    loggers = [logging.getLogger(name) for name in (None, "digs_warp", *TALKATIVE)]
-    levels = [logger.level for logger in loggers]
+    """The command line shows bars and sets levels of logs for its process; fixtures and tests run it."""
+    _forget_the_command_line()
     yield
+    _forget_the_command_line()
+
+
+def _forget_the_command_line() -> None:
     show_progress(False)
-    for logger, level in zip(loggers, levels, strict=True):
-        logger.setLevel(level)
+    for name, level in LEVELS.items():
+        logging.getLogger(name).setLevel(level)
 
 
 @pytest.fixture
