@@ -35,7 +35,7 @@ FLOORS = {
 # The most lines of a room. A change that needs more says in its message what the weight buys.
 LINE_BUDGETS = {
     "api": 440,
-    "check": 2_120,
+    "check": 2_130,
     "commands": 3_500,
     "data": 3_560,
     "device": 920,
@@ -47,7 +47,7 @@ LINE_BUDGETS = {
     "losses": 810,
     "masks": 1_359,
     "measure": 1_643,
-    "pipeline": 2_531,
+    "pipeline": 2_533,
     "poses": 5_304,
     "record": 2_150,
     "show": 3_610,
@@ -65,7 +65,7 @@ LINE_BUDGETS = {
     "train": 3_930,
     "usd": 4_120,
 }
-MOST_LINES, MOST_FILES = 81_327, 529  # of the product; 65,000 in 500 files are the goal
+MOST_LINES, MOST_FILES = 81_339, 529  # of the product; 65,000 in 500 files are the goal
 # A shorter file with a single client in its folder belongs into that client.
 CRUMB = 60
 

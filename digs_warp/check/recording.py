@@ -60,6 +60,11 @@ class Stillness:
         return seen and self.still > limits.STILL_SHARE
 
     @property
+    def changes(self) -> bool:
+        """Whether more than noise, a lamp or somebody who passes changes."""
+        return self.changing > limits.LEAST_CHANGE * self.parts
+
+    @property
     def is_bare(self) -> bool:
         """Whether nothing is seen around the object."""
         return self.parts < limits.FEWEST_PARTS

@@ -102,6 +102,8 @@ SAME_PART = Threshold(0.9, set_on="a simulated turntable")
 FEWEST_PARTS = Threshold(3, "parts")
 STILL_SHARE = Threshold(0.3, set_on="simulated turntables 0.9, moving cameras 0.02", margin="3")
 LEAST_TURN = Threshold(5.0, "degrees")
+# Of the parts that show something, those that change before a still camera; fewer: all stands still.
+LEAST_CHANGE = Threshold(0.08, set_on="a hall before a robot that stands 0.05")
 
 # Blur: images with steps below this at the coarser size show nothing that could be sharp.
 PLAIN_STEPS = Threshold(8.0, "of 255")

@@ -147,6 +147,8 @@ def _alone_if_still(
     if agreement is not None and agreement.score > limit_of("agreement"):
         return capture, config  # the depth of everything in view fits the poses
     if found.is_still and (subject == "scene" or (given and not moves)):
+        if not found.changes:
+            return capture, config  # a camera that stands still before what stands still, too
         raise DigsError(
             f"{capture}: the camera stands still and something turns before it, so that poses can only be "
             "found from what lies inside the masks of the object: give masks (of the recording, or --masks) "
