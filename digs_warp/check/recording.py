@@ -121,7 +121,9 @@ def _stillness(evidence: Evidence) -> Stillness | None:
 def still_camera(evidence: Evidence, _: Threshold) -> dict[str, Any] | None:
     """Find recordings in which the surroundings stand still, as `Stillness` says it."""
     found = None if evidence.capture.frames[0].alone else evidence.once(_stillness)
-    return {"still": found.still} if found and found.is_still else None
+    has_masks = all(frame.has(Layer.MASK) for frame in evidence.capture.frames)
+    turns = found is not None and found.is_still and (found.changes or has_masks)
+    return {"still": found.still} if found and turns else None
 
 
 def few_views(evidence: Evidence, least: Threshold) -> dict[str, Any] | None:
