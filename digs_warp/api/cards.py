@@ -1,6 +1,5 @@
 """What a notebook shows of a recording, a reconstruction, and Gaussians: pictures and a line of facts."""
 
-import base64
 import html
 from collections.abc import Iterable
 
@@ -8,11 +7,12 @@ import numpy as np
 
 from digs_warp.data.capture import Capture
 from digs_warp.data.gaussians import Gaussians
-from digs_warp.data.images import encode_jpeg, to_uint8
+from digs_warp.data.images import to_uint8
 from digs_warp.data.layers import Layer
 from digs_warp.geometry.camera import Camera, Intrinsics
 from digs_warp.pipeline.reconstruction import Reconstruction
 from digs_warp.show.film.camera_path import find_framed_subject, orbit
+from digs_warp.show.report.pictures import data_uri
 from digs_warp.splat.render import render
 
 # Of a picture [px].
@@ -40,7 +40,7 @@ def gaussians_card(gaussians: Gaussians) -> str:
 
 
 def reconstruction_card(result: Reconstruction) -> str:
-    """Return a held-out photograph beside the view from there, and the verdict, as HTML."""
+    """Return a held-out photograph, the Gaussians from the same camera, and the verdict, as HTML."""
     if result.frames is None or not result.frames.held_out:
         return gaussians_card(result.gaussians)
     frame = result.frames.held_out[0]
@@ -64,8 +64,7 @@ def _gray(depth: np.ndarray) -> np.ndarray:
 
 def _card(words: str, pictures: Iterable[np.ndarray]) -> str:
     tags = "".join(
-        f'<img width="{WIDTH}" style="margin-right:8px" src="data:image/jpeg;base64,'
-        f'{base64.b64encode(encode_jpeg(np.ascontiguousarray(each))).decode("ascii")}">'
+        f'<img width="{WIDTH}" style="margin-right:8px" src="{data_uri(np.ascontiguousarray(each))}">'
         for each in pictures
     )
     return f"<div>{tags}<br><small>{html.escape(words)}</small></div>"

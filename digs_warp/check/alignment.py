@@ -1,8 +1,8 @@
 """Depth, images and masks that do not lie over each other: moved, cut, inverted, or contradicted.
 
-Depth that is not registered has its edges beside those of the images (`digs_warp.check.registration`). Masks
-that are shifted, or that cut the object, have outlines offset from the depth steps. Where depth is too noisy
-for edges, masks tell of both.
+The edges of depth that is not registered are offset from those of the images
+(`digs_warp.check.registration`). Masks that are shifted, or that cut the object, have outlines offset from
+the depth steps. Where depth is too noisy for edges, masks tell of both.
 """
 
 from collections.abc import Sequence

@@ -309,7 +309,7 @@ def for_classic(
     if result.frames is None or not result.frames.training:
         raise DigsError(
             f"--for classic: '{source}' has splats, but no recording with cameras, and those tell the size "
-            "of a pixel; name the folder of 'digs-warp reconstruct', with the capture beside it"
+            "of a pixel; give a folder of 'digs-warp reconstruct' whose capture is still there"
         )
     cameras = [frame.camera for frame in result.frames.training]
     if width is not None:

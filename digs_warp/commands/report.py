@@ -19,8 +19,8 @@ from digs_warp.record.manifest import recorded_files
 class Report(Command):
     """Write the report of a reconstruction: one HTML file that needs no network.
 
-    What the result is worth, the result in 3D, renders beside true views, pictures of the recording, errors
-    of depth, quality over time, the time of each stage. 'digs-warp run' writes the same at its end.
+    It shows the verdict, the result in 3D, renders next to the held-out photographs, the recording, depth
+    errors, quality over time, and the time of each stage. 'digs-warp run' writes the same at its end.
     """
 
     source: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="RECONSTRUCTION")]
