@@ -37,12 +37,12 @@ LINE_BUDGETS = {
     "api": 440,
     "check": 2_130,
     "commands": 3_500,
-    "data": 3_560,
-    "device": 920,
+    "data": 3_480,
+    "device": 919,
     "engines": 1_010,
     "files at the top": 800,
     "formats": 6_510,
-    "geometry": 625,
+    "geometry": 621,
     "init": 4_615,
     "losses": 810,
     "masks": 1_359,
@@ -51,9 +51,9 @@ LINE_BUDGETS = {
     "poses": 5_304,
     "record": 2_150,
     "show": 3_610,
-    "sim.camera": 1_560,
+    "sim.camera": 1_459,
     "sim.fit": 2_310,
-    "sim.record": 2_340,
+    "sim.record": 2_322,
     "sim.render": 5_165,
     "sim.scene": 4_615,
     "sim.sensor": 6_160,
@@ -65,7 +65,7 @@ LINE_BUDGETS = {
     "train": 3_930,
     "usd": 4_120,
 }
-MOST_FILES = 529  # of the product; 65,000 lines in 500 files are the goal
+MOST_FILES = 527  # of the product; 65,000 lines in 500 files are the goal
 # A shorter file with a single client in its folder belongs into that client.
 CRUMB = 60
 

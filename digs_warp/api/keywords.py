@@ -65,4 +65,3 @@ class SimulateSettings(TypedDict, total=False):
     camera_speed: float
     duration: float | None
     fps: float | None
-    imu: bool

@@ -11,7 +11,6 @@ from pathlib import Path
 import tyro
 
 from digs_warp.checks import DigsError, kind_of
-from digs_warp.data.imu import IMU, IMU_TRUE
 from digs_warp.data.index_rules import INDEX_NAME
 from digs_warp.data.layers import Layer
 from digs_warp.record import layout
@@ -29,7 +28,7 @@ _log = logging.getLogger(__name__)
 def capture_files() -> list[str]:
     """Return what `simulate` writes."""
     images = [layer.pattern.replace("{:04d}", "*") for layer in Layer]
-    return [INDEX_NAME, layout.SENSOR_PLAN, IMU, IMU_TRUE, *images]
+    return [INDEX_NAME, layout.SENSOR_PLAN, *images]
 
 
 def reconstruction_files() -> list[str]:

@@ -44,7 +44,6 @@ class About:
         surround_radius: radius of its surround [m]; of a room, half its width.
         ground: what the objects stand on: "floor", "table" or "none".
         exposure: factor from radiance to pixel values in the simulation.
-        imu: rate [Hz] and noise of the accelerometer and the gyroscope, gravity [m/s^2].
         sensor: parameters of the simulated stereo camera; None for infinite ones.
         readout_time: time from the first row of an image to the last [s]; 0: all rows at once.
         effects: names of the simulated effects of the sensor.
@@ -63,7 +62,6 @@ class About:
     surround_radius: Annotated[float | None, LENGTH] = None
     ground: Annotated[str | None, NAME] = None
     exposure: Annotated[float | None, AT_LEAST_0] = None
-    imu: Annotated[dict[str, Any] | None, FIGURES] = None
     sensor: Annotated[dict[str, Any] | None, FIGURES] = None
     readout_time: Annotated[float | None, READOUT] = None
     effects: Annotated[tuple[str, ...] | None, Expect("a list of names")] = None

@@ -12,7 +12,6 @@ from pathlib import Path
 from digs_warp.checks import CaptureError, DigsError
 from digs_warp.data.capture import Capture, read_capture
 from digs_warp.data.capture_writer import CaptureWriter, MemoryWriter
-from digs_warp.data.imu import IMU, IMU_TRUE, write_imu
 from digs_warp.data.index_rules import INDEX_NAME
 from digs_warp.data.objects import ObjectView
 from digs_warp.device.threads import default_threads, limited_threads
@@ -22,7 +21,6 @@ from digs_warp.record.lock import sole_writer
 from digs_warp.record.manifest import Manifest, recorded_files
 from digs_warp.record.progress import announced, progress
 from digs_warp.record.run_log import RunLog, RunRecord, timed
-from digs_warp.sim.camera.walk.imu import measured_imu, true_imu
 from digs_warp.sim.config import SimulateConfig as SimulateConfig
 from digs_warp.sim.record.frame_maker import FrameMaker, labels_of, layers_of
 from digs_warp.sim.record.inputs import load_inputs
@@ -89,9 +87,6 @@ def _simulate(
         if config.plans_effects:
             drift = plan.drift(session.rig, config.seed, config.strength)
             write_atomically(folder / SENSOR_PLAN, to_json(plan.as_json(drift)).encode())
-        if config.walk.imu:
-            with log.stage("imu"):
-                _write_imu(session, folder)
         writer = CaptureWriter(folder, session.rig.image_intrinsics, rig_record(session.rig))
         _record(FrameMaker(session, plan), writer, log, record)
         capture = writer.finish(facts_about(session, plan))
@@ -110,8 +105,6 @@ def simulate_in_memory(config: SimulateConfig) -> Capture:
     Raises:
         DigsError: bad input.
     """
-    if config.walk.imu:
-        raise DigsError("--imu: its samples are written to files; record into a folder")
     maker = FrameMaker.of(config)
     rig = maker.session.rig
     writer = MemoryWriter(rig.image_intrinsics, rig_record(rig))
@@ -192,14 +185,6 @@ def _record(
             objects=views[number],
             exposure=maker.exposure(number),
         )
-
-
-def _write_imu(session: Session, folder: Path) -> None:
-    """Write what accelerometer and gyroscope measure up to the last frame."""
-    truth = true_imu(session.walk, session.moments[-1])
-    config = session.config
-    write_imu(folder / IMU_TRUE, truth)
-    write_imu(folder / IMU, measured_imu(truth, config.seed, config.strength))
 
 
 def _object_views(maker: FrameMaker, log: RunLog) -> list[tuple[ObjectView, ...]]:

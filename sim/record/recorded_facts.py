@@ -9,7 +9,6 @@ from digs_warp.data.objects import PlacedObject, matrix_rows
 from digs_warp.data.rig import InfraredPair, Rig
 from digs_warp.sim.camera.profiles import Profile
 from digs_warp.sim.camera.rig import StereoRig
-from digs_warp.sim.camera.walk.imu import imu_facts
 from digs_warp.sim.record.sensor_plan import SensorPlan
 from digs_warp.sim.record.session import Session
 from digs_warp.sim.scene.scene import Scene, SceneObject
@@ -30,7 +29,6 @@ def facts_about(session: Session, plan: SensorPlan) -> About:
         surround_radius=session.environment.radius,
         ground=session.ground,
         exposure=session.renderer.exposure,
-        imu=imu_facts(config.strength) if config.walk.imu else None,
         sensor={k: _plain(v) for k, v in asdict(session.rig).items() if k != "intrinsics"},
     )
     if not config.plans_effects:

@@ -78,9 +78,6 @@ class WalkSettings(Settings):
     dropped_frames: Annotated[float, Range(0, 0.9), NO_FLAG] = 0.0
     """Share of the frames that are lost, at random; the recording has that many fewer."""
 
-    imu: bool = False
-    """Record an accelerometer and a gyroscope, too (imu.csv)."""
-
     def __post_init__(self) -> None:
         super().__post_init__()
         if self.distance is not None and self.distance_factor != 1:

@@ -1,4 +1,4 @@
-"""Recordings of walks that differ from the usual: their moments, their poses and their IMU."""
+"""Recordings of walks that differ from the usual: their moments and their poses."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -7,11 +7,10 @@ import numpy as np
 import pytest
 
 from digs_warp.checks import DigsError
-from digs_warp.data.imu import IMU, IMU_TRUE, read_imu
 from digs_warp.sim.camera.walk.settings import PathName, WalkSettings
 from digs_warp.sim.config import SimulateConfig
 from digs_warp.sim.record.inputs import load_inputs
-from digs_warp.sim.record.record import simulate, simulate_in_memory
+from digs_warp.sim.record.record import simulate
 from digs_warp.sim.record.session import Session, prepare_session
 
 FILM = WalkSettings(
@@ -21,7 +20,6 @@ FILM = WalkSettings(
     duration=0.2,
     time_jitter=0.004,
     dropped_frames=0.34,
-    imu=True,
 )
 CONFIG = SimulateConfig(width=32, samples_per_pixel=1, tier="law", seed=2, walk=FILM)
 
@@ -37,24 +35,13 @@ def test_a_film_has_the_poses_of_its_moments_and_resumes_to_the_same_bytes(tmp_p
     assert [frame.time for frame in capture.frames] == pytest.approx(session.moments)
     for frame, moment in zip(capture.frames, session.moments, strict=True):
         np.testing.assert_allclose(frame.camera.world_from_cam, session.walk.pose(moment))
-    true, sensed = read_imu(tmp_path / IMU_TRUE), read_imu(tmp_path / IMU)
-    assert true.times[-1] == pytest.approx(session.moments[-1], abs=0.005)
-    assert 0 < np.abs(true.acceleration - sensed.acceleration).max() < 0.5
-    assert capture.about.imu is not None and capture.about.imu["rate"] == 200
-    before = {path.name: path.read_bytes() for path in tmp_path.glob("*.*")}
+    index = (tmp_path / "transforms.json").read_bytes()
     image = tmp_path / "images" / "0002.png"
     pixels = image.read_bytes()
-    for path in (image, tmp_path / IMU):
-        path.unlink()
+    image.unlink()
     simulate(CONFIG, tmp_path, resume=True)
     assert image.read_bytes() == pixels
-    assert (tmp_path / IMU).read_bytes() == before[IMU]
-    assert (tmp_path / "transforms.json").read_bytes() == before["transforms.json"]
-
-
-def test_an_imu_without_a_folder_is_refused() -> None:
-    with pytest.raises(DigsError, match=r"--imu: .*record into a folder"):
-        simulate_in_memory(CONFIG)
+    assert (tmp_path / "transforms.json").read_bytes() == index
 
 
 @pytest.mark.parametrize("path", ["orbits", "arc", "hover", "approach"])
