@@ -108,8 +108,8 @@ def sources() -> list[Path]:
         path
         for folder in FOLDERS
         for path in (REPOSITORY / folder).rglob("*.py")
-        # What others write; inputs that are damaged; files of the package itself.
-        if not {"peers", "fuzzing", "builtin_assets"} & set(path.parts)
+        # What others write; inputs that are damaged.
+        if not {"peers", "fuzzing"} & set(path.parts)
     )
 
 

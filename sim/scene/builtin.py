@@ -1,4 +1,4 @@
-"""The built-in object and room: files of the package, written by scripts/builtin_assets.
+"""The built-in object and room: files of the package.
 
 The object is a glazed vase dressed in a kilim, tied with a cord, under a thin brass handle, as a test of
 reconstruction: fine woven texture with folds, a matte bowl without texture, a glossy glaze, and a handle

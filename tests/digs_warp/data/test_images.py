@@ -6,7 +6,6 @@ from pathlib import Path
 import numpy as np
 import OpenImageIO as oiio
 import pytest
-from full_disks.disk import largest_file
 
 from digs_warp.checks import DigsError
 from digs_warp.data.images import (
@@ -17,6 +16,7 @@ from digs_warp.data.images import (
     to_uint8,
     write_image,
 )
+from reference.full_disk import largest_file
 
 
 def random_pixels(dtype: str, shape: tuple[int, ...]) -> np.ndarray:

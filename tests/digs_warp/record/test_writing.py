@@ -5,12 +5,11 @@ import os
 from pathlib import Path
 
 import pytest
-from full_disks.disk import largest_file
 
 from digs_warp.checks import DigsError
 from digs_warp.record import disk, files
 from digs_warp.record.files import write_atomically
-from reference.full_disk import small_disk
+from reference.full_disk import largest_file, small_disk
 
 
 def test_a_write_replaces_the_whole_file_and_leaves_nothing_else(tmp_path: Path) -> None:

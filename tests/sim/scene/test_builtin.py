@@ -1,25 +1,18 @@
 """The built-in object: sound geometry, everything that a reconstruction finds hard, always the same."""
 
-import cv2
 import numpy as np
 import pytest
-from builtin_assets.textures import textures
-from builtin_assets.vase import NECK, vase_patches
 
 from digs_warp.sim.scene.builtin import builtin_scene, builtin_shape
 from digs_warp.sim.scene.finishes import periodic_noise
-from digs_warp.sim.scene.scene import Material, Scene
-from digs_warp.sim.scene.shapes import join_patches, revolve
+from digs_warp.sim.scene.scene import Scene
+from digs_warp.sim.scene.shapes import revolve
 from reference.scene_checks import check_arrays
 
 
 @pytest.fixture(scope="module")
 def scene() -> Scene:
     return builtin_scene()
-
-
-def material(scene: Scene, name: str) -> Material:
-    return next(m for m in scene.materials if m.name == name)
 
 
 def triangle_normals(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
@@ -75,19 +68,3 @@ def test_the_plain_shape_is_that_of_the_textured_object(scene: Scene) -> None:
     np.testing.assert_array_equal(plain.face_materials, scene.face_materials)
     check_arrays(plain)
     assert all(material.texture is None for material in plain.materials)
-
-
-def test_the_generator_makes_the_shipped_object(scene: Scene) -> None:
-    patches = vase_patches()
-    whole = join_patches(patches)
-    low, high = whole.vertices.min(axis=0), whole.vertices.max(axis=0)
-    made = (whole.vertices - (low + high) / 2) * 0.5 / (high - low).max()
-    np.testing.assert_allclose(scene.vertices, made, atol=2e-5)
-    np.testing.assert_array_equal(scene.faces, whole.faces)
-    np.testing.assert_allclose(scene.normals, whole.normals, atol=3e-3)
-    np.testing.assert_allclose(scene.uvs, whole.uvs, atol=2e-4)
-    for name, made in textures(patches[NECK]).items():
-        shipped = material(scene, name).texture
-        assert shipped is not None
-        small = cv2.resize(made, shipped.shape[1::-1], interpolation=cv2.INTER_AREA)
-        assert np.abs(shipped.astype(float) - small).mean() < 8  # of 255, lost by the compression

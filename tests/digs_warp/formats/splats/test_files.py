@@ -5,7 +5,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from full_disks.disk import largest_file
 
 from digs_warp.checks import DigsError
 from digs_warp.data.gaussians import ANTIALIASED, CLASSIC, NO_FILTER, ScreenFilter
@@ -22,6 +21,7 @@ from digs_warp.geometry.rigid import look_at
 from digs_warp.geometry.sh import rgb_from_sh
 from digs_warp.splat.config import RasterOptions
 from digs_warp.splat.render import render
+from reference.full_disk import largest_file
 from reference.splat_files import random_gaussians, shapes
 
 

@@ -3,7 +3,6 @@
 from pathlib import Path
 
 import pytest
-from full_disks.disk import largest_file
 
 from digs_warp.checks import DigsError
 from digs_warp.device.libraries import import_pycolmap
@@ -11,7 +10,7 @@ from digs_warp.geometry.camera import Intrinsics
 from digs_warp.poses.from_images.colmap import ImageSet, extract_features
 from digs_warp.poses.from_images.config import SfmConfig
 from digs_warp.poses.from_images.model import FILES, is_complete, write_model
-from reference.full_disk import small_disk
+from reference.full_disk import largest_file, small_disk
 
 
 def test_colmap_is_not_called_without_room_for_its_database(tmp_path: Path) -> None:

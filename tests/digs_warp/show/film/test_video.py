@@ -5,7 +5,6 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
-from full_disks.disk import largest_file
 from PIL import Image
 
 from digs_warp.checks import DigsError
@@ -15,6 +14,7 @@ from digs_warp.show.film.camera_path import find_subject, orbit
 from digs_warp.show.film.video import Clock, shoot, write_video
 from digs_warp.splat.footprint import near_plane
 from digs_warp.splat.render import render
+from reference.full_disk import largest_file
 from reference.tiny_capture import ball
 
 CAMERAS = orbit(find_subject(ball()), Intrinsics.from_fov(96, 64, 45.0), 6)
