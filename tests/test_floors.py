@@ -37,7 +37,7 @@ LINE_BUDGETS = {
     "api": 440,
     "check": 2_130,
     "commands": 3_500,
-    "data": 3_480,
+    "data": 3_341,
     "device": 919,
     "engines": 1_010,
     "files at the top": 800,
@@ -47,7 +47,7 @@ LINE_BUDGETS = {
     "losses": 810,
     "masks": 1_359,
     "measure": 1_643,
-    "pipeline": 2_533,
+    "pipeline": 2_423,
     "poses": 5_304,
     "record": 2_150,
     "show": 3_610,
@@ -65,7 +65,7 @@ LINE_BUDGETS = {
     "train": 3_930,
     "usd": 4_120,
 }
-MOST_FILES = 527  # of the product; 65,000 lines in 500 files are the goal
+MOST_FILES = 526  # of the product; 65,000 lines in 500 files are the goal
 # A shorter file with a single client in its folder belongs into that client.
 CRUMB = 60
 

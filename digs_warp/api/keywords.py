@@ -36,7 +36,6 @@ class ReconstructSettings(TypedDict, total=False):
     device: str
     subject: Literal["auto", "object", "scene"]
     test_every: int
-    scale_from: str | None
 
 
 class SimulateSettings(TypedDict, total=False):

@@ -98,14 +98,11 @@ class Reconstruct(ReconstructionOptions, _Output):
 
     def _reconstruct_one(self) -> str:
         from digs_warp.data.capture import read_capture
-        from digs_warp.data.read_ahead import reading_ahead
 
         start = time.perf_counter()
         (source,) = self.captures
         capture = read_capture(source)
-        # A resumed run may need no frame at all.
-        with reading_ahead(() if self.output.resume else capture.frames):
-            result = self._reconstruct(capture, source)
+        result = self._reconstruct(capture, source)
         seconds = time.perf_counter() - start
         words = reconstruction_words(result, len(capture))
         out = self.output.out

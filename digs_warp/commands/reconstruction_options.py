@@ -98,17 +98,6 @@ class ReconstructionOptions(Settings):
     """The middle one of every n views is held out: it trains nothing and measures the result. 2 or more,
     so that some views train."""
 
-    scale_from: str | None = None
-    """For a recording without depth, whose scale is unknown otherwise: two frames and the distance of their
-    cameras, such as 0000,0031=0.30m (m, cm or mm)."""
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        if self.scale_from is not None:
-            from digs_warp.pipeline.poses import KnownDistance
-
-            KnownDistance.parse(self.scale_from)
-
     def reconstruct_config(
         self, seed: int, capture: "Capture | None" = None
     ) -> "ReconstructConfig":
@@ -133,7 +122,6 @@ class ReconstructionOptions(Settings):
             train=_plain(self.train, TrainConfig, seed=seed, density=density),
             subject=self.subject,
             test_every=self.test_every,
-            scale_from=self.scale_from,
         )
 
 

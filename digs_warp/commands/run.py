@@ -88,7 +88,6 @@ class Run(ReconstructionOptions, _Recording):
         self, folder: Path, config: "ReconstructConfig", log: RunLog
     ) -> tuple[str, str]:
         """Write everything into ``folder``; return the result in a phrase, and the verdict."""
-        from digs_warp.data.read_ahead import reading_ahead
         from digs_warp.pipeline.reconstruct import reconstruct
         from digs_warp.pipeline.scene_files import write_scene_file
         from digs_warp.pipeline.usd_scene import write_capture_package
@@ -107,8 +106,6 @@ class Run(ReconstructionOptions, _Recording):
             log.saved(record),
             log.stage("reconstruct"),
             watched_training(self.view) as hooks,
-            # A resumed run may need no frame at all.
-            reading_ahead(() if self.output.resume else capture.frames),
         ):
             result = reconstruct(capture, config, reconstruction, self.output.resume, hooks)
         other_sizes = result.scores.other_sizes

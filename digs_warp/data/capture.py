@@ -68,10 +68,10 @@ class MetricScale:
 
 BY_DEPTH = MetricScale(True, "the depth maps")
 BY_POSES = MetricScale(True, "the poses of the recording")
+SCALE_IT = "'digs-warp edit --scale' brings the result to its size"
 UNKNOWN_SCALE = MetricScale(
     False,
-    "the recording has no depth, and nothing says that its poses are in metres; give a known "
-    "distance with --scale-from",
+    f"the recording has no depth, and nothing says that its poses are in metres; {SCALE_IT}",
 )
 
 

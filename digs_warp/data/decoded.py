@@ -23,21 +23,8 @@ class _Kept:
     def __init__(self) -> None:
         self.lock = Lock()
         self.blocks = 0
-        self.expected = False  # whether to keep files for a block that is still to come
         self.pixels: dict[_Key, np.ndarray] = {}
         self.turns: dict[_Key, Lock] = {}  # who holds one decodes the file, or copies its pixels
-        self.bytes = 0
-
-    @property
-    def keeps(self) -> bool:
-        """Whether decoded files are kept now."""
-        return self.blocks > 0 or self.expected
-
-    def drop(self) -> None:
-        """Forget everything; the caller holds the lock."""
-        self.expected = False
-        self.pixels.clear()
-        self.turns.clear()
         self.bytes = 0
 
 
@@ -55,25 +42,9 @@ def decoded_once() -> Iterator[None]:
         with _kept.lock:
             _kept.blocks -= 1
             if not _kept.blocks:
-                _kept.drop()
-
-
-@contextmanager
-def kept_for_later() -> Iterator[None]:
-    """Within the block, `decoded` keeps files until the next `decoded_once` is over."""
-    with _kept.lock:
-        _kept.expected = True
-    try:
-        yield
-    finally:
-        with _kept.lock:
-            if _kept.expected and not _kept.blocks:
-                _kept.drop()
-
-
-def room_left() -> int:
-    """Return how many bytes `decoded` can still keep."""
-    return MEMORY - _kept.bytes if _kept.keeps else 0
+                _kept.pixels.clear()
+                _kept.turns.clear()
+                _kept.bytes = 0
 
 
 def decoded(path: Path, read: Callable[[Path], np.ndarray]) -> np.ndarray:
@@ -83,9 +54,13 @@ def decoded(path: Path, read: Callable[[Path], np.ndarray]) -> np.ndarray:
         path: the file; one that changed since is read again.
         read: decodes it, or raises what is to be said about it.
     """
-    key = _key(path)
-    if not _kept.keeps or key is None:
+    try:
+        found = path.stat()
+    except OSError:  # not there, as `read` will say
         return read(path)
+    if not _kept.blocks:
+        return read(path)
+    key = (str(path), found.st_mtime_ns, found.st_size)
     with _kept.lock:
         turn = _kept.turns.setdefault(key, Lock())
     with turn:
@@ -94,16 +69,7 @@ def decoded(path: Path, read: Callable[[Path], np.ndarray]) -> np.ndarray:
             return known.copy()
         pixels = read(path)
         with _kept.lock:
-            if _kept.keeps and _kept.bytes + pixels.nbytes <= MEMORY:
+            if _kept.blocks and _kept.bytes + pixels.nbytes <= MEMORY:
                 _kept.pixels[key] = pixels.copy()
                 _kept.bytes += pixels.nbytes
         return pixels
-
-
-def _key(path: Path) -> _Key | None:
-    """Return what tells a file from what it was; None if it is not there."""
-    try:
-        found = path.stat()
-    except OSError:
-        return None
-    return str(path), found.st_mtime_ns, found.st_size

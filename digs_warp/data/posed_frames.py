@@ -16,7 +16,7 @@ from digs_warp.data.capture import Capture
 from digs_warp.data.frame import Frame, PixelSource
 from digs_warp.data.images import read_image, write_image
 from digs_warp.data.layers import Layer
-from digs_warp.data.sfm_model import SfmModel, scaled_pose
+from digs_warp.data.sfm_model import SfmModel
 from digs_warp.record.fields import ABOVE_ZERO, Fields
 from digs_warp.record.files import read_json, to_json, write_atomically
 from digs_warp.words import counted
@@ -34,8 +34,7 @@ class PosedFrames:
     Attributes:
         training: used for initialization and training.
         held_out: used to measure the result.
-        sfm_per_metre: the scale of the structure from motion that gave the poses, or of a recording whose
-            poses were not in metres; None: the recording's own poses.
+        sfm_per_metre: the scale of the structure from motion that gave the poses; None: the recording's own.
     """
 
     training: tuple[Frame, ...]
@@ -50,16 +49,6 @@ class PosedFrames:
             *((frame, True) for frame in self.held_out),
         ]
         return sorted(frames, key=lambda entry: (entry[0].time, entry[0].name))
-
-    def in_metres(self, units_per_metre: float) -> "PosedFrames":
-        """Return the frames with the places of their cameras in metres."""
-
-        def scaled(frame: Frame) -> Frame:
-            pose = scaled_pose(frame.camera, units_per_metre)
-            return replace(frame, camera=replace(frame.camera, world_from_cam=pose))
-
-        scale = (self.sfm_per_metre or 1.0) * units_per_metre
-        return replace(self.changed(scaled), sfm_per_metre=scale)
 
     def changed(self, change: Callable[[Frame], Frame]) -> "PosedFrames":
         """Return the frames, each changed."""

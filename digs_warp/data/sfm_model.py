@@ -59,10 +59,6 @@ class SfmModel:
         check_shape("SfmModel.cameras", np.zeros(len(self.cameras)), (len(self.names),))
         check_shape("SfmModel.reprojection_errors", self.reprojection_errors, (len(self.points),))
 
-    def camera_of(self, name: str) -> Camera | None:
-        """Return the camera of a frame, or None when it was not registered."""
-        return self.cameras[self.names.index(name)] if name in self.names else None
-
     def in_metres(self, sfm_per_metre: float) -> "SfmModel":
         """Return the model in metres, given the scale found from the depth maps (paper eq. 6, 7).
 
@@ -70,7 +66,10 @@ class SfmModel:
             DigsError: the scale is not a finite number above 0.
         """
         scale = check_positive("sfm_per_metre", sfm_per_metre)
-        cameras = tuple(replace(c, world_from_cam=scaled_pose(c, scale)) for c in self.cameras)
+        poses = np.stack([camera.world_from_cam for camera in self.cameras])
+        poses[:, :3, 3] /= scale
+        pairs = zip(self.cameras, poses, strict=True)
+        cameras = tuple(replace(camera, world_from_cam=pose) for camera, pose in pairs)
         points = PointCloud(self.points.points_world / np.float32(scale), self.points.colors)
         return replace(self, cameras=cameras, points=points)
 
@@ -81,10 +80,3 @@ class SfmModel:
         )
         points = transform_points(new_from_old, self.points.points_world.astype(np.float64))
         return replace(self, cameras=cameras, points=PointCloud(points, self.points.colors))
-
-
-def scaled_pose(camera: Camera, sfm_per_metre: float) -> np.ndarray:
-    """Return ``world_from_cam`` of a camera, (4, 4), with its place in metres."""
-    matrix = camera.world_from_cam.copy()
-    matrix[:3, 3] /= sfm_per_metre
-    return matrix

@@ -12,7 +12,6 @@ from digs_warp.init.config import InitConfig
 from digs_warp.init.start import Subject
 from digs_warp.masks.config import SegmentConfig
 from digs_warp.masks.masks import check_inputs
-from digs_warp.pipeline.poses import check_scale_from
 from digs_warp.poses.from_images.config import SfmConfig
 from digs_warp.poses.outcome import check_depth
 from digs_warp.train.config import TrainConfig
@@ -62,8 +61,6 @@ class FrontEndConfig:
     the recording has masks or --masks makes some, else the scene."""
     test_every: int = 8
     """The middle one of every n views is held out for the evaluation."""
-    scale_from: str | None = None
-    """Without depth: two frames and the distance of their cameras, such as 0000,0031=0.30m."""
 
     @property
     def needs_sfm(self) -> bool:
@@ -100,7 +97,6 @@ def check_front_end(capture: Capture, config: FrontEndConfig) -> None:
         )
     if config.sfm.poses == "rgbd":
         check_depth(capture.frames)
-    check_scale_from(capture, config.scale_from)
     _check_instance(capture, config.segment.instance)
     training = PosedFrames.split(capture, config.test_every).training
     subject_of(capture, config.subject, config.segment)

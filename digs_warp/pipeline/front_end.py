@@ -34,7 +34,6 @@ from digs_warp.pipeline.poses import (
     chosen_way,
     depth_contradiction,
     in_metres,
-    in_true_size,
     match_images,
     metric_scale_of,
     registered,
@@ -194,9 +193,7 @@ def _poses_and_start(
             model = in_metres(sparse, capture, frames, config.init)
         frames = registered(frames, model)
         findings += _contradicted_by_depth(capture, frames, config.sfm, log)
-    if config.scale_from is not None:
-        frames, model, recorded = in_true_size(frames, model, recorded, config.scale_from)
-    metric_scale = metric_scale_of(capture, config.sfm.poses == "sfm", config.scale_from)
+    metric_scale = metric_scale_of(capture, config.sfm.poses == "sfm")
     if not metric_scale.known:
         logger.warning("%s: the scale is %s", capture, metric_scale)
     with log.stage("refine poses"):

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from digs_warp.data import decoded as module
-from digs_warp.data.decoded import decoded, decoded_once, kept_for_later, room_left
+from digs_warp.data.decoded import decoded, decoded_once
 from digs_warp.data.images import read_image, write_image
 
 IMAGE = np.arange(24, dtype=np.uint8).reshape(2, 4, 3)
@@ -73,23 +73,6 @@ def test_no_more_is_kept_than_there_is_memory(path: Path, monkeypatch: pytest.Mo
         for each in (path, other, path, other):
             decoded(each, read)
     assert files == [path, other, other]
-
-
-def test_what_is_kept_for_later_is_there_until_the_next_block_ends(path: Path) -> None:
-    read, files = counting()
-    with kept_for_later():
-        decoded(path, read)
-        with decoded_once():
-            decoded(path, read)
-            assert room_left() == module.MEMORY - IMAGE.nbytes
-        assert room_left() == 0
-        decoded(path, read)
-    assert len(files) == 2
-    with kept_for_later():
-        decoded(path, read)
-    assert room_left() == 0
-    decoded(path, read)
-    assert len(files) == 4
 
 
 def test_threads_wait_for_the_one_that_decodes_the_file(path: Path) -> None:

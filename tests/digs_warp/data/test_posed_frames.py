@@ -61,11 +61,3 @@ def test_the_folder_can_be_moved_and_another_capture_or_a_broken_file_is_refused
         (elsewhere / CAMERAS).write_text(json.dumps(record))
         with pytest.raises(DigsError, match=message):
             PosedFrames.load(capture, elsewhere)
-
-
-def test_metres_scale_the_places_and_the_known_scale(posed: Posed) -> None:
-    _, frames, _ = posed
-    metric = frames.in_metres(2.0)
-    assert metric.sfm_per_metre == 5.0
-    for a, b in zip(metric.training, frames.training, strict=True):
-        np.testing.assert_allclose(2.0 * a.camera.center_world, b.camera.center_world)
