@@ -1,6 +1,6 @@
 """The tables of docs/simulate.md: what can be drawn, and what the shipped randomizations draw."""
 
-from digs_warp.sim.record.randomize.settings_file import SHIPPED, known_keys, load_randomization
+from digs_warp.sim.record.randomize.draws import SHIPPED, known_keys, load_randomization
 from digs_warp.study.table import Table
 from scripts.page_marks import fill
 

@@ -10,9 +10,14 @@ import pytest
 from digs_warp.cli import EXIT_BAD_INPUT, EXIT_OK, EXIT_WRONG_USAGE, main
 from digs_warp.data.images import write_image
 from digs_warp.sim.config import SimulateConfig
-from digs_warp.sim.record.randomize.distributions import Choice, Distribution
-from digs_warp.sim.record.randomize.draws import draw_scenes
-from digs_warp.sim.record.randomize.settings_file import SHIPPED, Randomization, load_randomization
+from digs_warp.sim.record.randomize.draws import (
+    SHIPPED,
+    Distribution,
+    Randomization,
+    draw_scenes,
+    even,
+    load_randomization,
+)
 from digs_warp.sim.record.record import simulate_in_memory
 from reference.file_hashes import file_hashes
 from reference.mesh_files import TETRAHEDRON
@@ -102,7 +107,7 @@ DRAWN_KEYS = sorted({key for name in SHIPPED for key in load_randomization(name)
 
 
 # Keys of which ours have one value.
-UNLIKE = {"ground": Choice.even("table", "floor")}
+UNLIKE = {"ground": even(["table", "floor"])}
 
 
 @pytest.mark.parametrize("key", DRAWN_KEYS)
@@ -126,11 +131,11 @@ def recorded(key: str, entry: Distribution, share: float, inputs: Path) -> list[
         tier="law",
     )
     usual = {
-        "ground": Choice.even("table"),
-        "tint": Choice.even(0.5),
-        "roughness_factor": Choice.even(0.3),
+        "ground": even(["table"]),
+        "tint": even([0.5]),
+        "roughness_factor": even([0.3]),
     }
-    mine = Randomization("mine", {**usual, key: Choice.even(entry.at(share))})
+    mine = Randomization("mine", {**usual, key: even([entry.at(share)])})
     counts = ("object_count", "distractor_mesh_count")
     meshes = sorted(inputs.glob("*.obj")) if key in counts else []
     (scene,) = draw_scenes(mine, replace(config, mesh=None) if meshes else config, 1, meshes)
