@@ -241,12 +241,10 @@ def _structured(values: np.ndarray, element: PlyElement) -> np.ndarray:
 
 
 def read_rows(path: Path, header: PlyHeader) -> dict[str, dict[str, Any]]:
-    """Return all columns by element and name: arrays, shape (n,); of lists, a list of arrays.
-
-    Slower than `read_table`, for files with lists of any length.
+    """Return all columns by element and name: arrays, shape (n,); of lists, one array for each row.
 
     Raises:
-        ValueError, IndexError: the file holds fewer numbers than its header promises.
+        DigsError: the file holds fewer numbers than its header promises.
     """
     data = path.read_bytes()[header.data_start :]
     order = BYTE_ORDERS.get(header.encoding, "<")
@@ -255,23 +253,47 @@ def read_rows(path: Path, header: PlyHeader) -> dict[str, dict[str, Any]]:
 
     def take(kind: Any, count: int) -> np.ndarray:
         nonlocal at
+        held = (len(data) - at) // np.dtype(kind).itemsize if words is None else len(words) - at
+        if count > held:
+            raise DigsError(
+                f"PLY '{path}': ends before the last of the rows that its header promises; truncated or "
+                "damaged, copy or export it again"
+            )
         if words is None:
             values = np.frombuffer(data, kind, count, at)
             at += values.nbytes
         else:
             values = np.array(words[at : at + count], np.float64).astype(kind)
             at += count
-        if len(values) < count:
-            raise IndexError("it ends too early")
         return values
+
+    def even_rows(element: PlyElement) -> dict[str, Any] | None:
+        """Return the columns of a binary table whose lists are as long as those of its first row."""
+        nonlocal at
+        start, fields, lengths = at, [], {}
+        for name, each in element.columns.items():
+            *length, kind = (order + kind for kind in each.split())
+            if length:
+                lengths[name] = int(take(length[0], 1)[0])
+                fields.append((f"number of {name}", length[0]))
+            take(kind, lengths.get(name, 1))
+            fields.append((name, kind, (lengths[name],)) if length else (name, kind))
+        at = start
+        if element.count * np.dtype(fields).itemsize > len(data) - at:
+            return None
+        rows = take(np.dtype(fields), element.count)
+        if all((rows[f"number of {name}"] == length).all() for name, length in lengths.items()):
+            return {name: rows[name] for name in element.columns}
+        at = start
+        return None
 
     tables: dict[str, dict[str, Any]] = {}
     for element in header.elements:
         columns: dict[str, Any] = {name: [] for name in element.columns}
-        if words is None and columns and not element.has_lists:
-            rows = take(element.row_type(order), element.count)
-            tables[element.name] = {name: rows[name] for name in columns}
-            continue
+        if words is None and columns and element.count:
+            if even := even_rows(element):
+                tables[element.name] = even
+                continue
         kinds = [
             (columns[name], *(order + kind for kind in each.split()))
             for name, each in element.columns.items()

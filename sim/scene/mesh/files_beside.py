@@ -1,7 +1,7 @@
 """The files that a mesh file names: materials and textures, found by names that other systems wrote.
 
-trimesh leaves out what it cannot find or read, without a word. Windows does not care about upper and lower
-case or which way slashes lean, so names that worked there need not work here.
+Windows does not care about upper and lower case or which way slashes lean, so names that worked there need
+not work here.
 """
 
 import codecs
@@ -9,7 +9,7 @@ import logging
 import re
 import warnings
 from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from io import BytesIO
 from pathlib import Path, PurePosixPath
 from typing import Any
@@ -25,57 +25,16 @@ MATERIAL_SUFFIX = ".mtl"
 MAX_PLY_HEADER = 1 << 16  # bytes
 
 
-def resolver_beside(path: Path) -> Any:
-    """Return the `trimesh.resolvers.Resolver` of a mesh file.
-
-    It logs a warning for a file that is missing, for a name that must mean a file with another name, and, of
-    OBJ and PLY files, for a texture that is too large or cannot be decoded. The mesh is drawn without it.
-    """
-    from trimesh.resolvers import FilePathResolver
-
-    files = _FilesBeside(path)
-
-    class Beside(FilePathResolver):
-        def get(self, name: str) -> bytes:
-            return files.read(name.strip())
-
-    # Textures often lie in a folder next to that of the mesh. trimesh names parts after the file, whose own
-    # name may be no text.
-    return Beside(str(path.with_name("mesh")), allow_anywhere=True)
-
-
 def obj_materials(path: Path) -> list[str]:
     """Return the material files that an OBJ file names: one a line, or several with blanks between them."""
     text = without_mark(path.read_bytes())
     lines = re.findall(rb"^mtllib[ \t]+(.+?)\s*$", text, re.MULTILINE)
     names: list[str] = []
-    for line in map(_text, lines):
+    for line in map(text_of, lines):
         several = line.split() if locate(path.parent, line) is None else [line]
         # A name with blanks whose file is missing is not several names.
         names += several if all(map(_is_material, several)) else [line]
     return list(dict.fromkeys(names))
-
-
-def opacity_maps(path: Path) -> dict[str, Any]:
-    """Return what ``map_d`` names, which trimesh leaves out: PIL images, by name of the material.
-
-    Args:
-        path: of an OBJ file.
-    """
-    from PIL import Image
-
-    files, found = _FilesBeside(path), {}
-    for name in obj_materials(path):
-        place = locate(path.parent, name)
-        material = ""
-        for line in without_mark(place.read_bytes()).splitlines() if place else ():
-            key, _, value = _text(line).strip().partition(" ")
-            if key == "newmtl":
-                material = " ".join(value.split())
-            elif key == "map_d":
-                with suppress(OSError, DigsError):  # a warning has said it
-                    found[material] = Image.open(BytesIO(files.read(value.strip())))
-    return found
 
 
 def without_mark(text: bytes) -> bytes:
@@ -85,7 +44,7 @@ def without_mark(text: bytes) -> bytes:
     return text.removeprefix(codecs.BOM_UTF8)
 
 
-def _text(line: bytes) -> str:
+def text_of(line: bytes) -> str:
     """Decode a name; programs on Windows write Latin-1, too."""
     try:
         return line.decode("utf-8")
@@ -98,59 +57,49 @@ def _is_material(name: str) -> bool:
 
 
 def ply_textures(path: Path) -> list[str]:
-    """Return the textures that the header of a PLY file names; trimesh uses the last one."""
+    """Return the textures that the header of a PLY file names; the last one counts."""
     with path.open("rb") as file:
         header = file.read(MAX_PLY_HEADER).partition(b"end_header")[0]
     names = re.findall(rb"^comment\s+TextureFile\s+(.+?)\s*$", header, re.MULTILINE | re.IGNORECASE)
-    return [_text(name) for name in names]
+    return [text_of(name) for name in names]
 
 
-class _FilesBeside:
-    """Reads the files that the mesh file ``path`` names, and says once what is wrong with each."""
+class FilesBeside:
+    """Reads the files that an OBJ or PLY file names, and says once what is wrong with each."""
 
     def __init__(self, path: Path) -> None:
         self.path = path
         self._said: set[str] = set()
 
-    def read(self, name: str) -> bytes:
-        """Return the content of a file; for the first material file of an OBJ file, that of all.
+    def text(self, name: str) -> bytes:
+        """Return a material file; empty if it is missing, which a warning has said."""
+        return without_mark(self._read(f"material file {quoted(name)}", name) or b"")
 
-        Raises:
-            OSError, DigsError: it is missing or no usable texture, which a warning has said.
-        """
-        if self.path.suffix.lower() == ".obj" and _is_material(name):
-            return self._all_materials()
-        return self._read(name)
+    def image(self, name: str | None) -> Any:
+        """Return a texture, a PIL image; None without a name, or if a warning has said that it has no use."""
+        from PIL import Image
 
-    def _all_materials(self) -> bytes:
-        """Return the material files that are there, one after the other: trimesh asks for one alone."""
-        contents = []
-        for name in obj_materials(self.path):
-            with suppress(FileNotFoundError):
-                contents.append(self._read(name))
-        return b"\n".join(contents)
+        what = f"texture {quoted(name or '')}"
+        data = None if name is None else self._read(what, name)
+        if data is None:
+            return None
+        try:
+            check_texture(what, data)
+        except DigsError as error:
+            self._say(f"{error}; drawn without it")
+            return None
+        return Image.open(BytesIO(data))
 
-    def _read(self, name: str) -> bytes:
-        is_material = _is_material(name)
-        what = f"{'material file' if is_material else 'texture'} {quoted(name)}"
+    def _read(self, what: str, name: str) -> bytes | None:
         found = locate(self.path.parent, name)
         if found is None:
             self._say(f"{what} is missing; drawn without it")
-            raise FileNotFoundError(name)
+            return None
         if name.startswith("-"):
             self._say(f"{what}: its options have no effect")
         elif found != self.path.parent / name and found != self.path.parent / unquote(name):
             self._say(f"{what} does not exist; using '{found}'")
-        data = found.read_bytes()
-        if is_material:
-            return without_mark(data)
-        if self.path.suffix.lower() in (".obj", ".ply"):
-            try:
-                check_texture(what, data)
-            except DigsError as error:
-                self._say(f"{error}; drawn without it")
-                raise
-        return data
+        return found.read_bytes()
 
     def _say(self, sentence: str) -> None:
         if sentence not in self._said:

@@ -6,9 +6,10 @@ from typing import Any
 
 import numpy as np
 
+from digs_warp.data.point_cloud import unit_colors
 from digs_warp.sim.scene.mesh.gltf import GltfNumbers
 from digs_warp.sim.scene.mesh.gltf_materials import placed_uvs
-from digs_warp.sim.scene.mesh.parts import MeshPart, mesh_part, unit_colors
+from digs_warp.sim.scene.mesh.parts import MeshPart, mesh_part
 from digs_warp.sim.scene.mesh.polygons import strip_triangles
 
 # Modes of primitives; others are points and lines.
@@ -60,7 +61,7 @@ def _part(
         vertices, normals = _held_by_joints(attributes, numbers, joints, vertices, normals)
     faces, colors = _faces(corners, mode), None
     if "COLOR_0" in attributes:
-        colors = unit_colors(numbers.values(attributes["COLOR_0"]))
+        colors = unit_colors(numbers.values(attributes["COLOR_0"])[:, :3])
     uvs = material = None
     if "material" in primitive:
         material = header["materials"][primitive["material"]]

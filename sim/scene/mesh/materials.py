@@ -1,14 +1,13 @@
-"""Materials of MTL files as `digs_warp.sim.scene.scene.Material`, and the pixels of all materials' maps."""
+"""The materials that parts share, and the pixels of their maps."""
 
 import logging
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager
 from typing import Any
 
 import numpy as np
 
 from digs_warp.bounds import TEXTURE
-from digs_warp.data.images import linear_from_srgb
 from digs_warp.sim.scene.mesh.files_beside import decoding
 from digs_warp.sim.scene.mesh.parts import MeshPart
 from digs_warp.sim.scene.scene import Material
@@ -118,62 +117,3 @@ def _key(part: MeshPart) -> tuple[int, bool, bool]:
 def _plain(parts: Sequence[MeshPart]) -> Material:
     color = (1.0, 1.0, 1.0) if parts[0].colored else PLAIN_COLOR
     return Material("plain", np.array(color, np.float32), roughness=PLAIN_ROUGHNESS)
-
-
-def _is_empty(source: Any) -> bool:
-    """Whether trimesh invented a material for a mesh that has texture coordinates but no material."""
-    from_no_file = source.image is None or source.image.format is None  # its own gray image
-    return from_no_file and not source.kwargs and source.name == "material_0"
-
-
-def mtl_material(
-    opacity_maps: Mapping[str, Any], source: Any, parts: Sequence[MeshPart]
-) -> Material:
-    """Convert a material of an MTL file: colors are sRGB, as in most programs.
-
-    With a texture the diffuse color is ignored: exporters write any color there, even black.
-
-    Args:
-        opacity_maps: PIL images that trimesh leaves out, by name of the material.
-        source: of trimesh.
-        parts: that share it.
-    """
-    if _is_empty(source):
-        return _plain(parts)
-    name = str(source.name)
-    texture = color_texture(source.image, name, parts)
-    opacity_map = opacity_maps.get(name, source.image)
-    plain = texture is None and "kd" in source.kwargs
-    base_color = linear_from_srgb(np.asarray(source.diffuse)[:3] / 255.0) if plain else np.ones(3)
-    if texture is None and not plain and not parts[0].colored:
-        base_color = np.array(PLAIN_COLOR)
-    # Blinn-Phong exponent to GGX width, alpha^2 = 2 / (exponent + 2); roughness is the root of alpha.
-    exponent = max(float(source.glossiness), 0.0)
-    roughness = (2.0 / (exponent + 2.0)) ** 0.25 if "ns" in source.kwargs else PLAIN_ROUGHNESS
-    return Material(
-        name,
-        base_color.astype(np.float32),
-        texture,
-        roughness,
-        **_mtl_opacity(source, name, None if parts[0].uvs is None else opacity_map),
-    )
-
-
-def _mtl_opacity(source: Any, name: str, image: Any) -> dict[str, Any]:
-    """Return opacity from an MTL's ``d`` or ``Tr`` and from ``map_d`` or the alpha of its texture."""
-    try:
-        transparency = 1.0 - float(source.kwargs.get("tr", ["0"])[-1])
-        opacity = float(source.kwargs.get("d", [transparency])[-1])
-    except ValueError:
-        opacity = 1.0
-    opacity = float(np.clip(opacity, 0.0, 1.0))
-    alpha = None if image is None else alpha_pixels(image, name)
-    if alpha is None and image is not None and image is not source.image:
-        alpha = rgb_pixels(image, name)[..., 0]  # a map in gray
-    if alpha is None:
-        return {"opacity": opacity}
-    return {
-        "opacity": opacity * float(alpha.mean()) / 255.0,
-        "opacity_texture": np.rint(alpha * opacity).astype(np.uint8),
-        "alpha_cutoff": MIN_OPACITY,
-    }

@@ -4,23 +4,15 @@ import logging
 import re
 from contextlib import suppress
 from functools import partial
-from io import BytesIO
 from itertools import chain
 from pathlib import Path
-from typing import Any
 
+from digs_warp.bounds import TRIANGLES
 from digs_warp.checks import DigsError, MeshError, require_file
 from digs_warp.data.ply_table import read_ply_header
-from digs_warp.sim.scene.mesh.declared_counts import check_promises, plain_stl
-from digs_warp.sim.scene.mesh.files_beside import (
-    locate,
-    obj_materials,
-    opacity_maps,
-    ply_textures,
-    resolver_beside,
-    without_mark,
-)
+from digs_warp.sim.scene.mesh.files_beside import FilesBeside, locate, obj_materials, ply_textures
 from digs_warp.sim.scene.mesh.gltf import (
+    check_counts,
     check_extensions,
     check_files,
     read_gltf_header,
@@ -28,10 +20,11 @@ from digs_warp.sim.scene.mesh.gltf import (
 )
 from digs_warp.sim.scene.mesh.gltf_geometry import gltf_parts
 from digs_warp.sim.scene.mesh.gltf_materials import GltfMaterials, unmodeled_features
-from digs_warp.sim.scene.mesh.materials import Convert, materials_of_parts, mtl_material
+from digs_warp.sim.scene.mesh.materials import Convert, materials_of_parts
 from digs_warp.sim.scene.mesh.normalize import drop_bad_faces
-from digs_warp.sim.scene.mesh.parts import MeshPart, Triangles, join_parts, parts_of_scene
-from digs_warp.sim.scene.mesh.polygons import cut_polygons, ply_triangles, shows_all_of_ply
+from digs_warp.sim.scene.mesh.obj import mtl_material, obj_parts
+from digs_warp.sim.scene.mesh.parts import MeshPart, Triangles, join_parts
+from digs_warp.sim.scene.mesh.ply import ply_parts, stl_parts
 from digs_warp.sim.scene.scene import Material
 from digs_warp.words import cut
 
@@ -52,12 +45,14 @@ def read_triangles(path: Path) -> tuple[Triangles, tuple[Material, ...]]:
     suffix = _checked_suffix(path)
     try:
         parts, convert = _gltf(path) if suffix in GLTF_SUFFIXES else _other(path)
+        TRIANGLES.check(f"mesh '{path}'", sum(len(part.faces) for part in parts))
         materials, part_materials = materials_of_parts(parts, convert)
     except (MeshError, ImportError):
         raise
-    except DigsError as error:  # a texture beyond its bound
-        raise MeshError(f"mesh '{path}': {error}") from None
-    except Exception as error:  # trimesh's readers raise any kind of exception
+    except DigsError as error:  # a bound
+        where = "" if str(path) in str(error) else f"mesh '{path}': "
+        raise MeshError(f"{where}{error}") from None
+    except Exception as error:  # a header of other types, numbers that are none
         raise MeshError(
             f"mesh '{path}': cannot be read as {suffix[1:].upper()}, damaged or truncated "
             f"({type(error).__name__}: {error}); copy or export it again"
@@ -72,22 +67,28 @@ def _gltf(path: Path) -> tuple[list[MeshPart], Convert]:
     header = read_gltf_header(path)
     check_extensions(path, header)
     check_files(path, header)
-    check_promises(path, header)
+    check_counts(path, header)
     for sentence in chain(unmodeled_features(header), undecodable_images(path, header)):
         logger.warning("mesh '%s': %s", path.name, sentence)
     return gltf_parts(path, header), GltfMaterials(path, header).convert
 
 
 def _other(path: Path) -> tuple[list[MeshPart], Convert]:
-    """Return the same of a file that trimesh reads."""
-    suffix = path.suffix.lower()
-    if suffix == ".ply" and len(names := ply_textures(path)) > 1:
-        logger.warning(
-            "mesh '%s': %d textures, drawn with '%s' alone", path.name, len(names), cut(names[-1])
-        )
-    check_promises(path, {})
-    parts = parts_of_scene(_read(path, _content(path)))
-    return parts, partial(mtl_material, opacity_maps(path) if suffix == ".obj" else {})
+    """Return the same of another file."""
+    files = FilesBeside(path)
+    convert = partial(mtl_material, files)
+    match path.suffix.lower():
+        case ".obj":
+            return obj_parts(path, files), convert
+        case ".ply":
+            if len(names := ply_textures(path)) > 1:
+                used = cut(names[-1])
+                logger.warning(
+                    "mesh '%s': %d textures, drawn with '%s' alone", path.name, len(names), used
+                )
+            return ply_parts(path), convert
+        case _:
+            return stl_parts(path), convert
 
 
 def _checked_suffix(path: Path) -> str:
@@ -103,49 +104,6 @@ def _checked_suffix(path: Path) -> str:
             "convert it, for example with Blender"
         )
     return suffix
-
-
-def _content(path: Path) -> BytesIO:
-    """Return what trimesh is to read in place of a file."""
-    data = path.read_bytes()
-    if path.suffix.lower() == ".stl":
-        data = plain_stl(data)
-    elif path.suffix.lower() == ".obj":
-        data = without_mark(data)
-        data = cut_polygons(data) or data
-    return BytesIO(data)
-
-
-def _read(path: Path, content: BytesIO) -> Any:
-    """Return a file, taken to hold ``content``, as a `trimesh.Scene`: vertices and faces as stored."""
-    import trimesh
-
-    file_type, resolver = path.suffix[1:].lower(), resolver_beside(path)
-    log = trimesh.util.log
-    usual, log.disabled = log.disabled, True  # it shows tracebacks of what the resolver has said
-    try:
-        loaded = trimesh.load_scene(content, file_type=file_type, resolver=resolver, process=False)
-        shows_all = file_type != "ply" or shows_all_of_ply(loaded)
-        return loaded if shows_all else _unusual_ply(path, resolver)
-    except ValueError as error:
-        if file_type != "ply" or "unexpected length" not in str(error):
-            raise
-        return _unusual_ply(path, resolver)
-    finally:
-        log.disabled = usual
-
-
-def _unusual_ply(path: Path, resolver: Any) -> Any:
-    """Return a PLY file that trimesh does not read, or not as it is meant."""
-    import trimesh
-    from PIL import Image
-    from trimesh.exchange import ply
-
-    image = None
-    with suppress(OSError, DigsError):  # a warning has said it
-        image = next((Image.open(BytesIO(resolver.get(n))) for n in ply_textures(path)[-1:]), None)
-    kwargs = ply._elements_to_kwargs(ply_triangles(path), fix_texture=True, image=image)
-    return trimesh.Scene(trimesh.load(kwargs, process=False))
 
 
 def _cure(path: Path) -> str:
@@ -181,9 +139,10 @@ def mesh_files(path: Path) -> list[Path]:
     suffix = path.suffix.lower()
     if suffix in GLTF_SUFFIXES:
         header = read_gltf_header(path)
-        entries = [*header.get("buffers", []), *header.get("images", [])]
-        uris = [entry.get("uri", "") for entry in entries]
-        return [path, *_there(path, [uri for uri in uris if not uri.startswith("data:")])]
+        with suppress(AttributeError, TypeError, ValueError):  # of other types: reading it says so
+            entries = [*header.get("buffers", []), *header.get("images", [])]
+            uris = [entry.get("uri", "") for entry in entries]
+            return [path, *_there(path, [uri for uri in uris if not uri.startswith("data:")])]
     if suffix == ".ply":
         return [path, *_there(path, ply_textures(path))]
     if suffix == ".obj":

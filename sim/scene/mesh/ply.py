@@ -1,0 +1,117 @@
+"""Parts of PLY and STL files."""
+
+import struct
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from digs_warp.checks import MeshError
+from digs_warp.data.images import linear_from_srgb
+from digs_warp.data.ply_table import read_ply_header, read_rows
+from digs_warp.data.point_cloud import COLOR, unit_colors
+from digs_warp.sim.scene.mesh.files_beside import ply_textures, without_mark
+from digs_warp.sim.scene.mesh.parts import MeshPart, mesh_part
+from digs_warp.sim.scene.mesh.polygons import strip_triangles, triangulated
+
+_CORNERS = ("vertex_indices", "vertex_index")
+# What programs call the texture coordinates of vertices.
+_UVS = (("texture_u", "texture_v"), ("u", "v"), ("s", "t"))
+
+# A binary STL file: a header of 80 bytes, a count, 50 bytes per triangle.
+_STL_HEADER = struct.Struct("<80xI")
+_STL_TRIANGLE = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("_", "<u2")])
+_STL_NO_COUNT = (0, 0xFFFFFFFF)  # programs that write to a pipe cannot go back to fill it in
+
+
+def ply_parts(path: Path) -> list[MeshPart]:
+    """Return the triangles of a PLY file as one part; its material is the name of a texture, or None.
+
+    Raises:
+        DigsError: no PLY file, or truncated.
+        ValueError, KeyError, IndexError: the data is not as the header says.
+    """
+    tables = read_rows(path, read_ply_header(path))
+    table, faces = tables["vertex"], tables.get("face", {})
+    points = _columns(table, "xyz")
+    strips = [strip_triangles(np.asarray(each)) for each in _lists(tables.get("tristrips", {}))]
+    polygons = _lists(faces)
+    sizes = np.array([len(each) for each in polygons], np.int64)
+    corners = _flat(polygons).astype(np.int64)
+    if len(corners) and not 0 <= corners.min() <= corners.max() < len(points):
+        raise ValueError(f"a face names vertex {corners.max()}, the file has {len(points)}")
+    places, owners = triangulated(sizes, corners, points)
+    triangles = corners[places]
+    if strips and not len(triangles):
+        triangles = np.concatenate(strips)
+    if not len(triangles):
+        return []
+    normals = np.full(points.shape, np.nan)
+    if {"nx", "ny", "nz"} <= table.keys():
+        normals = _columns(table, ("nx", "ny", "nz"))
+    uvs = next((_columns(table, names) for names in _UVS if {*names} <= table.keys()), None)
+    colors = _colors(table)
+    of_faces = None if colors is not None or not len(places) else _colors(faces)
+    of_corners = _flat(faces.get("texcoord", [])).reshape(-1, 2)
+    has_own_uvs = len(corners) == len(of_corners) > 0
+    if has_own_uvs or of_faces is not None:
+        # Corners with values of their own.
+        used = triangles.reshape(-1)
+        points, normals = points[used], normals[used]
+        uvs = None if uvs is None else uvs[used]
+        colors = None if colors is None else colors[used]
+        if of_faces is not None:
+            colors = np.repeat(of_faces[owners], 3, axis=0)
+        if has_own_uvs:
+            uvs = of_corners[places.reshape(-1)].astype(np.float64)
+        triangles = np.arange(len(used)).reshape(-1, 3)
+    texture = next(iter(ply_textures(path)[-1:]), None)
+    return [mesh_part(points, triangles, normals, uvs, colors, texture)]
+
+
+def _lists(table: dict[str, Any]) -> Any:
+    return next((table[name] for name in _CORNERS if name in table), [])
+
+
+def _flat(lists: Any) -> np.ndarray:
+    """Return the items of all lists, one after the other."""
+    return lists.reshape(-1) if isinstance(lists, np.ndarray) else np.concatenate([[], *lists])
+
+
+def _columns(table: dict[str, Any], names: Any) -> np.ndarray:
+    return np.stack([table[name] for name in names], axis=1).astype(np.float64)
+
+
+def _colors(table: dict[str, Any]) -> np.ndarray | None:
+    """Return linear colors, (n, 3); None: there are none."""
+    if not set(COLOR) <= table.keys():
+        return None
+    return linear_from_srgb(unit_colors(np.stack([table[name] for name in COLOR], axis=1)))
+
+
+def stl_parts(path: Path) -> list[MeshPart]:
+    """Return the triangles of an STL file, binary or text, as one part; what follows them is left out.
+
+    Raises:
+        MeshError: fewer triangles than its header promises.
+        ValueError: a text with other words.
+    """
+    data = without_mark(path.read_bytes())
+    held = (len(data) - _STL_HEADER.size) // _STL_TRIANGLE.itemsize
+    count = _STL_HEADER.unpack_from(data)[0] if held >= 0 else 0
+    if held < 0 or (count > held and b"facet" in data[:1024].lower()):
+        words = data.lower().split()
+        numbers = [words[i + 1 : i + 4] for i, word in enumerate(words) if word == b"vertex"]
+        corners = np.array(numbers, np.float64).reshape(-1, 3, 3)
+    else:
+        count = held if count in _STL_NO_COUNT else count
+        if count > held:
+            raise MeshError(
+                f"mesh '{path}': its header promises {count:,} triangles, the file holds {held:,}; truncated "
+                "or damaged, copy or export it again"
+            )
+        corners = np.frombuffer(data, _STL_TRIANGLE, count, _STL_HEADER.size)["corners"]
+    points = corners.reshape(-1, 3).astype(np.float64)
+    faces = np.arange(len(points)).reshape(-1, 3)
+    nothing = np.full(points.shape, np.nan)
+    return [mesh_part(points, faces, nothing, None, None, None)] if len(faces) else []
