@@ -42,7 +42,7 @@ JOBS = {
         "reconstruct {folder}/capture --poses rgbd --out {folder}/out": "open3d",
         "render {folder}/gaussians.npz --width 32 --seconds .1 --out {folder}/a.mp4": "av",
         "mesh {folder}/gaussians.npz --out {folder}/out.ply": "open3d",
-        f"{SMALL} --mesh {{folder}}/a.obj": "trimesh",
+        "info {folder}/a.obj": None,
         f"{SMALL} --config {{folder}}/gl.json": "pyrender",
         "reconstruct {folder}/capture --masks isnet --mask-model {folder}/a.usda --out {folder}/out": (
             "'digs-warp[masks]'"
