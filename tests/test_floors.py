@@ -37,7 +37,7 @@ LINE_BUDGETS = {
     "api": 440,
     "check": 2_130,
     "commands": 3_500,
-    "data": 3_341,
+    "data": 3_293,
     "device": 919,
     "engines": 1_010,
     "files at the top": 800,
@@ -53,9 +53,9 @@ LINE_BUDGETS = {
     "show": 3_610,
     "sim.camera": 1_459,
     "sim.fit": 2_310,
-    "sim.record": 2_322,
+    "sim.record": 2_063,
     "sim.render": 5_165,
-    "sim.scene": 4_615,
+    "sim.scene": 4_467,
     "sim.sensor": 6_160,
     "sim.testing": 980,
     "splat": 5_540,
@@ -65,7 +65,7 @@ LINE_BUDGETS = {
     "train": 3_930,
     "usd": 4_120,
 }
-MOST_FILES = 526  # of the product; 65,000 lines in 500 files are the goal
+MOST_FILES = 525  # of the product; 65,000 lines in 500 files are the goal
 # A shorter file with a single client in its folder belongs into that client.
 CRUMB = 60
 

@@ -4,7 +4,6 @@ import codecs
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -238,72 +237,3 @@ def _structured(values: np.ndarray, element: PlyElement) -> np.ndarray:
         for number, name in enumerate(kind.names or ()):
             table[name] = values[:, number]
     return table
-
-
-def read_rows(path: Path, header: PlyHeader) -> dict[str, dict[str, Any]]:
-    """Return all columns by element and name: arrays, shape (n,); of lists, one array for each row.
-
-    Raises:
-        DigsError: the file holds fewer numbers than its header promises.
-    """
-    data = path.read_bytes()[header.data_start :]
-    order = BYTE_ORDERS.get(header.encoding, "<")
-    words = data.split() if header.encoding == ASCII else None
-    at = 0
-
-    def take(kind: Any, count: int) -> np.ndarray:
-        nonlocal at
-        held = (len(data) - at) // np.dtype(kind).itemsize if words is None else len(words) - at
-        if count > held:
-            raise DigsError(
-                f"PLY '{path}': ends before the last of the rows that its header promises; truncated or "
-                "damaged, copy or export it again"
-            )
-        if words is None:
-            values = np.frombuffer(data, kind, count, at)
-            at += values.nbytes
-        else:
-            values = np.array(words[at : at + count], np.float64).astype(kind)
-            at += count
-        return values
-
-    def even_rows(element: PlyElement) -> dict[str, Any] | None:
-        """Return the columns of a binary table whose lists are as long as those of its first row."""
-        nonlocal at
-        start, fields, lengths = at, [], {}
-        for name, each in element.columns.items():
-            *length, kind = (order + kind for kind in each.split())
-            if length:
-                lengths[name] = int(take(length[0], 1)[0])
-                fields.append((f"number of {name}", length[0]))
-            take(kind, lengths.get(name, 1))
-            fields.append((name, kind, (lengths[name],)) if length else (name, kind))
-        at = start
-        if element.count * np.dtype(fields).itemsize > len(data) - at:
-            return None
-        rows = take(np.dtype(fields), element.count)
-        if all((rows[f"number of {name}"] == length).all() for name, length in lengths.items()):
-            return {name: rows[name] for name in element.columns}
-        at = start
-        return None
-
-    tables: dict[str, dict[str, Any]] = {}
-    for element in header.elements:
-        columns: dict[str, Any] = {name: [] for name in element.columns}
-        if words is None and columns and element.count:
-            if even := even_rows(element):
-                tables[element.name] = even
-                continue
-        kinds = [
-            (columns[name], *(order + kind for kind in each.split()))
-            for name, each in element.columns.items()
-        ]
-        for _ in range(element.count if kinds else 0):
-            for values, kind, *items in kinds:
-                first = take(kind, 1)[0]
-                values.append(take(items[0], int(first)) if items else first)
-        tables[element.name] = {
-            name: values if " " in (kind := element.columns[name]) else np.array(values, kind)
-            for name, values in columns.items()
-        }
-    return tables
