@@ -37,7 +37,8 @@ def obj_parts(path: Path, files: FilesBeside) -> list[MeshPart]:
         list[int](),
     )
     names, current = [b""], 0
-    for line in without_mark(path.read_bytes()).replace(b"\\\n", b" ").splitlines():
+    text = without_mark(path.read_bytes()).replace(b"\r\n", b"\n")
+    for line in text.replace(b"\\\n", b" ").splitlines():
         key, *words = line.split() or [b""]
         if key in rows:
             rows[key].append(words)

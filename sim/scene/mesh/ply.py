@@ -97,7 +97,8 @@ def _read_rows(path: Path, header: PlyHeader) -> dict[str, dict[str, Any]]:
     """
     data = path.read_bytes()[header.data_start :]
     order = BYTE_ORDERS.get(header.encoding, "<")
-    words = data.split() if header.encoding == ASCII else None
+    lines = data.splitlines() if header.encoding == ASCII else []
+    words: list[bytes] | None = [] if header.encoding == ASCII else None
     at = 0
 
     def take(kind: Any, count: int) -> np.ndarray:
@@ -147,10 +148,14 @@ def _read_rows(path: Path, header: PlyHeader) -> dict[str, dict[str, Any]]:
             (columns[name], *(order + kind for kind in each.split()))
             for name, each in element.columns.items()
         ]
-        for _ in range(element.count if kinds else 0):
+        for row in range(element.count if kinds else 0):
+            if words is not None:
+                # Some programs write more into a line than the header says.
+                words, at = (lines[row].split() if row < len(lines) else []), 0
             for values, kind, *items in kinds:
                 first = take(kind, 1)[0]
                 values.append(take(items[0], int(first)) if items else first)
+        del lines[: element.count]
         tables[element.name] = {
             name: values if " " in (kind := element.columns[name]) else np.array(values, kind)
             for name, values in columns.items()

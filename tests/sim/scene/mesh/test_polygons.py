@@ -41,7 +41,8 @@ def test_a_polygon_with_a_notch_keeps_its_area(tmp_path: Path, first: int, clock
 
 def test_corners_keep_their_texture_and_negative_numbers_count_back(tmp_path: Path) -> None:
     uvs = "".join(f"vt {x / 4} {y / 4}\n" for x, y in CORNERS)
-    text = obj(turned(np.eye(3)), f"{uvs}f -6/1 -5/2 -4/3 -3/4 -2/5 -1/6\nv 0 0 9")
+    # A line of Windows goes on after a backslash.
+    text = obj(turned(np.eye(3)), f"{uvs}f -6/1 -5/2 -4/3 \\\r\n-3/4 -2/5 -1/6\nv 0 0 9")
     (tmp_path / "l.obj").write_bytes(text)
     scene = load_scene(tmp_path / "l.obj", unit="m", up="z")
     low = scene.vertices.min(axis=0)[:2]
@@ -92,6 +93,12 @@ def test_faces_of_ply_may_have_any_number_of_corners(
     path = ply(tmp_path, order, {"vertex": (XYZ, POINTS), "face": (CORNER_LIST, faces)})
     areas = np.linalg.norm(face_vectors(load_scene(path, unit="m", up="z")), axis=1) / 2
     assert areas.sum() == pytest.approx(AREA + (4.0 if others else 0.0))
+
+
+def test_a_line_of_ply_may_hold_more_than_the_header_says(tmp_path: Path) -> None:
+    path = ply(tmp_path, "", {"vertex": (XYZ, POINTS), "face": (CORNER_LIST, [[[3, 0, 1, 2]]] * 2)})
+    path.write_bytes(path.read_bytes().replace(b"\n3 0 1 2", b"\n3 0 1 2 9 1 1 1"))
+    assert len(load_scene(path, unit="m", up="z").faces) == 2
 
 
 @pytest.mark.parametrize(
