@@ -55,7 +55,9 @@ def read_gltf_header(path: Path) -> dict[str, Any]:
     if not isinstance(header, dict) or "asset" not in header:
         raise MeshError(f"mesh '{path}': not glTF 2.0 (no 'asset' in its header); export it again")
     if isinstance(header.get("scenes"), dict):
-        raise MeshError(f"mesh '{path}': glTF 1.0, expected 2.0; export it again as glTF 2.0 or GLB")
+        raise MeshError(
+            f"mesh '{path}': glTF 1.0, expected 2.0; export it again as glTF 2.0 or GLB"
+        )
     _check_scene(path, header)
     return header
 
