@@ -55,7 +55,7 @@ LINE_BUDGETS = {
     "sim.fit": 2_310,
     "sim.record": 2_063,
     "sim.render": 5_165,
-    "sim.scene": 4_467,
+    "sim.scene": 4_480,
     "sim.sensor": 6_160,
     "sim.testing": 980,
     "splat": 5_540,
