@@ -113,7 +113,7 @@ BENCHMARKS = (
         ("recordings.md",),
         cases=(
             *("hololens_room_sequence", "tum_cabinet_orbit", "lund_door_photos"),
-            *("euroc_static_stereo", "zed2i_stereo_pair"),
+            "zed2i_stereo_pair",
         ),
     ),
     # Object masks without a network, compared with the true ones.

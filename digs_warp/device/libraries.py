@@ -88,17 +88,6 @@ def import_open3d() -> ModuleType:
         raise _not_loaded("open3d", error, OPEN3D_APT) from error
 
 
-def import_realsense() -> ModuleType:
-    """Return pyrealsense2, which only recordings of RealSense cameras need."""
-    try:
-        return importlib.import_module("pyrealsense2")
-    except ImportError as error:
-        raise MissingLibraryError(
-            f"RealSense recordings need the package 'pyrealsense2', which cannot be loaded ({error}); "
-            "install it with: pip install 'digs-warp[realsense]'"
-        ) from error
-
-
 def import_pyrender() -> ModuleType:
     """Return pyrender on EGL; its 0.1.45 asks NumPy for ``infty``, which NumPy 2 no longer has."""
     import numpy as np

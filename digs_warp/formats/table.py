@@ -9,8 +9,6 @@ from dataclasses import dataclass, field
 from fnmatch import fnmatch
 from pathlib import Path
 
-from digs_warp.data.images import PICTURE_CURE
-from digs_warp.data.index_rules import PINHOLES, UNDISTORT
 from digs_warp.words import counted
 
 
@@ -20,22 +18,28 @@ class Form:
 
     Attributes:
         name: of a recording what follows ``--from``.
-        reads: what is read, and as what: of a folder its small files, paths with * below it.
-        leaves: the same of what is left out, which is said.
-        refuses: what is refused, and the cure that the message names.
+        reads: what is read, in words.
+        leaves: what is left out, which is said: of a folder by pattern, paths with * below it.
+        refuses: what is refused; the message names the cure.
+        files: the small files that are read, patterns between blanks.
     """
 
     name: str
-    reads: Mapping[str, str]
+    reads: str
     leaves: Mapping[str, str] = field(default_factory=dict)
-    refuses: Mapping[str, str] = field(default_factory=dict)
+    refuses: str = ""
+    files: str = ""
 
     def unread(self, folder: Path, used: set[Path]) -> Iterator[str]:
         """Yield what is not read of a folder, apart from the ``used`` files, in words."""
         found: dict[str, int] = {}
         for path in sorted(folder.rglob("*")):
             name = path.relative_to(folder).as_posix()
-            if path in used or not path.is_file() or _matching(name, (*self.reads, *BESIDE)):
+            if (
+                path in used
+                or not path.is_file()
+                or _matching(name, (*self.files.split(), *BESIDE))
+            ):
                 continue
             pattern = _matching(name, self.leaves)
             place = f"{name.rpartition('/')[0]}/*{path.suffix}" if "/" in name else name
@@ -52,80 +56,54 @@ def _matching(name: str, patterns: Iterable[str]) -> str:
 # Files that may lie anywhere and say nothing to a reader.
 BESIDE = (".*", "*/.*", "*README*", "*LICENSE*", "*.md", "run.json", "files.jsonl", "Thumbs.db")
 
-DEPTH_IMAGES = {
-    "depth of integers": "millimetres, or the unit of the format; 0, negative and the largest number, "
-    "65535, are unknown",
-    "depth of floats": "metres; 0, negative, not finite, 65.535 and from 65504 on are unknown",
-    "masks": "0 to 255; the alpha channel of a cut-out; or numbers of objects, all but 0 marked. Where the "
-    "format has none: masks/ or mask/ beside the images, named like them",
-}
-REFUSED_IMAGES = {
-    "depth in colors or of 8 bits": PICTURE_CURE,
-    "images of another shape than the camera's": "give the camera of these images, or turn their pixels "
-    "('mogrify -auto-orient'). Smaller or larger ones of the same shape get their camera scaled",
-    "images with more than 8 bits": "convert them to 8 bits per channel",
-}
-LOST = "4 x 4, world from camera; zeros or not finite: unknown, and the frame is left out"
+CONFIDENCE = {"*conf*": "confidence in the depth"}
+SMALLER = {"images_*/*": "smaller copies of the images"}
 
 RECORDINGS = {
     form.name: form
     for form in (
         Form(
             "nerfstudio",
+            "cameras, poses, lens distortion, depth (also depth_path), masks, applied_scale, times, points; "
+            "transforms_train.json if it is alone",
             {
-                "transforms*.json": "cameras, poses, lens distortion, names of images, depth (depth_path of "
-                "NeRFCapture, too) and masks, applied_scale, times; transforms_train.json if it is alone",
-                "*.ply": "points to start from, where ply_file_path names them",
-            },
-            {
-                "images_*/*": "smaller copies of the images",
+                **SMALLER,
                 "depths_*/*": "smaller copies of the depth",
-                "colmap/*": "the model of COLMAP behind the index",
+                "colmap/*": "the model behind the index",
             },
-            {
-                "camera models other than pinhole, OPENCV and OPENCV_FISHEYE": PINHOLES,
-                "as a capture, without --from: distortion, other units, links to another disk": UNDISTORT,
-            },
+            "camera models other than pinhole, OPENCV and OPENCV_FISHEYE; without --from also distortion, "
+            "other units and links to another disk",
+            "transforms*.json *.ply",
         ),
         Form(
             "tum",
-            {
-                "rgb.txt": "times and names of the images; nanoseconds and microseconds, too",
-                "depth.txt": "the same of the depth, 5000 per metre",
-                "groundtruth.txt": "poses, each the nearest in time within 20 ms; a quaternion of zeros is "
-                "unknown",
-                "calibration.txt": "fx fy cx cy, first pixel center at (0, 0)",
-            },
+            "lists of images and depth (5000 per metre), poses (the nearest in time within 20 ms), "
+            "calibration.txt (first pixel center at 0, 0)",
             {"accelerometer.txt": "accelerations", "*.bag": "the recording as messages of ROS"},
-            {
-                "a camera that nobody names": "write calibration.txt",
-                "times that match nothing": "correct the times in the file",
-            },
+            "a camera that nobody names; times that match nothing",
+            "rgb.txt depth.txt groundtruth.txt calibration.txt",
         ),
         Form(
             "scannet",
-            {"pose/*.txt": LOST, "intrinsic/intrinsic_*.txt": "cameras of color and depth"},
+            "poses, cameras of color and depth",
             {
                 "intrinsic/extrinsic_*.txt": "places of the two cameras, which are taken for the same",
                 "*label*": "labels of things",
                 "*instance*": "numbers of things",
             },
+            files="pose/*.txt intrinsic/intrinsic_*.txt",
         ),
         Form(
             "record3d",
-            {
-                "*metadata.json": "cameras, poses and rate; w and h may be exchanged, and K be that of the "
-                "image before the phone turned it"
-            },
-            {"*conf*": "confidence in the depth", "*.m4a": "sound"},
+            "a folder EXR + RGB, or .r3d: cameras, poses, rate; sizes may be those before the phone turned",
+            {**CONFIDENCE, "*.m4a": "sound"},
+            files="*metadata.json",
         ),
         Form(
             "polycam",
+            "cameras and poses, those of Polycam's own adjustment where they are there",
             {
-                "*cameras/*.json": "cameras and poses; those of Polycam's own adjustment where they are there"
-            },
-            {
-                "*confidence/*": "confidence in the depth",
+                **CONFIDENCE,
                 "keyframes/images/*": "images before Polycam's adjustment",
                 "keyframes/corrected_images/*": "images after it",
                 "*mesh_info.json": "the mesh of Polycam",
@@ -133,116 +111,72 @@ RECORDINGS = {
                 "*.mp4": "a film of the scan",
                 "*thumbnail*": "a small picture",
             },
+            files="*cameras/*.json",
         ),
         Form(
             "zed",
-            {"calibration.json": "fx, fy, cx, cy, baseline [m]"},
-            {"*conf*": "confidence in the depth", "*disparity*": "disparity"},
-            {"a baseline above 2": "write it in metres"},
+            "calibration.json: fx, fy, cx, cy, baseline [m]",
+            {**CONFIDENCE, "*disparity*": "disparity"},
+            "a baseline above 2",
+            "calibration.json",
         ),
         Form(
             "redwood",
-            {"camera_intrinsic.json": "the camera", "trajectory.log": LOST},
+            "camera_intrinsic.json, trajectory.log",
             {
                 "fragments/*": "pieces of Open3D's reconstruction",
                 "scene/*": "Open3D's reconstruction",
             },
+            files="camera_intrinsic.json trajectory.log",
         ),
         Form(
             "bop",
-            {
-                "*scene_camera.json": "cameras, unit of the depth, poses of the camera",
-                "*scene_gt.json": "poses of the first object, where the camera has none",
-            },
+            "cameras, unit of the depth, poses of the camera, else of the first object",
             {
                 "*models*": "meshes of the objects",
                 "*mask*": "masks of other objects than the first, or with what hides it",
                 "*scene_gt_info.json": "boxes and counts",
                 "*camera*.json": "the camera of the sensor, which each image has",
             },
-            {"several scenes": "pass the folder of a scene"},
+            "several scenes",
+            "*scene_camera.json *scene_gt.json",
         ),
         Form(
             "colmap",
+            "cameras, poses and points of the largest model, binary or text",
             {
-                "*cameras.???": "cameras of all models but those refused, binary or text",
-                "*images.???": "poses; in text with or without lines of points",
-                "*points3D.???": "points to start from",
-            },
-            {
+                **SMALLER,
                 "*rigs.???": "rigs: the poses of the images hold them",
                 "*frames.???": "frames of rigs, the same",
                 "*database.db*": "features and matches",
                 "*stereo/*": "depth of COLMAP's dense matching",
-                "images_*/*": "smaller copies of the images",
                 "*.ply": "points in the format of other programs",
                 "*.ini": "settings of COLMAP",
             },
-            {
-                "THIN_PRISM_FISHEYE, RAD_TAN_THIN_PRISM_FISHEYE and EQUIRECTANGULAR": PINHOLES,
-                "names that leave the folder of images": "paths must stay inside",
-            },
+            "THIN_PRISM_FISHEYE, RAD_TAN_THIN_PRISM_FISHEYE, EQUIRECTANGULAR; names outside of the folder",
+            "*cameras.??? *images.??? *points3D.???",
         ),
         Form(
             "7scenes",
-            {
-                "frame-*.pose.txt": LOST,
-                "camera-intrinsics.txt": "the camera, here or one folder above",
-                "*info.txt": "cameras and unit of depth",
-            },
+            "poses; the camera in camera-intrinsics.txt, here or one folder above, or in info.txt",
             {"*.ply": "a model of the scene"},
-            {"a scene of several sequences": "name one of its sequences"},
-        ),
-        Form(
-            "euroc",
-            {
-                "*cam?*sensor.yaml": "cameras and lenses",
-                "*cam?/data.csv": "not needed: the names of the images are their times",
-                "*state_groundtruth_estimate0/*": "poses; zeros are unknown, others are interpolated over "
-                "up to 0.1 s; else",
-                "*vicon0/*": "those of a marker, and where it is on the body; else",
-                "*mocap0/*": "the same",
-            },
-            {
-                "*imu0/*": "accelerometer and gyroscope",
-                "*leica0/*": "places that a laser tracker measured",
-                "*body.yaml": "the name of the body",
-                "*pointcloud*": "a scan of the room",
-                "*.bag": "the recording as messages of ROS",
-            },
-            {"eyes that are no stereo pair": "check T_BS, or swap the folders"},
+            "a scene of several sequences",
+            "frame-*.pose.txt camera-intrinsics.txt *info.txt",
         ),
     )
 }
 
 FILMS = (
-    Form("video", {"any film that FFmpeg reads": "the sharpest frames"}, {"sound": "sound"}),
-    Form(
-        "realsense",
-        {"*.bag": "color, or left infrared; depth registered to it"},
-        {"accelerometer and gyroscope": "motion", "the right infrared image": "its pair"},
-        {"lens models but Brown-Conrady and Kannala-Brandt": "record with another profile"},
-    ),
+    Form("video", "the sharpest frames of any film that FFmpeg reads", {"sound": "sound"}),
     Form(
         "stray",
-        {
-            "rgb.mp4": "the sharpest frames",
-            "depth/*.png": "millimetres",
-            "odometry.csv": "poses",
-            "camera_matrix.csv": "the camera",
-        },
+        "the sharpest frames of rgb.mp4, depth, odometry.csv, camera_matrix.csv",
         {"confidence/*": "confidence in the depth", "imu.csv": "motion"},
     ),
     Form(
-        "ros",
-        {
-            "*.bag, *.mcap, folders of ROS 2": "Image and CompressedImage: color, and depth from the same "
-            "place; CameraInfo beside them"
-        },
-        {"all other topics": "poses, points, motion"},
-        {
-            "images without a camera_info": "record it, too",
-            "encodings of Bayer and YUV": "record rgb8, bgr8, mono8 or compressed images",
-        },
+        "ros, realsense",
+        "color and depth of a .bag, .mcap, .db3 or folder of ROS 2, with the cameras beside them",
+        {"all other topics": "poses, points, motion, the right infrared image"},
+        "images without a camera_info, of Bayer and YUV; other lenses than Brown's and Kannala's",
     ),
 )

@@ -215,8 +215,6 @@ def read_yaml(path: Path, what: str) -> dict[str, Any]:
     import yaml
 
     text = read_text(path, what, SETTINGS)
-    if text.startswith("%YAML:"):  # OpenCV's head, which is no YAML
-        text = text.partition("\n")[2]
     try:
         depth = 0
         for event in yaml.parse(text, yaml.SafeLoader):

@@ -89,14 +89,12 @@ KINDS = (
         *_recording("scannet", "intrinsic/intrinsic_depth.txt"),
         *_recording("zed", "depth000001.npy", "depth000001.exr"),
     )),
-    Kind("recording: COLMAP, 7-Scenes, EuRoC", (
+    Kind("recording: COLMAP, 7-Scenes", (
         *_recording("colmap", *(f"sparse/0/{name}.bin" for name in ("cameras", "images", "points3D"))),
         *_recording("colmap_text", *(f"sparse/0/{name}.txt" for name in ("cameras", "images", "points3D")),
                     form="colmap"),
         *_recording("7scenes", "frame-000001.pose.txt", "frame-000001.depth.png", "camera-intrinsics.txt"),
         *_recording("7scenes_info", "info.txt", form="7scenes"),
-        *_recording("euroc", "mav0/cam0/sensor.yaml", "mav0/cam1/sensor.yaml"),
-        *_recording("euroc", "mav0/state_groundtruth_estimate0/data.csv"),
     )),
     Kind("recording: film", (
         Input("film", "walk.mp4", ("convert walk.mp4 --from video --frames 3 --out OUT",)),

@@ -10,7 +10,7 @@ import numpy as np
 from digs_warp.data.capture import Capture
 from digs_warp.data.frame import Frame
 from digs_warp.data.images import write_image
-from digs_warp.geometry.rigid import invert_rigid, quat_xyzw_from_matrix
+from digs_warp.geometry.rigid import invert_rigid
 from digs_warp.poses.from_images.colmap import ImageSet, quiet_pycolmap
 from digs_warp.poses.from_images.config import SfmConfig
 from digs_warp.poses.from_images.model import write_model
@@ -55,30 +55,6 @@ def write_scannet(frames: Frames, folder: Path) -> None:
         np.savetxt(folder / f"pose/{number}.txt", frame.camera.world_from_cam)
 
 
-def write_euroc(frames: Frames, folder: Path) -> None:
-    """Write left and right images with mild lenses, and the poses of the left camera as those of the body."""
-    rows = []
-    for frame in frames:
-        time = 10**15 + round(1e9 * frame.time)
-        write_image(folder / f"mav0/cam0/data/{time}.png", frame.load_image())
-        write_image(folder / f"mav0/cam1/data/{time}.png", frame.load_right_image())
-        x, y, z, w = quat_xyzw_from_matrix(frame.camera.world_from_cam[:3, :3]).tolist()
-        rows.append([time, *frame.camera.center_world.tolist(), w, x, y, z])
-    k = frames[0].camera.intrinsics
-    for eye in (0, 1):
-        body_from_cam = np.eye(4)
-        body_from_cam[0, 3] = eye * BASELINE
-        (folder / f"mav0/cam{eye}/sensor.yaml").write_text(
-            f"%YAML:1.0\nT_BS:\n  data: {body_from_cam.ravel().tolist()}\n"
-            f"resolution: [{k.width}, {k.height}]\n"
-            f"intrinsics: [{k.fx}, {k.fy}, {k.cx}, {k.cy}]\n"
-            "distortion_model: radial-tangential\ndistortion_coefficients: [-0.1, 0.01, 0.0, 0.0]\n"
-        )
-    truth = folder / "mav0/state_groundtruth_estimate0"
-    truth.mkdir()
-    (truth / "data.csv").write_text("\n".join(",".join(map(str, row)) for row in rows) + "\n")
-
-
 def write_zed(frames: Frames, folder: Path) -> None:
     """Write both images, depth in both formats, and the calibration."""
     for number, frame in enumerate(frames):
@@ -113,7 +89,6 @@ def _matrix(frames: Frames) -> np.ndarray:
 WRITERS: Mapping[str, Callable[[Frames, Path], None]] = {
     "7scenes": write_seven_scenes,
     "scannet": write_scannet,
-    "euroc": write_euroc,
     "zed": write_zed,
     "record3d": write_record3d,
 }

@@ -1,10 +1,10 @@
 """The tables of docs/what-is-read.md: what becomes of what each format holds, as the readers have it."""
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 
 from digs_warp.formats.captures.formats import EXPORTERS, FILE_READERS, READERS
 from digs_warp.formats.splats.files import FORMATS
-from digs_warp.formats.table import DEPTH_IMAGES, FILMS, RECORDINGS, REFUSED_IMAGES, Form
+from digs_warp.formats.table import FILMS, RECORDINGS, Form
 from digs_warp.sim.scene.mesh.gltf import SPLATS as GLTF_SPLATS
 from digs_warp.sim.scene.mesh.gltf import UNREADABLE_EXTENSIONS
 from digs_warp.study.table import Table
@@ -16,81 +16,44 @@ PAGE = "what-is-read.md"
 SPLATS = (
     Form(
         ".ply, .compressed.ply",
-        {
-            "binary of either order, text, floats or doubles": "Gaussians of degree 0 to 3; with degree 4, "
-            "up to 3",
-            "comments": "what the splats are drawn with: ours, SplatRenderMode, antialiased",
-            "centers far from the origin": "in double precision; written again as doubles",
-            "values that look like a mistake": "as they are, and a warning names them",
-            "the compressed form of SuperSplat": "Gaussians of degree 0 to 3",
-        },
-        {},
-        {
-            "NaN and infinite values": "--drop-broken leaves those Gaussians out",
-        },
+        "degree 0 to 3 (of 4, up to 3), either byte order, text, floats or doubles; what draws them",
+        refuses="NaN and infinite values, unless --drop-broken",
     ),
     Form(
         ".spz",
-        {"versions 2, 3 and 4": "Gaussians, and the flag for antialiasing"},
-        {"extension records": "of other programs"},
+        "versions 2, 3 and 4, the flag for antialiasing",
+        {"extensions": "of other programs"},
     ),
     Form(
         ".glb, .gltf",
-        {
-            "KHR_gaussian_splatting": "Gaussians of all nodes, under any similarity; floats, or integers for "
-            "shares",
-            "lin_rec709_display": "converted to sRGB",
-        },
-        {},
-        {"compression extensions": "export it without, or as PLY or SPZ"},
+        "KHR_gaussian_splatting of all nodes, under any similarity, either color space",
+        refuses="compression extensions",
     ),
-    Form(
-        ".sog",
-        {"version 2, one archive": "Gaussians of degree 0 to 3, and whether they are antialiased"},
-        {},
-        {"version 1": "export it again, for example with SuperSplat"},
-    ),
-    Form(".splat", {"rows of 32 bytes": "Gaussians without view-dependent color"}),
+    Form(".sog", "version 2, one archive", refuses="version 1"),
+    Form(".splat", "rows of 32 bytes, without view-dependent color"),
     Form(
         ".usda, .usdc, .usdz, .usd",
-        {
-            "ParticleField3DGaussianSplat": "float or half, animated, under any similarity",
-            "colors in another space": "converted to sRGB",
-            "several fields": "the only visible one, or that of --prim",
-            "packages in packages": "up to four",
-            "no metersPerUnit": "centimetres, as USD says, with a warning",
-        },
-        {"fields that are invisible, proxies or guides": "which one is read instead"},
-        {"transforms that shear": "bake them first"},
+        "ParticleField3DGaussianSplat, float or half, animated, under any similarity; of several fields the "
+        "only visible one or --prim; centimetres where no unit is given",
+        {"other fields": "invisible ones, proxies and guides"},
+        "transforms that shear",
     ),
 )
 MESHES = (
     Form(
         ".glb, .gltf",
+        "triangles, strips, fans; skins, sparse and quantized accessors",
         {
-            "triangles, strips, fans": "with skins, sparse and quantized accessors",
-            "Draco, meshopt, KTX2, AVIF or DDS with plain data beside it": "the plain data",
-        },
-        {
-            GLTF_SPLATS: "splats beside triangles",
+            GLTF_SPLATS: "splats",
             "morph targets, optional instances": "drawn in the basic shape, and once",
         },
-        {f"{name} alone": cure for name, cure in UNREADABLE_EXTENSIONS.items()},
+        ", ".join(UNREADABLE_EXTENSIONS) + " without plain data beside it",
     ),
-    Form(".obj", {"polygons, materials, textures": "in UTF-8 or UTF-16, with any mark"}),
+    Form(".obj", "polygons, materials, textures; UTF-8 or UTF-16"),
     Form(
-        ".ply",
-        {
-            "polygons, strips": "as triangles; long ones keep their notches",
-            "colors": "8 or 16 bits or floats, also as diffuse_red, r or Red",
-        },
-        refuses={"points without faces": "turn a point cloud into a mesh first"},
+        ".ply", "polygons, strips, colors of 8 or 16 bits or floats", refuses="points without faces"
     ),
-    Form(
-        ".stl",
-        {"text, binary": "also without a count, with 'solid' in the header, or with bytes behind"},
-        refuses={"fewer triangles than promised": "copy or export it again"},
-    ),
+    Form(".stl", "text and binary", refuses="fewer triangles than promised"),
 )
 
 
@@ -102,9 +65,7 @@ def main() -> None:
 
 def texts() -> dict[str, str]:
     """Return the tables by mark."""
-    images = Form("images", DEPTH_IMAGES, refuses=REFUSED_IMAGES)
     return {
-        "images": _table([images]),
         "recordings": _table([*RECORDINGS.values(), *FILMS]),
         "splats": _table(SPLATS),
         "formats": _formats(),
@@ -129,8 +90,10 @@ CHECKED = {
     "redwood": "Open3D",
     "kitti-stereo": "as RAFT and pykitti read it",
     "sceneflow": "as RAFT reads it",
-    "euroc": "sample recordings",
+    "hdf5": "h5py",
+    "webdataset": "webdataset",
     "ros": "rosbags wrote the bags",
+    "realsense": "pyrealsense2 wrote the bags",
 }
 _YES, _NO = "yes", ""
 
@@ -156,25 +119,18 @@ def _formats() -> str:
 
 
 def _table(forms: Iterable[Form]) -> str:
-    several = [row for form in forms for row in _rows(form)]
-    return Table("forms", ["format", "what", "becomes"], several).markdown()
-
-
-def _rows(form: Form) -> Iterator[list[str]]:
-    name = f"`{form.name}`"
-    for what, becomes in form.reads.items():
-        yield [name, _what(what), f"read: {becomes}"]
-        name = ""
-    for what, words in form.leaves.items():
-        yield [name, _what(what), f"left out, and said: {words}"]
-    for what, cure in form.refuses.items():
-        yield [name, what, f"**refused**: {cure}"]
+    rows = [
+        [
+            f"`{form.name}`",
+            form.reads,
+            "; ".join(f"{_what(each)} ({words})" for each, words in form.leaves.items()),
+            form.refuses,
+        ]
+        for form in forms
+    ]
+    return Table("forms", ["format", "read", "left out, and said", "refused"], rows).markdown()
 
 
 def _what(what: str) -> str:
-    """Return a path as code, words as they are."""
-    return (
-        what
-        if " " in what or ("." not in what and "/" not in what and "*" not in what)
-        else f"`{what}`"
-    )
+    """Return a pattern as code, words as they are."""
+    return f"`{what}`" if "*" in what or "." in what else what

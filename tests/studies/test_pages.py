@@ -36,7 +36,8 @@ def test_tables_are_those_of_the_code(module: ModuleType) -> None:
 
 def test_every_reader_has_its_row() -> None:
     assert RECORDINGS.keys() == READERS.keys()
-    assert {form.name for form in FILMS} == FILE_READERS.keys()
+    films = {name for form in FILMS for name in form.name.split(", ")}
+    assert films == FILE_READERS.keys() - READERS.keys()
     for forms, known in (
         (what_is_read.SPLATS, set(SUFFIXES) - {".npz"}),
         (what_is_read.MESHES, UP_AXIS_BY_SUFFIX),

@@ -10,7 +10,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 
 from digs_warp.checks import CaptureError, DigsError, require_folder
 from digs_warp.words import did_you_mean
@@ -20,36 +20,6 @@ if TYPE_CHECKING:
     from digs_warp.formats.captures.recording import Recording
 
 logger = logging.getLogger(__name__)
-
-# The choices of the command line.
-RecordingFormat = Literal[
-    "nerfstudio",
-    "tum",
-    "scannet",
-    "record3d",
-    "zed",
-    "redwood",
-    "bop",
-    "colmap",
-    "7scenes",
-    "euroc",
-    "polycam",
-    "video",
-    "realsense",
-    "stray",
-    "ros",
-]
-CaptureFormat = Literal[
-    "colmap",
-    "colmap-text",
-    "nerfstudio",
-    "tum",
-    "bop",
-    "redwood",
-    "kitti-stereo",
-    "sceneflow",
-    "middlebury",
-]
 
 # The module and function that reads a folder as a `Recording`.
 READERS: dict[str, str] = {
@@ -62,27 +32,16 @@ READERS: dict[str, str] = {
     "bop": "bop.read_bop",
     "colmap": "colmap_import.read_colmap",
     "7scenes": "seven_scenes.read_seven_scenes",
-    "euroc": "euroc.read_euroc",
     "polycam": "phones.read_polycam",
 }
-
-# Those whose frames are in a film or a bag; the folder is for the chosen frames.
-FILE_READERS: dict[str, Callable[[Path, Path, "ImportOptions"], "Recording"]] = {
-    "video": lambda file, scratch, options: _function("video.read_film")(
-        file, scratch, options.frames or MOST_OF_A_FILM, options.fov_deg
-    ),
-    **{
-        form: lambda file, scratch, options, place=place: _function(place)(
-            file, scratch, options.frames or MOST_OF_A_FILM
-        )
-        for form, place in (
-            ("realsense", "realsense.read_bag"),
-            ("stray", "phones.read_stray"),
-            ("ros", "ros.read_ros"),
-        )
-    },
+# The same of those whose frames are in a film, a bag or an archive.
+FILE_READERS: dict[str, str] = {
+    "video": "video.read_film",
+    "record3d": "scanner_exports.read_r3d",
+    "stray": "phones.read_stray",
+    "realsense": "ros.read_ros",
+    "ros": "ros.read_ros",
 }
-
 # Frames that are taken of a film if nobody says how many.
 MOST_OF_A_FILM = 120
 
@@ -94,10 +53,20 @@ EXPORTERS: dict[str, str] = {
     "tum": "tum.write_tum",
     "bop": "bop.write_bop",
     "redwood": "redwood.write_redwood",
+    "hdf5": "training_sets.write_hdf5",
+    "webdataset": "training_sets.write_webdataset",
     "kitti-stereo": "kitti.write_kitti_stereo",
     "sceneflow": "stereo_sets.write_sceneflow",
     "middlebury": "stereo_sets.write_middlebury",
 }
+
+# The choices of the command line.
+if TYPE_CHECKING:
+    RecordingFormat: TypeAlias = str
+    CaptureFormat: TypeAlias = str
+else:
+    RecordingFormat = Literal[*dict.fromkeys([*READERS, *FILE_READERS])]
+    CaptureFormat = Literal[*EXPORTERS]
 
 
 def _function(place: str) -> Callable[..., Any]:
@@ -126,14 +95,16 @@ def opened_recording(
 ) -> "Iterator[Recording]":
     """Yield a recording of the format ``form``, one of `READERS` or `FILE_READERS`.
 
-    Frames of a film are in a temporary folder, which the end of the block deletes.
+    Frames of a film or an archive are in a temporary folder, which the end of the block deletes.
 
     Raises:
         DigsError: as of `read_recording`, or a library that the format needs is missing.
     """
-    if form in FILE_READERS:
+    if form in FILE_READERS and not (form in READERS and source.is_dir()):
+        fov_deg = (options.fov_deg,) if form == "video" else ()
         with TemporaryDirectory(prefix="digs-warp-") as scratch:
-            yield FILE_READERS[form](source, Path(scratch), options)
+            count = options.frames or MOST_OF_A_FILM
+            yield _function(FILE_READERS[form])(source, Path(scratch), count, *fov_deg)
         return
     recording = read_recording(source, form)
     if options.frames is not None:

@@ -1,8 +1,7 @@
-"""Makes images and depth of other cameras those of a capture's camera: undistorted, rectified, resampled.
+"""Makes images and depth of other cameras those of a capture's camera: undistorted, resampled, registered.
 
 Formulas and coefficients are OpenCV's: Brown's radial and tangential distortion of ordinary lenses, and the
-polynomial of the angle of Kannala and Brandt (2006) for fisheye lenses. A pair is rectified as by Fusiello
-et al. (2000).
+polynomial of the angle of Kannala and Brandt (2006) for fisheye lenses.
 """
 
 from collections.abc import Callable
@@ -11,13 +10,10 @@ from functools import lru_cache
 
 import numpy as np
 
-from digs_warp.checks import CaptureError
 from digs_warp.geometry.camera import Intrinsics, pixel_centers
-from digs_warp.geometry.rigid import rigid, transform_points
+from digs_warp.geometry.rigid import transform_points
 
-IDENTITY = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0)
-
-# A map of 1600 x 900 takes 12 MB; a rig has two, and a few threads ask for them at the same time.
+# A map of 1600 x 900 takes 12 MB, and a few threads ask for them at the same time.
 MAPS_KEPT = 4
 
 # Where the lens says nothing: outside of every image.
@@ -103,15 +99,13 @@ class PinholeView:
 
     Attributes:
         source: the recorded image's camera, without its lens.
-        lens: what bends its light; None for a pinhole camera that only has to be turned.
+        lens: what bends its light.
         target: the pinhole camera.
-        rotation: of the pinhole camera against the recorded one, rows of target_from_source.
     """
 
     source: Intrinsics
-    lens: Lens | None
+    lens: Lens
     target: Intrinsics
-    rotation: tuple[float, ...] = IDENTITY
 
     def with_field_of_view(self, degrees: float) -> "PinholeView":
         """Return the view with a centered target that sees this much from left to right."""
@@ -156,96 +150,12 @@ def _maps(view: PinholeView) -> tuple[np.ndarray, np.ndarray]:
     k = view.target
     centers = pixel_centers(k.width, k.height)
     rays = np.dstack([(centers - [k.cx, k.cy]) / [k.fx, k.fy], np.ones((k.height, k.width))])
-    rays = rays @ np.reshape(view.rotation, (3, 3))  # rows: source from target is the transpose
     k = view.source
     with np.errstate(all="ignore"):
-        rays[rays[..., 2] <= 0] = np.nan
-        flat = rays[..., :2] / rays[..., 2:] if view.lens is None else view.lens.distort(rays)
-        places = flat * [k.fx, k.fy] + [k.cx - 0.5, k.cy - 0.5]
+        places = view.lens.distort(rays) * [k.fx, k.fy] + [k.cx - 0.5, k.cy - 0.5]
         places = np.where(np.abs(places) < -NOWHERE, places, NOWHERE)
     across, down = np.moveaxis(places.astype(np.float32), -1, 0)
     return np.ascontiguousarray(across), np.ascontiguousarray(down)
-
-
-# Eyes that look this far apart, or along the line between them [cosine], are no stereo pair.
-LEAST_COSINE, MOST_ALONG = 0.7, 0.7
-
-
-@dataclass(frozen=True, eq=False)
-class Eye:
-    """A camera of a rig: its pinhole part, its lens, and where it is: body from camera, (4, 4) [m]."""
-
-    intrinsics: Intrinsics
-    lens: Lens | None
-    body_from_cam: np.ndarray
-
-
-@dataclass(frozen=True, eq=False)
-class RectifiedPair:
-    """How the images of two eyes become a rectified pair.
-
-    Attributes:
-        left, right: the views; both have the same target.
-        baseline: [m].
-        body_from_cam: of the rectified left camera, (4, 4) [m].
-    """
-
-    left: PinholeView
-    right: PinholeView
-    baseline: float
-    body_from_cam: np.ndarray
-
-
-def rectify(left: Eye, right: Eye, where: str) -> RectifiedPair:
-    """Return the rectified pair: rows along the line between the eyes, both facing the mean of their views.
-
-    The focal length is the mean of the eyes', so that the centers stay as sharp as they are; the principal
-    point is where the middles of both images come to lie on average.
-
-    Args:
-        left: the eye whose camera the frame has.
-        right: the other one.
-        where: the recording, for messages.
-
-    Raises:
-        CaptureError: the eyes are in one place, look apart, or stand one behind the other.
-    """
-    apart = right.body_from_cam[:3, 3] - left.body_from_cam[:3, 3]
-    baseline = float(np.linalg.norm(apart))
-    ahead = [eye.body_from_cam[:3, 2] for eye in (left, right)]
-    if not (baseline > 0 and ahead[0] @ ahead[1] > LEAST_COSINE):
-        raise CaptureError(
-            f"{where}: the two cameras are {baseline:.3g} m apart and look in directions with the cosine "
-            f"{ahead[0] @ ahead[1]:.2f}, expected side by side and almost parallel; check T_BS"
-        )
-    x, forward = apart / baseline, ahead[0] + ahead[1]
-    forward = forward / np.linalg.norm(forward)
-    if abs(x @ forward) > MOST_ALONG or x @ left.body_from_cam[:3, 0] < 0:
-        raise CaptureError(
-            f"{where}: cam1 is not to the right of cam0, expected a left and a right eye; swap the folders"
-        )
-    y = np.cross(forward, x)
-    y /= np.linalg.norm(y)
-    body_from_cam = rigid(np.stack([x, y, np.cross(x, y)], axis=1), left.body_from_cam[:3, 3])
-    turns = [body_from_cam[:3, :3].T @ eye.body_from_cam[:3, :3] for eye in (left, right)]
-    target = _target(left, right, turns)
-    views = [
-        PinholeView(eye.intrinsics, eye.lens, target, tuple(turn.ravel().tolist()))
-        for eye, turn in zip((left, right), turns, strict=True)
-    ]
-    return RectifiedPair(views[0], views[1], baseline, body_from_cam)
-
-
-def _target(left: Eye, right: Eye, turns: list[np.ndarray]) -> Intrinsics:
-    """Return the camera of both rectified images."""
-    ks = [left.intrinsics, right.intrinsics]
-    focal = float(np.mean([(k.fx, k.fy) for k in ks]))
-    middles = []
-    for k, turn in zip(ks, turns, strict=True):
-        ray = turn @ [(k.width / 2 - k.cx) / k.fx, (k.height / 2 - k.cy) / k.fy, 1.0]
-        middles.append(focal * ray[:2] / ray[2])
-    cx, cy = (ks[0].width / 2, ks[0].height / 2) - np.mean(middles, axis=0)
-    return Intrinsics(ks[0].width, ks[0].height, focal, focal, float(cx), float(cy))
 
 
 # A pixel of a depth camera covers at most this many columns and rows of the color image, and one more.

@@ -204,7 +204,6 @@ def _frame(files: FileNames, row: Fields, time: float, scale: float) -> Recorded
     image = files.require(row.text("file_path"), row.where, ("", *IMAGE_SUFFIXES))
     pose = _pose(row, scale)
     k = _intrinsics(row, image)
-    view = undistorted(k, _lens(row))
     known = {layer: row.text(layer.value, "") for layer in (Layer.DEPTH, Layer.MASK, Layer.RIGHT)}
     for key, layer in ALIASES.items():
         known[layer] = known[layer] or row.text(key, "")
@@ -220,8 +219,7 @@ def _frame(files: FileNames, row: Fields, time: float, scale: float) -> Recorded
         depth=depth,
         mask=mask,
         right=right,
-        view=view,
-        right_view=view,
+        view=undistorted(k, _lens(row)),
         **_depth_units(row),
     )
 

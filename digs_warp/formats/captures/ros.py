@@ -1,14 +1,17 @@
 # rosbags is an extra that type checking need not have:
 # pyright: reportMissingImports=false
-"""Recordings of robots: ROS 1 bags, ROS 2 bags and MCAP, by rosbags: color, depth, and a camera_info each.
+"""Bags of robots and of RealSense cameras, by rosbags: color, depth, and a camera_info each.
 
-Of the topics with images, the one with depth is that of 16UC1 or 32FC1, the other one color; where there are
-several, those with the most images. A camera_info belongs to the images beside it. Depth and color are taken
-as seen from one place, as topics named "aligned" or "registered" are. Poses are not read.
+ROS 1 and ROS 2, MCAP, and what RealSense Viewer writes (.bag, .db3). Of the topics with images, the one with
+depth is that of 16UC1 or 32FC1; of the others color comes before gray, then the one with the most images. A
+camera_info belongs to the images beside it. Depth and color are taken as seen from one place, as topics named
+"aligned" or "registered" are, unless the bag has the places of both, as those of RealSense do. Poses are not
+read.
 """
 
 from collections.abc import Iterator
 from contextlib import contextmanager
+from os.path import commonpath
 from pathlib import Path
 from typing import Any
 
@@ -21,6 +24,7 @@ from digs_warp.formats.captures.lens import Lens, undistorted
 from digs_warp.formats.captures.recording import DepthCamera, RecordedFrame, Recording
 from digs_warp.formats.captures.video import choose
 from digs_warp.geometry.camera import Intrinsics
+from digs_warp.geometry.rigid import invert_rigid, matrix_from_quat_xyzw, rigid
 
 _IMAGES = ("sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage")
 _INFO = "sensor_msgs/msg/CameraInfo"
@@ -31,10 +35,13 @@ _ENCODINGS = {
     **{"mono8": ("u1", 1), "8UC1": ("u1", 1), "8UC3": ("u1", 3)},
     **{"16UC1": ("u2", 1), "mono16": ("u2", 1), "32FC1": ("f4", 1)},
 }
-# A depth image belongs to the color image nearest in time, at most this far [s].
-_APART = 0.02
-# What comes before the PNG in a compressed depth image [bytes].
-_DEPTH_HEADER = 12
+# A depth image belongs to the color image nearest in time, at most this far [s]: half a frame at 15 Hz.
+_APART = 0.035
+# What comes before the PNG in a compressed depth image, and behind the images of librealsense [bytes].
+_DEPTH_HEADER, _TAIL = 12, 4
+# Lens models in ROS and in librealsense, which projects with its "inverse" one as with Brown's.
+_BROWN = ("", "none", "plumb bob", "brown conrady", "inverse brown conrady")
+_FISHEYE = ("equidistant", "kannala brandt4")
 
 
 def read_ros(path: Path, scratch: Path, count: int) -> Recording:
@@ -63,7 +70,7 @@ def read_ros(path: Path, scratch: Path, count: int) -> Recording:
             nearest = float(wanted[np.abs(wanted - time).argmin()])
             if abs(nearest - time) <= _APART and nearest not in depths:
                 depths[nearest] = scratch / f"depth{len(depths):06d}.exr"
-                write_image(depths[nearest], _metres(_pixels(message, path)))
+                write_image(depths[nearest], _metres(_pixels(message, path), bag.metres_per_unit))
     k, lens = bag.camera(color)
     view = undistorted(k, lens)
     frames = []
@@ -75,8 +82,10 @@ def read_ros(path: Path, scratch: Path, count: int) -> Recording:
         write_image(image, _rgb(_pixels(message, path)))
         frames.append(RecordedFrame(image, k, time, depth=depths.get(time), view=view))
     own = None if depth is None or bag.infos.get(depth) is None else bag.camera(depth)[0]
+    beside = bag.color_from_depth()
+    is_same = own in (None, k) and beside is None
     return Recording(
-        path, tuple(frames), depth_camera=None if own in (None, k) else DepthCamera(own)
+        path, tuple(frames), depth_camera=None if is_same else DepthCamera(own or k, beside)
     )
 
 
@@ -89,27 +98,35 @@ class _Bag:
             from rosbags.typesys import Stores, get_typestore
         except ModuleNotFoundError as error:
             raise CaptureError(
-                f"'{path}': bags of ROS need rosbags: pip install 'digs-warp[ros]'"
+                f"'{path}': bags need rosbags: pip install 'digs-warp[ros]'"
             ) from error
         self._path, self._broken = path, AnyReaderError
         self._open = lambda: AnyReader([path], default_typestore=get_typestore(Stores.ROS2_HUMBLE))
+        self.metres_per_unit = 1 / MM_PER_METRE
         images, infos = {}, {}
+        self._places: dict[str, np.ndarray] = {}
         with self._opened() as reader:
             for connection in reader.connections:
-                if connection.msgtype in _IMAGES and connection.msgcount:
-                    first = next(reader.messages([connection]))
-                    message = reader.deserialize(first[2], connection.msgtype)
-                    is_depth = _encoding(message) in _DEPTH
-                    images[connection.topic] = is_depth, connection.msgcount
-                elif connection.msgtype == _INFO and connection.msgcount:
-                    first = next(reader.messages([connection]))
-                    infos[connection.topic] = reader.deserialize(first[2], connection.msgtype)
-        found = {
-            kind: max((n, topic) for topic, (is_depth, n) in images.items() if is_depth == kind)[1]
-            for kind in {is_depth for is_depth, _ in images.values()}
-        }
-        if False not in found:
-            raise CaptureError(f"'{path}': no color images in it; its topics: {', '.join(images)}")
+                topic = connection.topic
+                wanted = connection.msgtype in (*_IMAGES, _INFO) or "/tf/" in topic
+                if not connection.msgcount or not (wanted or topic.endswith("Depth_Units/value")):
+                    continue
+                message = self._message(reader, *next(reader.messages([connection]))[::2])
+                if connection.msgtype in _IMAGES:
+                    kind = _encoding(message)
+                    # Color before gray, then the most images, then the first name: of a pair the left eye.
+                    rank = not kind.startswith("mono"), connection.msgcount
+                    images.setdefault(kind in _DEPTH, {})[topic] = rank
+                elif connection.msgtype == _INFO:
+                    infos[topic] = message
+                elif "/tf/" in topic:
+                    self._places[topic] = _place(message)
+                else:
+                    self.metres_per_unit = float(message.data)
+        if False not in images:
+            topics = ", ".join(images.get(True, ()))
+            raise CaptureError(f"'{path}': no color images in it; topics of images: {topics}")
+        found = {is_depth: max(sorted(of), key=of.__getitem__) for is_depth, of in images.items()}
         self.color, self.depth = found[False], found.get(True)
         self.infos = {topic: _beside(topic, infos) for topic in found.values()}
 
@@ -122,15 +139,21 @@ class _Bag:
             raise
         except (self._broken, OSError, ValueError) as error:
             raise CaptureError(
-                f"'{self._path}': {error}; expected a .bag, .mcap or the folder of a ROS 2 bag"
+                f"'{self._path}': {error}; expected a .bag, .mcap, .db3 or the folder of a ROS 2 bag"
             ) from error
+
+    def _message(self, reader: Any, connection: Any, data: Any) -> Any:
+        try:
+            return reader.deserialize(data, connection.msgtype)
+        except self._broken:
+            return reader.deserialize(data[:-_TAIL], connection.msgtype)
 
     def messages(self, topic: str) -> Iterator[tuple[float, Any]]:
         """Yield time [s] and message."""
         with self._opened() as reader:
             wanted = [each for each in reader.connections if each.topic == topic]
             for connection, _, data in reader.messages(wanted):
-                message = reader.deserialize(data, connection.msgtype)
+                message = self._message(reader, connection, data)
                 yield message.header.stamp.sec + 1e-9 * message.header.stamp.nanosec, message
 
     def camera(self, topic: str) -> tuple[Intrinsics, Lens | None]:
@@ -143,9 +166,10 @@ class _Bag:
         k = Intrinsics.from_matrix(matrix, info.width, info.height, first_center=0)
         if "rect" in topic or not any(bends):  # rectified images have none any more
             return k, None
-        if info.distortion_model == "equidistant":
+        model = info.distortion_model.lower().replace("_", " ")
+        if model in _FISHEYE:
             return k, Lens(tuple(bends[:4]), is_fisheye=True)
-        if info.distortion_model not in ("plumb_bob", ""):
+        if model not in _BROWN:
             raise CaptureError(
                 f"'{self._path}': lens model {info.distortion_model} of {topic}, expected plumb_bob or "
                 "equidistant; record the rectified images"
@@ -153,19 +177,35 @@ class _Bag:
         k1, k2, p1, p2, k3 = (*bends, *[0.0] * 5)[:5]
         return k, Lens.brown(k1, k2, p1, p2, k3)
 
+    def color_from_depth(self) -> np.ndarray | None:
+        """Return the rigid motion between the two cameras; None where the bag has no places."""
+        color, depth = (_beside(topic or "/", self._places) for topic in (self.color, self.depth))
+        if color is None or depth is None:
+            return None
+        found = color @ invert_rigid(depth)
+        return None if np.allclose(found, np.eye(4), atol=1e-9) else found
 
-def _beside(topic: str, infos: dict[str, Any]) -> Any:
-    """Return the camera_info whose topic begins like that of the images; None: none, or several, do."""
-    places = topic.split("/")
-    shared = {name: _shared(places, name.split("/")) for name in infos}
+
+def _place(message: Any) -> np.ndarray:
+    """Return where a stream of librealsense is: camera from the place that all of them refer to, (4, 4)."""
+    if hasattr(message, "data"):  # since 2.56: "rotation=" by columns, ";translation="
+        numbers = [
+            np.array(part.partition("=")[2].split(","), np.float64)
+            for part in message.data.split(";")[:2]
+        ]
+        return rigid(numbers[0].reshape(3, 3).T, numbers[1])
+    turn, shift = message.rotation, message.translation
+    return rigid(
+        matrix_from_quat_xyzw(np.array([turn.x, turn.y, turn.z, turn.w])),
+        np.array([shift.x, shift.y, shift.z]),
+    )
+
+
+def _beside(topic: str, others: dict[str, Any]) -> Any:
+    """Return what is known by a topic that begins like ``topic``; None: none, or several, do."""
+    shared = {name: len(commonpath([topic, name])) for name in others}
     best = [name for name, length in shared.items() if length == max(shared.values())]
-    return infos[best[0]] if len(best) == 1 else None
-
-
-def _shared(one: list[str], other: list[str]) -> int:
-    """Return how many parts two paths begin with together."""
-    pairs = enumerate(zip(one, other, strict=False))
-    return next((i for i, (a, b) in pairs if a != b), min(len(one), len(other)))
+    return others[best[0]] if len(best) == 1 else None
 
 
 def _encoding(message: Any) -> str:
@@ -204,9 +244,9 @@ def _rgb(pixels: np.ndarray) -> np.ndarray:
     )
 
 
-def _metres(pixels: np.ndarray) -> np.ndarray:
+def _metres(pixels: np.ndarray, metres_per_unit: float) -> np.ndarray:
     """Return depth [m], (height, width), float32, NaN where unknown."""
     depth = pixels[..., 0].astype(np.float32)
     if pixels.dtype.kind == "u":
-        depth /= np.float32(MM_PER_METRE)
+        depth *= np.float32(metres_per_unit)
     return np.where(depth > 0, depth, np.float32(np.nan))

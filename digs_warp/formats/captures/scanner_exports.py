@@ -5,6 +5,8 @@ Record3D (iPhone, iPad; https://record3d.app/features), OpenGL axes, K counts pi
     metadata.json    K (9 numbers, column by column), w, h, fps,
                      poses (qx qy qz qw tx ty tz, world from camera)
     rgb/0.jpg        depth/0.exr in metres, at the size of the depth sensor     both may be below EXR_RGBD/
+    or a file .r3d: a ZIP archive of metadata (with dw, dh, the size of the depth), rgbd/0.jpg and
+    rgbd/0.depth, float32 metres compressed with LZFSE
 
 ScanNet (https://github.com/ScanNet/ScanNet). Depth and color are assumed to be registered: the offset between
 the two cameras, a few centimetres at most, is not applied:
@@ -20,13 +22,17 @@ millimetres, float depth in metres; NaN is unknown, -inf too near, +inf too far.
     calibration.json                                   fx, fy, cx, cy of the rectified images, baseline [m]
 """
 
+import re
+from dataclasses import replace
 from pathlib import Path
+from zipfile import ZipFile
 
 import numpy as np
 
-from digs_warp.checks import CaptureError
+from digs_warp.bounds import check_unpacked
+from digs_warp.checks import CaptureError, require_file
 from digs_warp.data.capture import FRAME_RATE
-from digs_warp.data.images import MM_PER_METRE, image_size
+from digs_warp.data.images import MM_PER_METRE, image_size, write_image
 from digs_warp.formats.captures.recording import (
     IMAGE_SUFFIXES,
     DepthCamera,
@@ -39,8 +45,9 @@ from digs_warp.formats.captures.recording import (
 )
 from digs_warp.geometry.camera import Intrinsics
 from digs_warp.geometry.rigid import OPENCV_FROM_OPENGL
-from digs_warp.record.fields import ABOVE_ZERO, Fields
-from digs_warp.record.files import read_json
+from digs_warp.record.arrays import UNREADABLE
+from digs_warp.record.fields import ABOVE_ZERO, Fields, parse_json
+from digs_warp.record.files import read_json, to_json, write_atomically
 
 METADATA = "metadata.json"
 
@@ -63,8 +70,56 @@ def read_record3d(folder: Path) -> Recording:
     return files.recording(cameras, poses, frame_rate=rate)
 
 
-def _cameras(metadata: Fields, files: NumberedFiles) -> Intrinsics | dict[int, Intrinsics]:
-    """The camera of all images, or one for each where the phone wrote them (autofocus)."""
+def read_r3d(path: Path, scratch: Path, count: int) -> Recording:
+    """Unpack evenly spread frames of a file of Record3D to ``scratch``, and return them.
+
+    Args:
+        path: the file.
+        scratch: a folder that has to live as long as the recording.
+        count: the most frames to take.
+
+    Raises:
+        CaptureError: pyliblzfse is missing, or the file is damaged.
+    """
+    require_file(path, "recording of Record3D", "Name a .r3d file, or the folder of an export.")
+    try:
+        import liblzfse  # pyright: ignore[reportMissingImports]
+    except ModuleNotFoundError as error:
+        raise CaptureError(
+            f"'{path}': depth in .r3d needs pyliblzfse: pip install 'digs-warp[record3d]'; or export it in "
+            "the app as EXR + RGB"
+        ) from error
+    try:
+        with ZipFile(path) as archive:
+            check_unpacked(
+                f"'{path}'",
+                path.stat().st_size,
+                sum(each.file_size for each in archive.infolist()),
+            )
+            metadata = parse_json(archive.read("metadata"))
+            size = int(metadata["dh"]), int(metadata["dw"])
+            numbers = sorted(
+                int(name[5:-4])
+                for name in archive.namelist()
+                if re.fullmatch(r"rgbd/\d+\.jpg", name)
+            )
+            for number in np.unique(np.linspace(0, len(numbers) - 1, count).round().astype(int)):
+                name = numbers[number]
+                image = archive.read(f"rgbd/{name}.jpg")
+                write_atomically(scratch / f"rgb/{name}.jpg", image)
+                depth = liblzfse.decompress(archive.read(f"rgbd/{name}.depth"))
+                values = np.frombuffer(depth, "<f4").reshape(size)
+                write_image(scratch / f"depth/{name}.exr", values)
+    except (*UNREADABLE, liblzfse.error) as error:
+        raise CaptureError(
+            f"'{path}': {error}; expected a .r3d file as Record3D shares it"
+        ) from error
+    write_atomically(scratch / METADATA, to_json(metadata).encode())
+    return replace(read_record3d(scratch), folder=path)
+
+
+def _cameras(metadata: Fields, files: NumberedFiles) -> dict[int, Intrinsics]:
+    """Return the camera of each image; the phone may have written one for each (autofocus)."""
     size = files.image_size
     written = metadata.number("w", 1, default=size[0]), metadata.number("h", 1, default=size[1])
     if (written[0] > written[1]) != (
@@ -73,14 +128,13 @@ def _cameras(metadata: Fields, files: NumberedFiles) -> Intrinsics | dict[int, I
         written = written[::-1]
     scale = size[0] / written[0]
     matrix = metadata.array("K", (3, 3)).T
-    row = np.array([matrix[0, 0], matrix[1, 1], matrix[0, 2], matrix[1, 2]])
-    own = metadata.array("perFrameIntrinsicCoeffs", (-1, 4), default=np.zeros((0, 4)))
-    rows = own if len(own) == len(files.images) else np.tile(row, (len(files.images), 1))
-    if not len(own):
-        return Intrinsics(*size, *_turned(row * scale, size))
+    shared = np.array([matrix[0, 0], matrix[1, 1], matrix[0, 2], matrix[1, 2]])
+    own = dict(
+        enumerate(metadata.array("perFrameIntrinsicCoeffs", (-1, 4), default=np.zeros((0, 4))))
+    )
     return {
-        number: Intrinsics(*size, *_turned(each * scale, size))
-        for number, each in zip(files.images, rows, strict=True)
+        number: Intrinsics(*size, *_turned(own.get(number, shared) * scale, size))
+        for number in files.images
     }
 
 

@@ -12,10 +12,10 @@ from digs_warp.data.capture import Capture, read_capture
 from digs_warp.data.layers import Layer
 from digs_warp.data.sharpness import REPEATED, Sharpness
 from digs_warp.formats.captures.formats import export_capture, read_recording
-from digs_warp.formats.captures.realsense import read_bag
 from digs_warp.formats.captures.video import choose
 from digs_warp.show.film.video import write_video
 from reference import realsense_bag
+from reference.recorded import converted
 
 WIDTH, HEIGHT = 160, 120
 
@@ -111,7 +111,8 @@ def test_lists_out_of_order_are_sorted_by_time(capture: Capture, tmp_path: Path)
     assert [frame.time for frame in read_capture(tmp_path / "c").frames] == [0.0, 0.25, 1.5]
 
 
-def test_a_realsense_recording_gives_color_and_depth_registered_to_it(tmp_path: Path) -> None:
+def test_a_realsense_recording_gives_color_and_depth_moved_to_it(tmp_path: Path) -> None:
+    pytest.importorskip("rosbags", reason="rosbags is not installed")
     rs: Any = pytest.importorskip("pyrealsense2", reason="pyrealsense2 is not installed")
     path = tmp_path / "walk.bag"
     try:
@@ -119,32 +120,17 @@ def test_a_realsense_recording_gives_color_and_depth_registered_to_it(tmp_path: 
     except RuntimeError:  # since 2.56 it writes another kind of file
         path = tmp_path / "walk.db3"
         images = realsense_bag.write_bag(rs, path)
-    (tmp_path / "scratch").mkdir()
-    recording = read_bag(path, tmp_path / "scratch", 100)
-    assert len(recording.frames) >= 4 and not recording.knows_poses
-    line = ["convert", str(path), "--from", "realsense", "--out", str(tmp_path / "c")]
-    assert main(line) == 0
-    for frame in read_capture(tmp_path / "c").frames:
+    found = converted("realsense", path, tmp_path / "c")
+    assert len(found) >= 4 and not found.knows_poses
+    for frame in found.frames:
         k = frame.camera.intrinsics
         assert (k.fx, k.cx, k.cy) == (50, 32, 24)
         assert any((frame.load_image() == image).all() for image in images)
         depth = frame.load_depth()
-        np.testing.assert_allclose(
-            depth[5:-5, 8:-8][np.isfinite(depth[5:-5, 8:-8])], 1.0, atol=1e-3
-        )
-        # The color camera sees less, 1.5 cm further right: its picture of the depth ends at its sides.
+        inner = depth[5:-5, 8:-8]
+        np.testing.assert_allclose(inner[np.isfinite(inner)], 1.0, atol=1e-3)
+        # The depth camera sees less, 1.5 cm further left: its picture ends at the sides of the color image.
         assert np.isfinite(depth[24, 10:50]).all()
-
-
-def test_without_its_library_a_realsense_recording_says_what_to_install(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    import sys
-
-    monkeypatch.setitem(sys.modules, "pyrealsense2", None)
-    (tmp_path / "walk.bag").write_bytes(b"#ROSBAG V2.0\n")
-    with pytest.raises(Exception, match=r"pip install 'digs-warp\[realsense\]'"):
-        read_bag(tmp_path / "walk.bag", tmp_path, 10)
 
 
 def test_a_film_is_no_folder_of_another_format(film: Path) -> None:

@@ -5,6 +5,7 @@
 import json
 from pathlib import Path
 from typing import Any
+from zipfile import ZipFile
 
 import cv2
 import numpy as np
@@ -12,7 +13,7 @@ import pytest
 
 from digs_warp.checks import DigsError
 from digs_warp.data.capture import Capture
-from digs_warp.data.images import write_image
+from digs_warp.data.images import encode_jpeg, write_image
 from digs_warp.data.layers import Layer
 from digs_warp.geometry.rigid import OPENCV_FROM_OPENGL, quat_xyzw_from_matrix
 from reference.recorded import HEIGHT, WIDTH, check_same, converted
@@ -164,5 +165,32 @@ def test_a_bag_gives_color_and_depth(
 def test_what_is_no_bag_is_named(tmp_path: Path) -> None:
     pytest.importorskip("rosbags", reason="rosbags is not installed")
     (tmp_path / "a.bag").write_bytes(b"no bag")
-    with pytest.raises(DigsError, match=r"a\.bag'.*expected a \.bag, \.mcap or the folder"):
+    with pytest.raises(DigsError, match=r"a\.bag'.*expected a \.bag, \.mcap, \.db3 or the"):
         converted("ros", tmp_path / "a.bag", tmp_path / "capture")
+
+
+def test_record3d_shares_one_file(capture: Capture, tmp_path: Path) -> None:
+    liblzfse = pytest.importorskip("liblzfse", reason="pyliblzfse is not installed")
+    k = capture.frames[0].camera.intrinsics
+    matrix = np.array([[k.fx, 0, k.cx], [0, k.fy, k.cy], [0, 0, 1]])
+    metadata = {"K": matrix.T.ravel().tolist(), "w": WIDTH, "h": HEIGHT, "dw": WIDTH, "dh": HEIGHT}
+    metadata |= {"fps": 60, "poses": []}
+    with ZipFile(tmp_path / "walk.r3d", "w") as archive:
+        for number, frame in enumerate(capture.frames):
+            pose = frame.camera.world_from_cam @ OPENCV_FROM_OPENGL
+            turn = quat_xyzw_from_matrix(pose[:3, :3]).tolist()
+            metadata["poses"].append([*turn, *pose[:3, 3].tolist()])
+            archive.writestr(f"rgbd/{number}.jpg", encode_jpeg(frame.load_image(), 100))
+            depth = frame.load_depth().astype("<f4").tobytes()
+            archive.writestr(f"rgbd/{number}.depth", liblzfse.compress(depth))
+        archive.writestr("metadata", json.dumps(metadata))
+    found = converted("record3d", tmp_path / "walk.r3d", tmp_path / "capture")
+    assert len(found) == 3 and found.knows_poses
+    assert found.frames[2].time == pytest.approx(2 / 60)
+    for here, there in zip(found.frames, capture.frames, strict=True):
+        np.testing.assert_array_equal(here.load_depth(), there.load_depth())
+        pose = there.camera.world_from_cam
+        np.testing.assert_allclose(here.camera.world_from_cam, pose, atol=1e-6)
+    (tmp_path / "broken.r3d").write_bytes((tmp_path / "walk.r3d").read_bytes()[:200])
+    with pytest.raises(DigsError, match=r"broken\.r3d'.*expected a \.r3d file"):
+        converted("record3d", tmp_path / "broken.r3d", tmp_path / "again")

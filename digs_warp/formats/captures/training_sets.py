@@ -1,0 +1,106 @@
+"""Sets that training programs load frame by frame: HDF5 with BlenderProc's keys, and WebDataset.
+
+    0.hdf5            colors (h, w, 3), of a stereo camera (2, h, w, 3) with the left eye first; depth [m],
+                      float32, 0 where unknown; instance_segmaps, 0: nothing; campose: JSON text, a list with
+                      cam_K and cam2world_matrix (OpenGL axes), as BlenderProc writes its cameras
+    frames-000000.tar 0000.image.png  0000.right.png  0000.depth.npy (the same depth)  0000.mask.png
+                      0000.json: cam_K, cam2world_matrix (OpenCV axes), time; `FRAMES_PER_SHARD` frames each
+
+Pixel centers are at +0.5, as here. See https://dlr-rm.github.io/BlenderProc and
+https://github.com/webdataset/webdataset.
+"""
+
+import io
+import json
+import tarfile
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from digs_warp.data.capture import Capture
+from digs_warp.data.frame import Frame
+from digs_warp.data.layers import Layer
+from digs_warp.device.libraries import MissingLibraryError
+from digs_warp.formats.captures.frames import for_each_frame
+from digs_warp.geometry.rigid import OPENCV_FROM_OPENGL
+from digs_warp.record.files import new_file, to_json
+
+FRAMES_PER_SHARD = 64
+
+
+def write_hdf5(capture: Capture, folder: Path) -> None:
+    """Write a file of HDF5 for each frame.
+
+    Raises:
+        MissingLibraryError: h5py is not installed.
+    """
+    try:
+        import h5py  # pyright: ignore[reportMissingImports]
+    except ModuleNotFoundError as error:
+        raise MissingLibraryError(
+            "HDF5 needs the package 'h5py': pip install 'digs-warp[hdf5]'"
+        ) from error
+
+    def write_frame(number: int, frame: Frame) -> None:
+        data = {"colors": frame.load_image()}
+        if frame.has(Layer.RIGHT):
+            data["colors"] = np.stack([data["colors"], frame.load_right_image()])
+        if frame.has(Layer.DEPTH):
+            data["depth"] = _known(frame)
+        if frame.has(Layer.INSTANCES):
+            data["instance_segmaps"] = frame.load_instances().astype(np.uint8)
+        elif frame.has(Layer.MASK):
+            data["instance_segmaps"] = (frame.load_mask() > 127).astype(np.uint8)
+        with new_file(folder / f"{number}.hdf5") as path, h5py.File(path, "w") as file:
+            for name, values in data.items():
+                file.create_dataset(name, data=values, compression="gzip", compression_opts=1)
+            camera = _camera(frame, frame.camera.world_from_cam @ OPENCV_FROM_OPENGL)
+            file["campose"] = json.dumps([camera])
+
+    for_each_frame(capture.frames, "Writing HDF5", write_frame)
+
+
+def write_webdataset(capture: Capture, folder: Path) -> None:
+    """Write shards of WebDataset."""
+
+    def parts(number: int, frame: Frame) -> dict[str, bytes]:
+        found = {"image.png": _png(frame.load_image())}
+        if frame.has(Layer.RIGHT):
+            found["right.png"] = _png(frame.load_right_image())
+        if frame.has(Layer.DEPTH):
+            buffer = io.BytesIO()
+            np.save(buffer, _known(frame))
+            found["depth.npy"] = buffer.getvalue()
+        if frame.has(Layer.MASK):
+            found["mask.png"] = _png(frame.load_mask())
+        facts = _camera(frame, frame.camera.world_from_cam) | {"time": frame.time}
+        return found | {"json": to_json(facts).encode()}
+
+    for shard, first in enumerate(range(0, len(capture), FRAMES_PER_SHARD)):
+        some = capture.frames[first : first + FRAMES_PER_SHARD]
+        with new_file(folder / f"frames-{shard:06d}.tar") as path, tarfile.open(path, "w") as tar:
+            for number, found in enumerate(for_each_frame(some, f"Shard {shard}", parts), first):
+                for suffix, data in found.items():
+                    entry = tarfile.TarInfo(f"{number:04d}.{suffix}")
+                    entry.size = len(data)
+                    tar.addfile(entry, io.BytesIO(data))
+
+
+def _png(pixels: np.ndarray) -> bytes:
+    """Return an image, red first, or a mask as a PNG."""
+    import cv2
+
+    return cv2.imencode(".png", pixels[..., ::-1] if pixels.ndim == 3 else pixels)[1].tobytes()
+
+
+def _known(frame: Frame) -> np.ndarray:
+    """Return the measured depth [m], 0 where it is unknown."""
+    return np.nan_to_num(frame.load_depth(), nan=0.0)
+
+
+def _camera(frame: Frame, cam2world: np.ndarray) -> dict[str, Any]:
+    return {
+        "cam_K": frame.camera.intrinsics.matrix.tolist(),
+        "cam2world_matrix": cam2world.tolist(),
+    }
