@@ -10,7 +10,7 @@ import tyro
 
 from digs_warp.checks import DigsError
 from digs_warp.commands.command import Command, SplatOptions
-from digs_warp.commands.output import NewFolder, check_output_file
+from digs_warp.commands.output import OutputFolder, check_output_file
 from digs_warp.data.index_rules import INDEX_NAME
 from digs_warp.formats.captures.formats import CaptureFormat, RecordingFormat
 from digs_warp.record.layout import RUN_RECORD, find_gaussians
@@ -156,7 +156,9 @@ def export_capture_folder(source: Path, form: CaptureFormat, out: Path, overwrit
 
     capture = posed_capture(source)
     log = RunLog("convert", {"capture": source, "to": form}, results={"frames": len(capture)})
-    with NewFolder(out=out, overwrite=overwrite).opened([source, capture.stored_in]) as folder:
+    with OutputFolder(out=out, overwrite=overwrite).opened(
+        [source, capture.stored_in], can_resume=False
+    ) as folder:
         with log.stage("export"):
             export_capture(capture, form, folder)
             if form == "bop":
@@ -188,7 +190,7 @@ def import_recording(
 
     log = RunLog("convert", {"recording": source, "from": form, **vars(options)})
     with (
-        NewFolder(out=out, overwrite=overwrite).opened([source]) as folder,
+        OutputFolder(out=out, overwrite=overwrite).opened([source], can_resume=False) as folder,
         opened_recording(source, form, ImportOptions(options.frames, options.fov_deg)) as recording,
     ):
         with log.stage("convert"):

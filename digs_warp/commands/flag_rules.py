@@ -5,7 +5,7 @@ from collections.abc import Collection
 from dataclasses import is_dataclass, replace
 from functools import partial, wraps
 from types import NoneType, UnionType
-from typing import Annotated, Any, Literal, Union, get_args, get_origin
+from typing import Annotated, Any, Union, get_args, get_origin
 
 import tyro
 from tyro.constructors import (
@@ -20,7 +20,6 @@ from tyro.constructors import (
 
 from digs_warp.checks import DigsError
 from digs_warp.settings import NO_FLAG
-from digs_warp.words import did_you_mean
 
 
 class RefusedSettings(Exception):
@@ -54,7 +53,6 @@ class FlagRules(ConstructorRegistry):
         self._describes_groups = describes_groups
         self._inside = False
         self.struct_rule(self._struct)
-        self.primitive_rule(_choice)
         self.primitive_rule(read_number_flag)
 
     def _struct(self, info: StructTypeInfo) -> StructConstructorSpec | None:
@@ -108,35 +106,6 @@ def paragraphs(text: str) -> str:
     return "\n\n".join(" ".join(part.split()) for part in re.split(r"\n\s*\n", text.strip()))
 
 
-def _choice(info: PrimitiveTypeInfo) -> PrimitiveConstructorSpec | None:
-    """Read one of a few words, and suggest the nearest one for a wrong word."""
-    choices = _choices(info.type)
-    if not choices:
-        return None
-    by_name = {str(choice): choice for choice in choices}
-
-    def read(words: list[str]) -> Any:
-        if words[0] not in by_name:
-            raise ValueError(f"no choice '{words[0]}'{did_you_mean(words[0], by_name)}")
-        return by_name[words[0]]
-
-    return PrimitiveConstructorSpec(
-        nargs=1,
-        metavar="{" + ",".join(by_name) + "}",
-        instance_from_str=read,
-        is_instance=lambda value: value is None or value in choices,
-        str_from_instance=lambda value: [str(value)],
-        # tyro takes "-y" for a flag, unless it knows it as a choice; it then explains wrong ones itself.
-        choices=tuple(by_name) if any(name.startswith("-") for name in by_name) else None,
-    )
-
-
-def _choices(kind: Any) -> tuple[Any, ...]:
-    """Return the values of a Literal, or of one that can be None; else nothing."""
-    kind = without_none(kind)
-    return get_args(kind) if get_origin(kind) is Literal else ()
-
-
 def _explaining(instantiate: Any) -> Any:
     """Make a constructor raise `RefusedSettings` where it raises a `DigsError`."""
 
@@ -156,43 +125,33 @@ _EXPECTED = {int: "a whole number", float: "a number"}
 def read_number_flag(info: PrimitiveTypeInfo) -> PrimitiveConstructorSpec | None:
     """Return how to read a number, one that can be None, or a tuple of numbers; None for other types."""
     outer = without_none(info.type)
-    parts = get_args(outer) if get_origin(outer) is tuple else (outer,)
+    is_tuple = get_origin(outer) is tuple
+    parts = get_args(outer) if is_tuple else (outer,)
     kind: Any = parts[0] if parts else None
     if kind not in _EXPECTED or any(part not in (kind, ...) for part in parts):
         return None
-    name = kind.__name__.upper()
-    if outer is kind:
-        return _spec(kind, 1, name, lambda words: _number(kind, words[0]))
-    count: int | Literal["*"] = "*" if ... in parts else len(parts)
-    metavar = f"[{name} [{name} ...]]" if count == "*" else " ".join([name] * count)
-    return _spec(kind, count, metavar, lambda words: tuple(_number(kind, word) for word in words))
+    is_endless, name = ... in parts, kind.__name__.upper()
 
+    def values(value: Any) -> tuple[Any, ...]:
+        return value if isinstance(value, tuple) else (value,)
 
-def _spec(
-    kind: type, nargs: int | Literal["*"], metavar: str, read: Any
-) -> PrimitiveConstructorSpec:
-    accepted = (int, float) if kind is float else int
-
-    def is_instance(value: Any) -> bool:
-        values = value if isinstance(value, tuple) else (value,)
-        return all(each is None or isinstance(each, accepted) for each in values)
+    def read(words: list[str]) -> Any:
+        try:
+            found = tuple(kind(word) for word in words)
+        except ValueError as error:
+            word = str(error).partition(": ")[2]
+            raise ValueError(f"{word}, expected {_EXPECTED[kind]}") from None
+        return found if is_tuple else found[0]
 
     return PrimitiveConstructorSpec(
-        nargs=nargs,
-        metavar=metavar,
+        nargs="*" if is_endless else len(parts),
+        metavar=f"[{name} [{name} ...]]" if is_endless else " ".join([name] * len(parts)),
         instance_from_str=read,
-        is_instance=is_instance,
-        str_from_instance=lambda value: [
-            str(each) for each in (value if isinstance(value, tuple) else (value,))
-        ],
+        is_instance=lambda value: all(
+            each is None or isinstance(each, (kind, int)) for each in values(value)
+        ),
+        str_from_instance=lambda value: [str(each) for each in values(value)],
     )
-
-
-def _number(kind: type, word: str) -> Any:
-    try:
-        return kind(word)
-    except ValueError:
-        raise ValueError(f"'{word}', expected {_EXPECTED[kind]}") from None
 
 
 def without_none(kind: Any) -> Any:

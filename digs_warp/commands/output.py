@@ -15,11 +15,11 @@ from digs_warp.data.index_rules import INDEX_NAME
 from digs_warp.data.layers import Layer
 from digs_warp.record import layout
 from digs_warp.record.files import read_json, write_atomically
-from digs_warp.record.layout import LOCK, MANIFEST, REPLACING, RUN_RECORD, UNFINISHED
+from digs_warp.record.layout import LOCK, MANIFEST, RUN_RECORD, UNFINISHED
 from digs_warp.record.lock import remove_leftovers_of, sole_writer
 from digs_warp.record.manifest import recorded_files
 from digs_warp.record.progress import announced
-from digs_warp.record.replacement import check_place, finish_replacement, replace_result
+from digs_warp.record.replacement import check_place, replace_result
 from digs_warp.record.run_log import RunRecord
 
 _log = logging.getLogger(__name__)
@@ -64,43 +64,6 @@ DEVICES = Path("/dev")
 
 
 @dataclass(frozen=True, kw_only=True)
-class NewFolder:
-    """Where the results of a command go that starts from the beginning each time."""
-
-    out: Path
-    """Folder for the results. It must be new or empty, unless --overwrite is given."""
-
-    overwrite: tyro.conf.FlagCreatePairsOff[bool] = False
-    """Replace the results of an earlier run in this folder once the new ones are complete. Files that no run
-    wrote stay."""
-
-    @contextmanager
-    def opened(self, inputs: Sequence[Path | None] = ()) -> Iterator[Path]:
-        """Yield a folder to write into, whose content becomes the result at the end; an error deletes it.
-
-        Args:
-            inputs: what the command reads; it must be there, and not in the folder that is written.
-
-        Raises:
-            DigsError: an input is missing, the folder is in use and no flag says what to do, or it cannot be
-                overwritten.
-        """
-        needed = _check_inputs(self.out, inputs)
-        with sole_writer(self.out):
-            _finish(self.out)
-            _check_free(self.out, self.overwrite, needed)
-            work = self.out / UNFINISHED
-            shutil.rmtree(work, ignore_errors=True)  # of a command that was killed
-            try:
-                with _written_for(self.out, work), recorded_files(work):
-                    yield work
-                replace_result(self.out)
-            finally:
-                if not (self.out / REPLACING).is_file():  # else the next run finishes it
-                    shutil.rmtree(work, ignore_errors=True)
-
-
-@dataclass(frozen=True, kw_only=True)
 class OutputFolder:
     """Where the results go."""
 
@@ -120,15 +83,17 @@ class OutputFolder:
 
     @contextmanager
     def opened(
-        self, inputs: Sequence[Path | None] = (), writes: Sequence[str] = ()
+        self,
+        inputs: Sequence[Path | None] = (),
+        writes: Sequence[str] = (),
+        can_resume: bool = True,
     ) -> Iterator[Path]:
-        """Yield the folder to write into, which an interrupted run can continue in.
-
-        It is ``out`` itself, or a hidden folder in it whose content replaces an old result at the end.
+        """Yield the folder to write into: ``out``, or a hidden one in it that becomes the result at the end.
 
         Args:
             inputs: what the command reads; it must be there, and not in the folder that is written.
             writes: the names that results may have, relative to the folder, as patterns with ``*``.
+            can_resume: whether an interrupted run can go on in the folder; else an error leaves nothing.
 
         Raises:
             DigsError: an input is missing, the folder is in use and no flag says what to do, or it cannot be
@@ -137,21 +102,22 @@ class OutputFolder:
         needed = _check_inputs(self.out, inputs)
         with sole_writer(self.out):
             with announced("start"):
-                _finish(self.out)
-                work = self._workplace(needed, writes)
+                work = self._workplace(needed, writes, can_resume)
             try:
                 with _written_for(self.out, work), recorded_files(work, self.resume):
                     yield work
+                if work != self.out:
+                    replace_result(self.out)
             except BaseException as error:
+                if not can_resume:
+                    shutil.rmtree(work, ignore_errors=True)
                 # Of an interrupted --overwrite the folder stays, also empty: --resume must not take the old
                 # result for the new one.
-                if work == self.out or not isinstance(error, KeyboardInterrupt):
+                elif work == self.out or not isinstance(error, KeyboardInterrupt):
                     _remove_mere_records(work)
                 raise
-            if work != self.out:
-                replace_result(self.out)
 
-    def _workplace(self, needed: Sequence[Path], writes: Sequence[str]) -> Path:
+    def _workplace(self, needed: Sequence[Path], writes: Sequence[str], can_resume: bool) -> Path:
         unfinished = self.out / UNFINISHED
         if self.resume:
             if not unfinished.is_dir():
@@ -160,7 +126,7 @@ class OutputFolder:
             return unfinished
         _check_free(self.out, self.overwrite, needed)
         shutil.rmtree(unfinished, ignore_errors=True)
-        if not _is_used(self.out):
+        if can_resume and not _is_used(self.out):
             return self.out
         check_place(self.out, writes)
         unfinished.mkdir()
@@ -266,11 +232,6 @@ def _check_writable(path: Path, flag: str = "--out") -> None:
         raise DigsError(f"{flag} '{path}': '{folder}' is not writable; name another place")
 
 
-def _finish(out: Path) -> None:
-    if finish_replacement(out):
-        _log.info("'%s': put the new result in place, which a killed run had finished", out)
-
-
 def _check_free(out: Path, overwrite: bool, needed: Sequence[Path]) -> None:
     """Check that new results may be written into a folder."""
     is_used = _is_used(out)
@@ -303,7 +264,7 @@ def _is_used(folder: Path) -> bool:
     """Whether there is more in it than the record of a run that failed before it made anything."""
     if not folder.is_dir():
         return False
-    names = {path.name for path in folder.iterdir()} - {LOCK, REPLACING, UNFINISHED}
+    names = {path.name for path in folder.iterdir()} - {LOCK, UNFINISHED}
     return bool(names) and not (names <= {RUN_RECORD, MANIFEST} and is_ours(folder))
 
 

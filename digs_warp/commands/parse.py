@@ -27,9 +27,6 @@ PROGRAM = "digs-warp"
 HELP = ("-h", "--help")
 CONFIG = (tyro.conf.DisallowNone,)
 
-# Flags of earlier versions, and what does the same today.
-MOVED_FLAGS = {"--normals": "--labels normals", "--no-normals": "--labels none"}
-
 
 @dataclass(frozen=True, kw_only=True)
 class CommonFlags:
@@ -172,8 +169,6 @@ def _check_flags(kind: type[Command], words: Sequence[str], program: str) -> Non
     known = {*HELP, *flags, *(flag.replace("--", "--no-", 1) for flag in flags)}
     for word in words[: words.index("--") if "--" in words else None]:
         flag = word.partition("=")[0].replace("_", "-")
-        if flag in MOVED_FLAGS:
-            raise DigsError(f"'{program}' has no flag '{flag}' any more; use {MOVED_FLAGS[flag]}")
         place = in_file.get(re.sub("^--(no-)?", "", flag).replace("-", "_"))
         if place and flag not in known:
             raise DigsError(

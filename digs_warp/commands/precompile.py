@@ -13,6 +13,7 @@ import sys
 import time
 from collections import defaultdict
 from collections.abc import Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from importlib import import_module
 from pathlib import Path
@@ -30,7 +31,6 @@ PACKAGE = Path(__file__).resolve().parents[1]
 COMPILE = (
     "import sys; from digs_warp.commands.precompile import compile_in; compile_in(*sys.argv[1:])"
 )
-CHECK_SECONDS = 0.05
 QUIETLY: dict[str, Any] = dict.fromkeys(("stdin", "stdout", "stderr"), subprocess.DEVNULL)
 
 
@@ -131,18 +131,9 @@ def _compile_side_by_side(sets: Sequence[Sequence[str]]) -> bool:
 
     begin = [sys.executable, "-c", COMPILE, str(wp.config.kernel_cache_dir)]
     environment = os.environ | {"PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
-    waiting = list(sets)
-    running: list[subprocess.Popen[Any]] = []
-    codes: list[int] = []
-    try:
-        while waiting or running:
-            while waiting and len(running) < default_threads():
-                command = [*begin, *waiting.pop(0)]
-                running.append(subprocess.Popen(command, env=environment, **QUIETLY))
-            time.sleep(CHECK_SECONDS)
-            codes += [each.returncode for each in running if each.poll() is not None]
-            running = [each for each in running if each.returncode is None]
-    finally:
-        for each in running:
-            each.kill()
-    return not any(codes)
+
+    def run(names: Sequence[str]) -> int:
+        return subprocess.run([*begin, *names], env=environment, check=False, **QUIETLY).returncode
+
+    with ThreadPoolExecutor(default_threads()) as pool:
+        return not any(pool.map(run, sets))

@@ -10,7 +10,7 @@ import tyro
 
 from digs_warp.checks import DigsError
 from digs_warp.commands.command import Command, SplatOptions
-from digs_warp.commands.output import NewFolder, check_output_file
+from digs_warp.commands.output import OutputFolder, check_output_file
 from digs_warp.record.layout import RUN_RECORD
 from digs_warp.record.progress import progress
 from digs_warp.record.run_log import RunLog
@@ -115,9 +115,9 @@ class Render(Command):
     def _write_folder(self, frames: "Iterator[np.ndarray]", clock: "Clock") -> int:
         from digs_warp.show.film.video import write_frames
 
-        output = NewFolder(out=self.out, overwrite=self.overwrite)
+        output = OutputFolder(out=self.out, overwrite=self.overwrite)
         log = RunLog("render", self)
-        with output.opened([self.source, self.follow]) as folder:
+        with output.opened([self.source, self.follow], can_resume=False) as folder:
             count = write_frames(folder, frames)
             log.seconds["render"] = sum(clock.seconds)
             log.save(folder / RUN_RECORD)

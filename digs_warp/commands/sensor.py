@@ -8,7 +8,7 @@ import tyro
 
 from digs_warp.checks import DigsError
 from digs_warp.commands.command import Command, Group
-from digs_warp.commands.output import NewFolder, check_output_file
+from digs_warp.commands.output import OutputFolder, check_output_file
 from digs_warp.record.files import write_atomically
 from digs_warp.record.layout import RUN_RECORD
 from digs_warp.record.run_log import RunLog
@@ -128,7 +128,9 @@ class RecordWall(Command):
         rig = load_profile(self.profile).rig(self.width)
         drift = CalibrationDrift().draw(rig, self.seed)
         log = RunLog("sensor wall", self)
-        with NewFolder(out=self.out, overwrite=self.overwrite).opened() as folder:
+        with OutputFolder(out=self.out, overwrite=self.overwrite).opened(
+            can_resume=False
+        ) as folder:
             writer = CaptureWriter(folder, rig.image_intrinsics, rig_record(rig))
             with log.stage("record"):
                 capture = record_wall(

@@ -14,11 +14,9 @@ REPORT = "report.html"
 # In every folder that a command wrote:
 RUN_RECORD = "run.json"
 MANIFEST = "files.jsonl"
-# In a folder that a run is writing: its lock, a new result until it is complete, and the note that the new
-# result is now taking the place of the old one.
+# In a folder that a run is writing: its lock, and a new result until it is complete.
 LOCK = ".digs-warp.lock"
 UNFINISHED = ".digs-warp.unfinished"
-REPLACING = ".digs-warp.replacing"
 # In a capture folder of the simulator (its index: `digs_warp.data.capture`):
 SENSOR_PLAN = "sensor_plan.json"
 # In the folder of `digs-warp simulate` with many scenes:

@@ -1,13 +1,11 @@
 """A new result takes the place of an old one in the same folder; files that no run wrote stay.
 
-The new result is made in FOLDER/.digs-warp.unfinished, on the same disk. When it is complete, a note in
-FOLDER/.digs-warp.replacing says which files go and which come; then the old ones are deleted and the new
-ones renamed. A process that is killed before the note leaves the old result, one that is killed after it the
-new one: `finish_replacement` does what is left to do. In between, files are missing, but old and new
-ones are never mixed.
+The new result is made in FOLDER/.digs-warp.unfinished, on the same disk. When it is complete, the old files
+are deleted and the new ones renamed, the lists of files first. A process that is killed between leaves a part
+of the new result in its place and the rest in the hidden folder, never old files among new ones; --resume
+makes what it misses there again.
 """
 
-import json
 import os
 import shutil
 from collections.abc import Collection, Iterator, Sequence
@@ -20,13 +18,10 @@ from digs_warp.checks import DigsError
 from digs_warp.record.disk import sync
 from digs_warp.record.files import read_json, to_json, write_atomically
 from digs_warp.record.interruption import deferred_interrupt
-from digs_warp.record.layout import LOCK, MANIFEST, REPLACING, RUN_RECORD, UNFINISHED
+from digs_warp.record.layout import LOCK, MANIFEST, RUN_RECORD, UNFINISHED
 from digs_warp.record.manifest import Content, Manifest, recorded_files
 from digs_warp.record.run_log import RunRecord
 from digs_warp.words import first_few
-
-# What a run needs while it writes; no part of a result.
-_TOOLS = (LOCK, REPLACING)
 
 
 def our_files(folder: Path) -> set[str]:
@@ -73,45 +68,22 @@ def replace_result(folder: Path) -> None:
     above = {str(parent) for name in new for parent in PurePosixPath(name).parents}
     blocked = {name for name in new if (folder / name).is_dir() and _holds(others, name)}
     _refuse(folder, others & (new | above) | blocked)
-    plan = json.dumps({"old": sorted(old), "new": sorted(new)})
     with deferred_interrupt() as interruption:
-        write_atomically(folder / REPLACING, plan.encode())
-        finish_replacement(folder)
+        _delete(folder, old)
+        for name in sorted(new, key=lambda name: (PurePosixPath(name).name != MANIFEST, name)):
+            (folder / name).parent.mkdir(parents=True, exist_ok=True)
+            os.replace(unfinished / name, folder / name)
+        for parent in {(folder / name).parent for name in new}:
+            sync(parent)
+        shutil.rmtree(unfinished, ignore_errors=True)
     if interruption.asked is not None:
         interruption.end()
 
 
-def finish_replacement(folder: Path) -> bool:
-    """Finish what `replace_result` began before its process was killed; return whether there was anything.
-
-    Raises:
-        DigsError: somebody has put a file in the way since.
-    """
-    note, unfinished = folder / REPLACING, folder / UNFINISHED
-    if not note.is_file():
-        return False
-    plan = read_json(note, "replacement of a result")
-    old, new = (
-        {name for name in plan[group] if _is_inside(folder, name)} for group in ("old", "new")
-    )
-    waiting = {name for name in new if (unfinished / name).exists()}
-    _delete(folder, (old - new) | (old & waiting))
-    _refuse(folder, [name for name in waiting if os.path.lexists(folder / name)])
-    for name in sorted(waiting):
-        (folder / name).parent.mkdir(parents=True, exist_ok=True)
-        os.replace(unfinished / name, folder / name)
-    for parent in {(folder / name).parent for name in new}:
-        sync(parent)
-    shutil.rmtree(unfinished, ignore_errors=True)
-    note.unlink()
-    return True
-
-
 def _delete(folder: Path, names: Collection[str]) -> None:
-    """Delete files, and the folders that are empty without them."""
-    for name in sorted(names):
-        if not (folder / name).is_dir():  # a folder of the new result, after a kill
-            (folder / name).unlink(missing_ok=True)
+    """Delete files, the lists of them last, and the folders that are empty without them."""
+    for name in sorted(names, key=lambda name: (PurePosixPath(name).name == MANIFEST, name)):
+        (folder / name).unlink(missing_ok=True)
     above = {parent for name in names for parent in PurePosixPath(name).parents if parent.name}
     for parent in sorted(above, key=lambda each: len(each.parts), reverse=True):
         with suppress(OSError):  # not empty, or gone
@@ -168,7 +140,7 @@ def _all_files(folder: Path) -> set[str]:
         (parent / name).relative_to(folder).as_posix()
         for parent, folders, files in _walk(folder)
         for name in (*files, *(each for each in folders if (parent / each).is_symlink()))
-        if name not in _TOOLS
+        if name != LOCK
     }
 
 
@@ -176,11 +148,6 @@ def _walk(folder: Path) -> Iterator[tuple[Path, list[str], list[str]]]:
     for parent, folders, files in os.walk(folder):
         folders[:] = [name for name in folders if name != UNFINISHED]
         yield Path(parent), folders, files
-
-
-def _is_inside(folder: Path, name: str) -> bool:
-    """Whether a name that was read from a file means something in the folder, also where there are links."""
-    return (folder / name).parent.resolve().is_relative_to(folder.resolve())
 
 
 def _holds(names: Collection[str], folder: str) -> bool:

@@ -3,10 +3,12 @@
 import json
 import os
 import platform
+import subprocess
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
+from functools import cache
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
@@ -32,27 +34,17 @@ def versions() -> dict[str, str]:
     return found
 
 
+@cache
 def source_commit(package: Path = PACKAGE) -> str | None:
-    """Return the checked-out git commit of the code; None for an installed package.
-
-    Reads git's files directly: git need not be installed, and there is no process to wait for.
-    """
-    try:
-        git = package.parent / ".git"
-        if git.is_file():  # a worktree: "gitdir: PATH"
-            git = package.parent / git.read_text().removeprefix("gitdir:").strip()
-        head = (git / "HEAD").read_text().strip()
-        if not head.startswith("ref: "):
-            return head
-        branch = head.removeprefix("ref: ")
-        common = git / "commondir"
-        shared = git / common.read_text().strip() if common.is_file() else git
-        if (shared / branch).is_file():
-            return (shared / branch).read_text().strip()
-        packed = (line.split() for line in (shared / "packed-refs").read_text().splitlines())
-        return next((fields[0] for fields in packed if fields[1:] == [branch]), None)
-    except (OSError, UnicodeDecodeError):
+    """Return the checked-out git commit of the code; None for an installed package, or without git."""
+    if not (package.parent / ".git").exists():
         return None
+    command = ["git", "-C", str(package.parent), "rev-parse", "HEAD"]
+    try:
+        done = subprocess.run(command, capture_output=True, text=True, check=True, timeout=10)
+    except (OSError, subprocess.SubprocessError):
+        return None
+    return done.stdout.strip()
 
 
 @contextmanager

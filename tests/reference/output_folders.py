@@ -3,7 +3,7 @@
 import hashlib
 from pathlib import Path
 
-from digs_warp.commands.output import NewFolder, OutputFolder
+from digs_warp.commands.output import OutputFolder
 from digs_warp.record.files import write_atomically
 from digs_warp.record.manifest import recorded_files
 from digs_warp.record.run_log import RunLog
@@ -31,7 +31,7 @@ def state(folder: Path) -> dict[str, str]:
     }
 
 
-def write(folder: OutputFolder | NewFolder, name: str = "new.txt", text: str = "new") -> None:
+def write(folder: OutputFolder, name: str = "new.txt", text: str = "new") -> None:
     with folder.opened() as work:
         RunLog("simulate", {"frames": 4}).save(work / "run.json")
         write_atomically(work / name, text.encode())
