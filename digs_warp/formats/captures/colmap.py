@@ -9,10 +9,9 @@ splat trainers, not matches: they come from the sensed depth, and their tracks l
 depth confirms them, at their projections.
 """
 
-import struct
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
 
 import numpy as np
 
@@ -27,131 +26,34 @@ from digs_warp.formats.captures.frames import (
     start_points,
     write_mask,
 )
-from digs_warp.geometry.camera import Intrinsics
-from digs_warp.geometry.rigid import quat_xyzw_from_matrix
-from digs_warp.record.files import write_atomically
-
-PINHOLE_ID = 1  # COLMAP's number of the camera model fx, fy, cx, cy
-
-
-@dataclass(frozen=True, eq=False)
-class ModelImage:
-    """A registered image.
-
-    Attributes:
-        camera_id: counts from 1.
-        name: relative to the folder of images.
-        quat_wxyz, translation: camera from world [m].
-        px: where it shows points, shape (k, 2), the center of the first pixel at (0.5, 0.5).
-        points: which ones, indices from 0, shape (k,).
-    """
-
-    camera_id: int
-    name: str
-    quat_wxyz: tuple[float, ...]
-    translation: tuple[float, ...]
-    px: np.ndarray
-    points: np.ndarray
-
-
-@dataclass(frozen=True, eq=False)
-class ColmapModel:
-    """What the three files say. Numbers in files count from 1, in the order of the lists.
-
-    Attributes:
-        cameras: the different ones.
-        images: in order.
-        points_world: shape (n, 3) [m].
-        rgb: their colors, shape (n, 3), uint8.
-    """
-
-    cameras: Sequence[Intrinsics]
-    images: Sequence[ModelImage]
-    points_world: np.ndarray
-    rgb: np.ndarray
-
-    def tracks(self) -> list[np.ndarray]:
-        """Return for each point its (image id, index of the 2D point in the image), shape (k, 2), uint32."""
-        points = np.concatenate([image.points for image in self.images])
-        entries = np.concatenate(
-            [
-                np.stack([np.full(len(image.points), number), np.arange(len(image.points))], axis=1)
-                for number, image in enumerate(self.images, start=1)
-            ]
-        ).astype("<u4")
-        order = np.argsort(points, kind="stable")
-        ends = np.cumsum(np.bincount(points, minlength=len(self.points_world)))
-        return np.split(entries[order], ends[:-1]) if len(ends) else []
-
-
-def text_files(model: ColmapModel) -> dict[str, bytes]:
-    """Return the files of the model in text form, by name."""
-    cameras = ["# CAMERA_ID, MODEL, WIDTH, HEIGHT, fx, fy, cx, cy"]
-    for number, k in enumerate(model.cameras, start=1):
-        cameras.append(f"{number} PINHOLE {k.width} {k.height} {k.fx!r} {k.fy!r} {k.cx!r} {k.cy!r}")
-    images = [
-        "# IMAGE_ID, QW, QX, QY, QZ, TX, TY, TZ, CAMERA_ID, NAME",
-        "# POINTS2D[] as (X, Y, POINT3D_ID)",
-    ]
-    for number, image in enumerate(model.images, start=1):
-        pose = " ".join(repr(value) for value in (*image.quat_wxyz, *image.translation))
-        seen = zip(image.px.tolist(), (image.points + 1).tolist(), strict=True)
-        images.append(f"{number} {pose} {image.camera_id} {image.name}")
-        images.append(" ".join(f"{u!r} {v!r} {point}" for (u, v), point in seen))
-    points = ["# POINT3D_ID, X, Y, Z, R, G, B, ERROR, TRACK[] as (IMAGE_ID, POINT2D_IDX)"]
-    rows = zip(model.points_world.tolist(), model.rgb.tolist(), model.tracks(), strict=True)
-    for number, (position, color, track) in enumerate(rows, start=1):
-        words = [number, *map(repr, position), *color, 0, *track.ravel().tolist()]
-        points.append(" ".join(map(str, words)))
-    lines = {"cameras.txt": cameras, "images.txt": images, "points3D.txt": points}
-    return {name: ("\n".join(content) + "\n").encode() for name, content in lines.items()}
-
-
-def binary_files(model: ColmapModel) -> dict[str, bytes]:
-    """Return the files of the model in binary form, by name."""
-    records = {
-        "cameras.bin": [
-            struct.pack("<IiQQ4d", number, PINHOLE_ID, k.width, k.height, k.fx, k.fy, k.cx, k.cy)
-            for number, k in enumerate(model.cameras, start=1)
-        ],
-        "images.bin": [_image_record(*item) for item in enumerate(model.images, start=1)],
-        "points3D.bin": _point_records(model),
-    }
-    return {name: struct.pack("<Q", len(rows)) + b"".join(rows) for name, rows in records.items()}
-
-
-def _image_record(number: int, image: ModelImage) -> bytes:
-    seen = np.empty(len(image.points), dtype=[("px", "<f8", 2), ("point", "<u8")])
-    seen["px"], seen["point"] = image.px, image.points + 1
-    pose = *image.quat_wxyz, *image.translation
-    head = struct.pack("<I7dI", number, *pose, image.camera_id)
-    return head + image.name.encode() + b"\0" + struct.pack("<Q", len(seen)) + seen.tobytes()
-
-
-def _point_records(model: ColmapModel) -> list[bytes]:
-    rows = zip(model.points_world.tolist(), model.rgb.tolist(), model.tracks(), strict=True)
-    return [
-        struct.pack("<Q3d3BdQ", number, *position, *color, 0.0, len(track)) + track.tobytes()
-        for number, (position, color, track) in enumerate(rows, start=1)
-    ]
-
+from digs_warp.poses.from_images.colmap import quiet_pycolmap
+from digs_warp.poses.from_images.model import write_model
+from digs_warp.record.disk import out_of_space
+from digs_warp.record.files import copy_file
 
 SPARSE = "sparse/0"
 
 
 def write_colmap_binary(capture: Capture, folder: Path) -> None:
     """Write the capture as a COLMAP model in binary files, which nearly all splat trainers want."""
-    _write(capture, folder, binary_files)
+    write_model(_images_and_model(capture, folder), folder / SPARSE)
 
 
 def write_colmap_text(capture: Capture, folder: Path) -> None:
     """Write the capture as a COLMAP model in text files."""
-    _write(capture, folder, text_files)
+    model = _images_and_model(capture, folder)
+    with TemporaryDirectory(prefix="digs-warp-") as place:
+        model.write_text(place)
+        again = quiet_pycolmap().Reconstruction()
+        again.read_text(place)
+        if again.num_points3D() != model.num_points3D():
+            raise out_of_space(Path(place), "COLMAP's files are not complete")
+        for path in Path(place).iterdir():
+            copy_file(path, folder / SPARSE / path.name)
 
 
-def _write(
-    capture: Capture, folder: Path, files: Callable[[ColmapModel], dict[str, bytes]]
-) -> None:
+def _images_and_model(capture: Capture, folder: Path) -> Any:
+    """Write images and masks; return the model, a `pycolmap.Reconstruction`."""
     names = [f"{number:04d}.png" for number in range(len(capture))]
 
     def write_frame(number: int, frame: Frame) -> None:
@@ -160,36 +62,28 @@ def _write(
             write_mask(frame, folder / "masks" / f"{names[number]}.png")
 
     for_each_frame(capture.frames, "Writing COLMAP", write_frame)
-    for name, content in files(_model(capture, names)).items():
-        write_atomically(folder / SPARSE / name, content)
-
-
-def _model(capture: Capture, names: Sequence[str]) -> ColmapModel:
+    pycolmap = quiet_pycolmap()
+    model = pycolmap.Reconstruction()
     cameras = list(dict.fromkeys(frame.camera.intrinsics for frame in capture.frames))
+    for number, k in enumerate(cameras, start=1):
+        params = [k.fx, k.fy, k.cx, k.cy]
+        camera = {"model": "PINHOLE", "width": k.width, "height": k.height, "params": params}
+        model.add_camera_with_trivial_rig(pycolmap.Camera(camera_id=number, **camera))
     start = start_points(capture)
     points_world = start.cloud.points_world.astype(np.float64)
-    images = [
-        _image(frame, name, cameras, points_world, seen)
-        for frame, name, seen in zip(capture.frames, names, sightings(capture, start), strict=True)
-    ]
-    return ColmapModel(cameras, images, points_world, to_uint8(start.cloud.colors))
-
-
-def _image(
-    frame: Frame,
-    name: str,
-    cameras: Sequence[Intrinsics],
-    points_world: np.ndarray,
-    seen: np.ndarray,
-) -> ModelImage:
-    cam_from_world = frame.camera.cam_from_world
-    x, y, z, w = quat_xyzw_from_matrix(cam_from_world[:3, :3]).tolist()
-    px, _ = frame.camera.project(points_world[seen])
-    return ModelImage(
-        cameras.index(frame.camera.intrinsics) + 1,
-        name,
-        (w, x, y, z),
-        tuple(cam_from_world[:3, 3].tolist()),
-        px,
-        seen,
-    )
+    tracks = [pycolmap.Track() for _ in points_world]
+    shown = zip(capture.frames, names, sightings(capture, start), strict=True)
+    for number, (frame, name, seen) in enumerate(shown, start=1):
+        image = pycolmap.Image(
+            name=name,
+            keypoints=frame.camera.project(points_world[seen])[0],
+            camera_id=cameras.index(frame.camera.intrinsics) + 1,
+            image_id=number,
+        )
+        pose = pycolmap.Rigid3d(frame.camera.cam_from_world[:3])
+        model.add_image_with_trivial_frame(image, pose)
+        for index, point in enumerate(seen.tolist()):
+            tracks[point].add_element(number, index)
+    for place, track, color in zip(points_world, tracks, to_uint8(start.cloud.colors), strict=True):
+        model.add_point3D(place, track, color)
+    return model
