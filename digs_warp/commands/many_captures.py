@@ -1,19 +1,70 @@
-"""Reconstruct several captures, each into its own folder."""
+"""Many recordings or reconstructions in one command, each in its own folder."""
 
 import os
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from digs_warp.checks import DigsError
+from digs_warp.commands.output import OutputFolder
+from digs_warp.commands.precompile import compile_kernels
 from digs_warp.data.index_rules import INDEX_NAME
 from digs_warp.engines.config import EngineConfig
 from digs_warp.record import layout
+from digs_warp.record.run_log import RunLog
+from digs_warp.words import counted, format_facts
 
 if TYPE_CHECKING:
     from digs_warp.commands.reconstruction_options import ReconstructionOptions
+
+
+def make_many(
+    output: OutputFolder,
+    log: RunLog,
+    engine: EngineConfig,
+    inputs: Sequence[Path | None],
+    writes: Sequence[str],
+    make: Callable[[Path], Mapping[str, str | DigsError]],
+    thing: str,
+    listed: str,
+) -> str:
+    """Make many things in one folder, with a record; return what to print.
+
+    Args:
+        output: the folder.
+        log: of the command.
+        engine: where they are made; kernels are compiled before, where that is this machine.
+        inputs: what is read.
+        writes: the names that results may have.
+        make: makes them in the folder; returns what became of each by name, an error if it failed.
+        thing: what each is called.
+        listed: the file of the folder with more of each.
+
+    Raises:
+        DigsError: some failed; what was made stays, but replaces no old result.
+    """
+    with output.opened(inputs, writes) as folder:
+        record = folder / layout.RUN_RECORD
+        if output.resume:
+            log.continue_from(record)
+        log.save(record)
+        if engine.address is None:
+            compile_kernels()
+        with log.stage(log.command):
+            found = make(folder)
+        failed = [name for name, words in found.items() if isinstance(words, DigsError)]
+        log.results = {f"{thing}s": len(found), "failed": failed}
+        log.save(record)
+        lines = format_facts({name: str(words) for name, words in found.items()})
+        if failed:
+            number = counted(len(found), thing)
+            text = f"{lines}\n\nAlso in {folder / listed}"
+            raise DigsError(f"{len(failed)} of {number} failed\n{text}")
+    seconds = log.seconds[log.command]
+    number = counted(len(found), thing)
+    return f"{lines}\n\nAlso in {output.out / listed}. {number} in {seconds:.0f} s"
 
 
 @dataclass(frozen=True)

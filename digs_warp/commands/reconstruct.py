@@ -10,7 +10,7 @@ import tyro
 
 from digs_warp.checks import DigsError
 from digs_warp.commands.command import SettingsCommand
-from digs_warp.commands.many_captures import find_jobs, is_data_set, reconstruct_many
+from digs_warp.commands.many_captures import find_jobs, is_data_set, make_many, reconstruct_many
 from digs_warp.commands.output import ANY_FOLDER, OUTPUT_FLAGS, OutputFolder, reconstruction_files
 from digs_warp.commands.precompile import compile_kernels
 from digs_warp.commands.reconstruction_options import (
@@ -24,7 +24,6 @@ from digs_warp.record import layout
 from digs_warp.record.run_log import RunLog
 from digs_warp.record.typed import from_json
 from digs_warp.settings import SEED
-from digs_warp.words import counted, format_facts
 
 if TYPE_CHECKING:
     from digs_warp.data.capture import Capture
@@ -139,26 +138,16 @@ class Reconstruct(ReconstructionOptions, _Output):
         if self.on.address is None:
             check_machine(options.reconstruct_config(self.seed))  # a wrong flag is named first
         log = RunLog("reconstruct", options)
-        with self.output.opened([job.capture for job in jobs], writes) as folder:
-            record = folder / layout.RUN_RECORD
-            if self.output.resume:
-                log.continue_from(record)
-            log.save(record)
-            if self.on.address is None:
-                compile_kernels()
-            with log.stage("reconstruct"):
-                lines = reconstruct_many(jobs, options, self.seed, folder, self.on)
-            failed = [line["name"] for line in lines if "error" in line]
-            log.results = {"captures": len(lines), "failed": failed}
-            log.save(record)
-            text = format_facts(
-                {line["name"]: line.get("words") or f"failed: {line['error']}" for line in lines}
-            )
-            if failed:  # before an old result is replaced
-                raise DigsError(f"{len(failed)} of {counted(len(lines), 'capture')} failed\n{text}")
-        seconds = log.seconds["reconstruct"]
-        number = counted(len(lines), "capture")
-        return f"{text}\n\nAlso in {self.output.out / RESULTS}. {number} in {seconds:.0f} s"
+
+        def make(folder: Path) -> dict[str, str | DigsError]:
+            lines = reconstruct_many(jobs, options, self.seed, folder, self.on)
+            return {
+                line["name"]: line.get("words") or DigsError(f"failed: {line['error']}")
+                for line in lines
+            }
+
+        inputs = [job.capture for job in jobs]
+        return make_many(self.output, log, self.on, inputs, writes, make, "capture", RESULTS)
 
     def _options(self) -> ReconstructionOptions:
         """Return the settings of all captures, without the flags of the command."""

@@ -11,6 +11,7 @@ import tyro
 
 from digs_warp.checks import DigsError
 from digs_warp.commands.command import SettingsCommand
+from digs_warp.commands.many_captures import make_many
 from digs_warp.commands.output import ANY_FOLDER, OUTPUT_FLAGS, OutputFolder, capture_files
 from digs_warp.commands.precompile import compile_kernels
 from digs_warp.engines.config import EngineConfig
@@ -19,7 +20,7 @@ from digs_warp.record.run_log import RunLog
 from digs_warp.record.typed import from_json
 from digs_warp.settings import Range, Settings
 from digs_warp.sim.config import SimulateConfig
-from digs_warp.words import counted, format_facts
+from digs_warp.words import counted
 
 if TYPE_CHECKING:
     from digs_warp.sim.record.randomize.draws import SceneJob
@@ -171,30 +172,16 @@ class Simulate(SettingsCommand):
         check_effects(self.recording)
         meshes, environments = self.many.find()
         jobs = self._jobs(meshes, environments)
-        one = self.recording.input_files
         names = (*capture_files(), RUN_RECORD, MANIFEST)
         writes = [DATA_SET, RESULTS, *(f"{job.name}/{name}" for job in jobs for name in names)]
         log = RunLog("simulate", {"recording": self.recording, "scenes": self.many})
-        with self.output.opened([*one, *meshes, *environments], writes) as folder:
-            record = folder / RUN_RECORD
-            if self.output.resume:
-                log.continue_from(record)
-            log.save(record)
-            if self.on.address is None:
-                compile_kernels()
-            with log.stage("simulate"):
-                results = simulate_many(jobs, folder, self.on)
-            failed = [each.name for each in results if each.error]
-            log.results = {"scenes": len(results), "failed": failed}
-            log.save(record)
-            lines = format_facts({result.name: str(result) for result in results})
-            if failed:  # before an old result is replaced
-                text = f"{lines}\n\nAlso in {folder / DATA_SET}"
-                raise DigsError(f"{len(failed)} of {counted(len(results), 'scene')} failed\n{text}")
-        return (
-            f"{lines}\n\nAlso in {self.output.out / DATA_SET}. {counted(len(results), 'scene')} in "
-            f"{log.seconds['simulate']:.0f} s"
-        )
+
+        def make(folder: Path) -> dict[str, str | DigsError]:
+            results = simulate_many(jobs, folder, self.on)
+            return {r.name: DigsError(str(r)) if r.error else str(r) for r in results}
+
+        inputs = [*self.recording.input_files, *meshes, *environments]
+        return make_many(self.output, log, self.on, inputs, writes, make, "scene", DATA_SET)
 
     def _jobs(self, meshes: Sequence[Path], environments: Sequence[Path]) -> "tuple[SceneJob, ...]":
         from digs_warp.sim.record.data_set import plan_jobs

@@ -94,7 +94,6 @@ KINDS = (
         *_recording("colmap_text", *(f"sparse/0/{name}.txt" for name in ("cameras", "images", "points3D")),
                     form="colmap"),
         *_recording("7scenes", "frame-000001.pose.txt", "frame-000001.depth.png", "camera-intrinsics.txt"),
-        *_recording("7scenes_info", "info.txt", form="7scenes"),
     )),
     Kind("recording: film", (
         Input("film", "walk.mp4", ("convert walk.mp4 --from video --frames 3 --out OUT",)),

@@ -153,11 +153,6 @@ class Originals:
         _digs_warp("export-usd", self.make("reconstruction") / "reconstruction",
                    "--capture", self.make("capture"), "--out", folder / "capture.usdz")  # fmt: skip
 
-    def _7scenes_info(self, folder: Path) -> None:
-        """Another file for the cameras."""
-        shutil.copytree(self.make("7scenes"), folder)
-        (folder / "camera-intrinsics.txt").unlink()
-
     def _film(self, folder: Path) -> None:
         folder.mkdir()
         frames = (frame.load_image() for frame in read_capture(self.make("capture")).frames)

@@ -1,39 +1,34 @@
-"""7-Scenes, and data sets in its layout (3DMatch, RIO10, BundleFusion): three files for each frame.
+"""7-Scenes, and data sets in its layout such as 3DMatch: three files for each frame.
 
     frame-000000.color.png or .jpg
     frame-000000.depth.png or .pgm    millimetres, 0 and 65535 unknown
     frame-000000.pose.txt             4 x 4, world from camera, OpenCV axes; not finite where tracking failed
-    camera-intrinsics.txt             3 x 3, of color and depth; here or one folder above (3DMatch), or
-    info.txt, _info.txt               m_calibrationColorIntrinsic, ...DepthIntrinsic (BundleFusion, RIO10)
+    camera-intrinsics.txt             3 x 3, of color and depth; here or one folder above (3DMatch)
 
 7-Scenes itself has no such file: its images are those of a Kinect, not registered to each other, and the
 poses are those of the depth camera. Without a calibration, images of 640 x 480 pixels get the figures in
 common use for it. See https://www.microsoft.com/en-us/research/project/rgb-d-dataset-7-scenes/.
 """
 
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
 from digs_warp.checks import CaptureError
-from digs_warp.data.images import MM_PER_METRE, image_size
+from digs_warp.data.images import image_size
 from digs_warp.formats.captures.recording import (
     DEPTH_SUFFIXES,
     IMAGE_SUFFIXES,
     DepthCamera,
     NumberedFiles,
     Recording,
-    expecting,
     known_pose,
     read_numbers,
 )
 from digs_warp.geometry.camera import Intrinsics
 from digs_warp.geometry.rigid import invert_rigid
-from digs_warp.record.files import read_text
 
 CALIBRATION = "camera-intrinsics.txt"
-INFOS = ("info.txt", "_info.txt")
 
 # The page of the data set gives the first; the second is that of the Kinect's color camera.
 KINECT_SIZE = (640, 480)
@@ -50,15 +45,6 @@ COLOR_FROM_DEPTH = np.array(
         [0.0, 0.0, 0.0, 1.0],
     ]
 )
-
-
-@dataclass(frozen=True, eq=False)
-class _Rig:
-    """The color camera, the depth camera where it is another, and depth units per metre."""
-
-    color: Intrinsics
-    depth: DepthCamera | None = None
-    units_per_metre: float = MM_PER_METRE
 
 
 def read_seven_scenes(folder: Path) -> Recording:
@@ -80,17 +66,12 @@ def read_seven_scenes(folder: Path) -> Recording:
         )
     files = NumberedFiles(folder, images, _numbered(folder, "depth", DEPTH_SUFFIXES))
     depth_size = image_size(next(iter(files.depths.values()))) if files.depths else files.image_size
-    rig = _rig(folder, files.image_size, depth_size)
+    color, depth = _cameras(folder, files.image_size, depth_size)
     poses = {
-        number: _color_pose(path, rig)
+        number: _color_pose(path, depth)
         for number, path in _numbered(folder, "pose", (".txt",)).items()
     }
-    return files.recording(
-        rig.color,
-        poses,
-        depth_camera=rig.depth if files.depths else None,
-        depth_units_per_metre=dict.fromkeys(images, rig.units_per_metre),
-    )
+    return files.recording(color, poses, depth_camera=depth if files.depths else None)
 
 
 def _numbered(folder: Path, kind: str, suffixes: tuple[str, ...]) -> dict[int, Path]:
@@ -103,24 +84,21 @@ def _numbered(folder: Path, kind: str, suffixes: tuple[str, ...]) -> dict[int, P
     return dict(sorted(found.items()))
 
 
-def _rig(folder: Path, size: tuple[int, int], depth_size: tuple[int, int]) -> _Rig:
-    """Return the cameras that a file gives, or those of the Kinect of 7-Scenes."""
+def _cameras(
+    folder: Path, size: tuple[int, int], depth_size: tuple[int, int]
+) -> tuple[Intrinsics, DepthCamera | None]:
+    """Return the color camera, and the depth camera where it is another: of a file, or the Kinect's."""
     for place in (folder, folder.parent):
         if (path := place / CALIBRATION).is_file():
-            color = Intrinsics.from_matrix(
-                read_numbers(path, (3, 3), "calibration"), *size, first_center=0
-            )
-            return _Rig(color)
-        for name in INFOS:
-            if (path := place / name).is_file():
-                return _rig_of_info(path, size, depth_size)
+            matrix = read_numbers(path, (3, 3), "calibration")
+            return Intrinsics.from_matrix(matrix, *size, first_center=0), None
     if size != KINECT_SIZE or depth_size != KINECT_SIZE:
         raise CaptureError(
             f"recording '{folder}': images of {size[0]}x{size[1]} pixels and no {CALIBRATION}; write "
             "fx 0 cx, 0 fy cy, 0 0 1 into that file (first pixel center at 0, 0)"
         )
     color = Intrinsics.from_matrix(COLOR_MATRIX, *size, first_center=0)
-    return _Rig(color, kinect_depth_camera(*size))
+    return color, kinect_depth_camera(*size)
 
 
 def kinect_depth_camera(width: int, height: int) -> DepthCamera:
@@ -129,27 +107,9 @@ def kinect_depth_camera(width: int, height: int) -> DepthCamera:
     return DepthCamera(camera.resized(width, height), COLOR_FROM_DEPTH)
 
 
-def _rig_of_info(path: Path, size: tuple[int, int], depth_size: tuple[int, int]) -> _Rig:
-    """Return the cameras of a file of lines "name = values"; color and depth look from the same place."""
-    lines = (line.partition("=") for line in read_text(path, "calibration").splitlines())
-    values = {name.strip(): value.split() for name, _, value in lines}
-    with expecting(
-        f"'{path}'", "4 x 4 numbers for m_calibrationColorIntrinsic and ...DepthIntrinsic"
-    ):
-        color, depth = (
-            np.array(values[f"m_calibration{kind}Intrinsic"], dtype=np.float64).reshape(4, 4)
-            for kind in ("Color", "Depth")
-        )
-        units = float(values.get("m_depthShift", [MM_PER_METRE])[0])
-    if not units > 0:
-        raise CaptureError(f"'{path}': m_depthShift is {units}, expected units per metre above 0")
-    camera = DepthCamera(Intrinsics.from_matrix(depth, *depth_size, first_center=0))
-    return _Rig(Intrinsics.from_matrix(color, *size, first_center=0), camera, units)
-
-
-def _color_pose(path: Path, rig: _Rig) -> np.ndarray | None:
+def _color_pose(path: Path, depth: DepthCamera | None) -> np.ndarray | None:
     """Return world from color camera; None where tracking failed."""
     pose = known_pose(read_numbers(path, (4, 4), "pose"))
-    if pose is None or rig.depth is None or rig.depth.color_from_depth is None:
+    if pose is None or depth is None or depth.color_from_depth is None:
         return pose
-    return pose @ invert_rigid(rig.depth.color_from_depth)
+    return pose @ invert_rigid(depth.color_from_depth)
