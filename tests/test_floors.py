@@ -34,14 +34,14 @@ FLOORS = {
 }
 # The most lines of a room. A change that needs more says in its message what the weight buys.
 LINE_BUDGETS = {
-    "api": 440,
+    "api": 436,
     "check": 2_130,
-    "commands": 3_500,
+    "commands": 3_416,
     "data": 3_293,
     "device": 919,
-    "engines": 1_010,
+    "engines": 1_007,
     "files at the top": 800,
-    "formats": 6_510,
+    "formats": 5_978,
     "geometry": 621,
     "init": 4_615,
     "losses": 810,
@@ -49,7 +49,7 @@ LINE_BUDGETS = {
     "measure": 1_643,
     "pipeline": 2_423,
     "poses": 5_304,
-    "record": 2_150,
+    "record": 2_081,
     "show": 3_610,
     "sim.camera": 1_459,
     "sim.fit": 2_310,

@@ -63,7 +63,7 @@ def import_pycolmap() -> ModuleType:
     would not end in order.
 
     Raises:
-        MissingLibraryError: it is not installed. Only structure from motion needs it.
+        MissingLibraryError: it is not installed. Only structure from motion and exports to COLMAP need it.
     """
     importlib.import_module("zlib")
     handler = signal.getsignal(signal.SIGTERM)
@@ -71,8 +71,9 @@ def import_pycolmap() -> ModuleType:
         pycolmap = importlib.import_module("pycolmap")
     except ImportError as error:
         raise MissingLibraryError(
-            f"structure from motion needs the package 'pycolmap', which cannot be loaded ({error}); install "
-            "it with: pip install pycolmap. Or do without: --poses capture, and a --strategy from depth."
+            "structure from motion and exports to COLMAP need the package 'pycolmap', which cannot be loaded "
+            f"({error}); install it with: pip install pycolmap. Or do without: --poses capture, and a "
+            "--strategy from depth."
         ) from error
     # Python sets signals in its main thread only; None is a handler that Python did not set.
     if threading.current_thread() is threading.main_thread() and handler is not None:
