@@ -12,7 +12,12 @@ from digs_warp.checks import DigsError
 from digs_warp.commands.command import Command, SplatOptions
 from digs_warp.commands.output import OutputFolder, check_output_file
 from digs_warp.data.index_rules import INDEX_NAME
-from digs_warp.formats.captures.formats import CaptureFormat, RecordingFormat
+from digs_warp.formats.captures.formats import (
+    EXPORTERS,
+    RECORDINGS,
+    CaptureFormat,
+    RecordingFormat,
+)
 from digs_warp.record.layout import RUN_RECORD, find_gaussians
 from digs_warp.record.run_log import RunLog
 from digs_warp.settings import FIELD_OF_VIEW, FRAMES, SIDE, Range, Settings
@@ -137,12 +142,12 @@ class Convert(Command):
             return export_capture_folder(self.source, self.to, self.out, self.overwrite)
         if (self.source / INDEX_NAME).is_file():
             raise DigsError(
-                f"'{self.source}': a capture; add --to with one of {', '.join(CaptureFormat.__args__)}"
+                f"'{self.source}': a capture; add --to with one of {', '.join(EXPORTERS)}"
             )
         try:
             find_gaussians(self.source)
         except DigsError as error:
-            forms = ", ".join(RecordingFormat.__args__)
+            forms = ", ".join(RECORDINGS)
             raise DigsError(
                 f"{error}; for a recording of a real camera add --from with one of {forms}"
             ) from None

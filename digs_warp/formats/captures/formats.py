@@ -42,6 +42,9 @@ FILE_READERS: dict[str, str] = {
     "realsense": "ros.read_ros",
     "ros": "ros.read_ros",
 }
+# What ``--from`` names.
+RECORDINGS = tuple(dict.fromkeys([*READERS, *FILE_READERS]))
+
 # Frames that are taken of a film if nobody says how many.
 MOST_OF_A_FILM = 120
 
@@ -65,7 +68,7 @@ if TYPE_CHECKING:
     RecordingFormat: TypeAlias = str
     CaptureFormat: TypeAlias = str
 else:
-    RecordingFormat = Literal[*dict.fromkeys([*READERS, *FILE_READERS])]
+    RecordingFormat = Literal[*RECORDINGS]
     CaptureFormat = Literal[*EXPORTERS]
 
 
@@ -121,8 +124,7 @@ def read_recording(folder: Path, form: str) -> "Recording":
         DigsError: an unknown format, a missing folder, or files that are missing or broken.
     """
     if form not in READERS:
-        known = [*READERS, *FILE_READERS]
-        raise CaptureError(f"recording format '{form}': unknown{did_you_mean(form, known)}")
+        raise CaptureError(f"recording format '{form}': unknown{did_you_mean(form, RECORDINGS)}")
     require_folder(
         folder,
         "recording",
