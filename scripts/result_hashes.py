@@ -26,7 +26,7 @@ RUNS: dict[str, str] = {
     "depth": "--frames 12 --width 240 --iterations 60 --keep-course",
     "matched": (
         "--frames 16 --width 320 --tier law --poses sfm --masks depth --strategy fusion "
-        "--density absgrad --iterations 120 --depth-weight 0.01 --sh-degree 2 "
+        "--density adaptive --iterations 120 --depth-weight 0.01 --sh-degree 2 "
         "--min-registered 0.5"
     ),
     "sparse": (

@@ -23,7 +23,7 @@ class ReconstructSettings(TypedDict, total=False):
     voxel_size: float | None
     target_points: int | None
     time_budget: float | None
-    density: Literal["auto", "fixed", "adaptive", "absgrad"]
+    density: Literal["auto", "fixed", "adaptive"]
     max_splats: int
     sh_degree: int | None
     background: Literal["random", "white", "black"]

@@ -56,8 +56,7 @@ class _DensityOptions(Density):
 
     strategy: Annotated[Literal["auto", DensityStrategy], tyro.conf.arg(name="density")] = "auto"  # pyright: ignore
     """How the number of Gaussians changes. auto: fixed after a start from depth, adaptive after a sparse or
-    random one; fixed: not at all; adaptive: clone, split, prune and reset as in 3DGS; absgrad: the same with
-    absolute gradients, fewer Gaussians for the same quality."""
+    random one; fixed: not at all; adaptive: clone, split, prune and reset as in 3DGS."""
 
 
 # Its groups have empty names, so that the help shows them as one. (Not said in the class: tyro shows that.)

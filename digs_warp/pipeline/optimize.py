@@ -83,7 +83,9 @@ def optimize(
     with log.stage("load views"):
         seeds = _seeds(poses, start, config) if trained is None else None
         resolved = Resolved(
-            train_poses=pose_training(poses.refinement, config.train), loss=hooks.loss
+            train_poses=pose_training(poses.refinement, config.train),
+            loss=hooks.loss,
+            most_steps=config.train.stop.iterations,
         )
         views = _load_views(
             *(poses.posed, start.points, seeds, shutter, config.train, folder),

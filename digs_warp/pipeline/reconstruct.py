@@ -152,10 +152,8 @@ def _evaluate(result: Reconstruction, found: Optimized, config: ReconstructConfi
         ]
         sizes = measure_other_sizes(gaussians, found.test_views, measured.scores)
         surface = _surface_error(result, truth.result(), config)
-        unseen = None
-        if result.frames is not None and result.poses.subject == "scene":
-            views = found.test_views, measured.images
-            unseen = unseen_part(gaussians, result.frames, *views)
+        scene = result.frames if result.poses.subject == "scene" else None
+        unseen = unseen_part(measured, scene, found.test_views) if scene else None
         for write in writes:
             write.result()
         scores = Scores.of(measured.scores, surface, sizes, unseen)

@@ -19,17 +19,16 @@ from digs_warp.splat.cooperative import (
     sum_records_kernel,
 )
 from digs_warp.splat.project import project_kernel
-from digs_warp.splat.project_adjoint import project_backward_kernel
 from digs_warp.splat.project_adjoint_group import project_backward_group_kernel
 from digs_warp.splat.project_group import project_group_kernel
 from digs_warp.splat.rasterize import forward_kernel
 from digs_warp.splat.rasterize_adjoint import backward_kernel
-from digs_warp.splat.records import GROUP_SIZE, GradientLayout
+from digs_warp.splat.records import GROUP_SIZE
+from digs_warp.splat.shape_gradient import project_backward_kernel
 from digs_warp.splat.tile import STEP_CUT, AlphaCut
 
 # A thread adds up so many gradient records of a Gaussian by itself, a warp adds up more.
 MOST_RECORDS = 8
-ALL_RECORDS = 2**31 - 1
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,7 +39,7 @@ class RasterJob:
         device: Warp device of all arrays.
         threads: CPU threads.
         options: how splats are drawn.
-        layout: of the gradient records.
+        fields: columns of the gradient records.
         count: number of Gaussians.
         tiles: of the largest view.
         degree: bands of the color.
@@ -54,14 +53,13 @@ class RasterJob:
         drawn: the view, `Planes`.
         ends: one past the last pair that was drawn, of each tile or pixel: `RasterBackend.ends` of them.
         adjoint: gradient of the loss in the view, `Planes`.
-        camera_shares: of the Gaussians in the gradient of the camera, (count, CAMERA_FIELDS), or none.
         statistics: `StatisticsArrays`.
     """
 
     device: str
     threads: int
     options: RasterOptions
-    layout: GradientLayout
+    fields: int
     count: int
     tiles: int
     degree: int
@@ -75,7 +73,6 @@ class RasterJob:
     drawn: Any
     ends: wp.array
     adjoint: Any
-    camera_shares: wp.array
     statistics: Any
 
     def launch(
@@ -158,24 +155,18 @@ class VectorizedBackend:
         return tiles
 
     def record(self, job: RasterJob) -> RasterLaunches:
-        """Record the launches; a rare gradient goes back Gaussian by Gaussian."""
+        """Record the launches."""
         groups = -(-job.count // GROUP_SIZE)
         project = [job.gaussians, job.degree, job.splats]
         raster = [job.splats, job.pairs, job.background, job.filled, job.drawn, job.ends]
         adjoint = [job.splats, job.pairs, job.drawn, job.ends, job.adjoint]
-        backward = backward_kernel(job.options, job.layout.absolute >= 0, self.cut)
-        if job.camera_shares.shape[0] > 0 or job.options.has_normals:
-            project_backward = project_backward_each(job)
-        else:
-            pulled = [job.pair_gradients, job.gradients, job.statistics]
-            project_backward = job.launch(
-                project_backward_group_kernel, groups, [*project, *pulled], even=True
-            )
+        backward = backward_kernel(job.options, self.cut)
+        pulled = [*project, job.pair_gradients, job.gradients, job.statistics]
         return RasterLaunches(
             job.launch(project_group_kernel, groups, project, even=True),
             job.launch(forward_kernel(job.options, self.cut), job.tiles, raster),
             job.launch(backward, job.tiles, [*adjoint, job.pair_gradients.records]),
-            project_backward,
+            job.launch(project_backward_group_kernel, groups, pulled, even=True),
         )
 
 
@@ -197,42 +188,30 @@ class CooperativeBackend:
 
     def record(self, job: RasterJob) -> RasterLaunches:
         """Record the launches."""
-        has_depth, has_normals = job.options.has_depth, job.options.has_normals
-        forward = forward_cooperative_kernel(job.options.depth_channels, has_normals, self.cut)
-        absolute = job.layout.absolute >= 0
-        backward = backward_cooperative_kernel(has_depth, has_normals, absolute, self.cut)
+        forward = forward_cooperative_kernel(job.options.depth_channels, self.cut)
+        backward = backward_cooperative_kernel(job.options.has_depth, self.cut)
+        sum_records = sum_records_kernel(job.fields)
+        each = [job.gaussians, job.degree, job.splats]
+        pulled = [*each, job.pair_gradients, MOST_RECORDS, job.gradients, job.statistics]
         raster = [job.splats, job.pairs, job.background, job.drawn, job.ends]
         adjoint = [job.splats, job.pairs, job.drawn, job.ends, job.adjoint]
         return RasterLaunches(
-            project_each(job),
+            job.launch(project_kernel, job.count, each, even=True),
             CooperativeLaunch(forward, job.tiles, raster, job.device),
             CooperativeLaunch(
                 backward, job.tiles, [*adjoint, job.pair_gradients.records], job.device
             ),
-            Launches([record_sums(job), project_backward_each(job, MOST_RECORDS)]),
+            Launches(
+                [
+                    job.launch(
+                        sum_records,
+                        -(-job.count // WARP) * WARP,
+                        [job.pair_gradients, MOST_RECORDS],
+                    ),
+                    job.launch(project_backward_kernel, job.count, pulled, even=True),
+                ]
+            ),
         )
-
-
-def project_each(job: RasterJob) -> ParallelLaunch:
-    """Record the projection with one thread per Gaussian."""
-    return job.launch(project_kernel, job.count, [job.gaussians, job.degree, job.splats], even=True)
-
-
-def record_sums(job: RasterJob) -> ParallelLaunch:
-    """Record what adds up the records of splats with many, with whole warps."""
-    kernel = sum_records_kernel(job.layout.fields)
-    threads = -(-job.count // WARP) * WARP
-    return job.launch(kernel, threads, [job.pair_gradients, MOST_RECORDS])
-
-
-def project_backward_each(job: RasterJob, most: int = ALL_RECORDS) -> ParallelLaunch:
-    """Record the gradient of the projection with one thread per Gaussian: all that it can give.
-
-    Of a Gaussian with more records than ``most`` the first one holds the sum.
-    """
-    read = [job.gaussians, job.degree, job.splats, job.pair_gradients, most]
-    written = [job.gradients, job.camera_shares, job.statistics]
-    return job.launch(project_backward_kernel, job.count, [*read, *written], even=True)
 
 
 def backend_for(device: str) -> RasterBackend:

@@ -1,80 +1,59 @@
-"""The gradient of a view's camera: shares of the Gaussians, summed in a fixed order; and that of a motion."""
+"""The gradient of a view's camera, from that of its Gaussians; and that of a motion.
+
+A camera that moves sees what it would see of a scene that moves the other way, centers, axes and colors
+alike. So the gradient in its pose is that of the Gaussians along such a motion.
+"""
 
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
-import warp as wp
 
 from digs_warp.checks import check_shape
-from digs_warp.device.parallel import launch_parallel
+from digs_warp.data.gaussians import Gaussians
 from digs_warp.geometry.camera import Camera
-from digs_warp.geometry.rigid import matrix_from_rotation_vector, rigid
-from digs_warp.splat.project_adjoint import CAMERA_FIELDS
+from digs_warp.geometry.rigid import matrix_from_rotation_vector, quat_multiply, rigid
+from digs_warp.geometry.sh import degree_from_count, sh_rotation
 
-wp.set_module_options({"enable_backward": False})
+if TYPE_CHECKING:
+    from digs_warp.splat.render import RenderGradients
 
-# Gaussians whose shares one thread sums.
-SUM_BLOCK = 1024
-
-_CAMERA_FIELDS = wp.constant(CAMERA_FIELDS)
-_SUM_BLOCK = wp.constant(SUM_BLOCK)
+# Central differences of a rotation of the color [rad].
+_STEP = 1e-4
 
 
 @dataclass(frozen=True, eq=False)
 class CameraGradient:
-    """dL / d(camera) of one view; the camera moves in its own frame, see `digs_warp.splat.project_adjoint`.
+    """dL / d(pose) of the camera of one view; it moves in its own frame.
 
     Attributes:
         rotation: in the rotation vector w [rad], shape (3,).
         translation: in the translation t [m], shape (3,): world_from_cam' = world_from_cam exp(w, t).
-        focal: in (fx, fy) [px], shape (2,).
-        center: in (cx, cy) [px], shape (2,).
     """
 
     rotation: np.ndarray
     translation: np.ndarray
-    focal: np.ndarray
-    center: np.ndarray
 
 
-class CameraShares:
-    """Room for the shares of ``count`` Gaussians; of none, when no gradient of the camera is wanted.
-
-    Attributes:
-        array: the shares, (count, CAMERA_FIELDS), as `project_backward_kernel` writes them.
-    """
-
-    def __init__(self, count: int, device: str, threads: int) -> None:
-        self.array = wp.zeros((count, CAMERA_FIELDS), dtype=float, device=device)
-        self._threads = threads
-        blocks = -(-count // SUM_BLOCK)
-        self._sums = wp.zeros((blocks, CAMERA_FIELDS), dtype=wp.float64, device=device)
-
-    def total(self) -> CameraGradient:
-        """Return the sum; zero for no Gaussians."""
-        count, device = self.array.shape[0], str(self.array.device)
-        inputs = [count, self.array, self._sums]
-        launch_parallel(sum_camera_kernel, self._sums.shape[0], inputs, device, self._threads)
-        total = self._sums.numpy().sum(axis=0)
-        return CameraGradient(total[:3], total[3:6], total[6:8], total[8:10])
-
-
-@wp.kernel
-def sum_camera_kernel(
-    first: int,
-    count: int,
-    camera_shares: wp.array2d[float],  # [count, CAMERA_FIELDS]
-    # outputs
-    block_sums: wp.array2d[wp.float64],  # [blocks, CAMERA_FIELDS]
-):
-    """Sum the shares of a block of Gaussians in the order of their index."""
-    block = first + wp.tid()
-    begin = block * _SUM_BLOCK
-    for field in range(_CAMERA_FIELDS):
-        total = wp.float64(0.0)
-        for g in range(begin, wp.min(begin + _SUM_BLOCK, count)):
-            total += wp.float64(camera_shares[g, field])
-        block_sums[block, field] = total
+def camera_gradient(
+    gaussians: Gaussians, gradients: "RenderGradients", camera: Camera
+) -> CameraGradient:
+    """Return the gradient of the camera that saw ``gaussians``, whose ``gradients`` are given."""
+    of_means = gradients.means.astype(np.float64)
+    arms = gaussians.means - camera.center_world
+    turn = np.cross(arms, of_means).sum(axis=0)
+    products = np.einsum("nkc,njc->kj", gradients.sh.astype(np.float64), gaussians.sh)
+    degree = degree_from_count(gaussians.sh.shape[1])
+    for number, axis in enumerate(np.eye(3)):
+        turned = quat_multiply(np.append(0.5 * axis, 0.0), gaussians.quats)
+        turn[number] += (gradients.quats * turned).sum()
+        ahead, back = (
+            sh_rotation(matrix_from_rotation_vector(step * axis), degree)
+            for step in (_STEP, -_STEP)
+        )
+        turn[number] += (products * (ahead - back)).sum() / (2 * _STEP)
+    cam_from_world = camera.cam_from_world[:3, :3]
+    return CameraGradient(-cam_from_world @ turn, -cam_from_world @ of_means.sum(axis=0))
 
 
 def moved_camera(camera: Camera, pose: np.ndarray) -> Camera:

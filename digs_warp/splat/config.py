@@ -34,7 +34,7 @@ MIN_COMPENSATION = 0.005
 # gradient of a needle that is thinner than that. It changes an image by less than .01 dB.
 DILATION = 0.01
 
-Outputs = Literal["color", "mean depth", "depth", "normals"]
+Outputs = Literal["color", "mean depth", "depth"]
 DepthOf = Literal["center", "skin"]
 
 # The channels of rendered depth.
@@ -64,8 +64,8 @@ class RasterOptions:
             units do not matter.
         max_sh_degree: bands of the view-dependent color that are used, 0 to 3.
         outputs: what a view gives beside color and transmittance: "color" nothing, "mean depth" the expected
-            depth, "depth" the median depth as well, "normals" these and normals. Each costs time only when
-            asked for.
+            depth, "depth" the median depth as well. Each costs time only when asked for. Any value per
+            Gaussian, such as a normal, can be drawn as its color.
         depth_of: the place of a splat that its depth is that of: its "center", or its "skin", which is what a
             depth camera measures (`digs_warp.splat.skin`).
     """
@@ -113,11 +113,6 @@ class RasterOptions:
     def depth_channels(self) -> int:
         """How many depths views give, in the order of `EXPECTED`, `MEDIAN`."""
         return {"color": 0, "mean depth": 1}.get(self.outputs, 2)
-
-    @property
-    def has_normals(self) -> bool:
-        """Whether views give normals."""
-        return self.outputs == "normals"
 
 
 DEFAULT_OPTIONS = RasterOptions()

@@ -35,6 +35,7 @@ from digs_warp.splat.lanes import (
     without_first,
 )
 from digs_warp.splat.records import (
+    COLOR_FIELDS,
     SPLAT_A,
     SPLAT_B,
     SPLAT_BLUE,
@@ -46,7 +47,6 @@ from digs_warp.splat.records import (
     SPLAT_RED,
     SPLAT_U,
     SPLAT_V,
-    GradientLayout,
     PairGradients,
     Planes,
     Splats,
@@ -64,10 +64,10 @@ WARP = 32
 # Splats whose records are loaded together.
 BATCH = 64
 # A splat in shared memory takes so many times four floats: its place (`reaches`), its form, its color and
-# depth, and its normal.
-QUADS = 4
-# Of a gradient record with everything in it.
-MOST_FIELDS = GradientLayout.of(True, True, True).fields
+# depth.
+QUADS = 3
+# Of a gradient record with depth.
+MOST_FIELDS = COLOR_FIELDS + 1
 
 
 def cooperative_module_options() -> dict[str, Any]:
@@ -139,7 +139,6 @@ def reaches(place: wp.vec4, pixel: wp.vec2i, thread: int) -> int:
 
 _FORM = wp.constant(1)
 _COLOR = wp.constant(2)
-_NORMAL = wp.constant(3)
 
 
 @wp.func_native(shared_quads(BATCH * QUADS, BATCH * QUADS))
@@ -176,9 +175,6 @@ def load_batch(thread: int, first: int, size: int, splats: Splats, pairs: TilePa
         green = splats.records[g, SPLAT_GREEN]
         blue = splats.records[g, SPLAT_BLUE]
         put_quad(to, at + _COLOR, red, green, blue, splats.depths[g])
-        if splats.normals.shape[0] > 0:
-            normal = splats.normals[g]
-            put_quad(to, at + _NORMAL, normal[0], normal[1], normal[2], 0.0)
 
 
 @wp.func
@@ -199,9 +195,7 @@ def splats_reaching(records: wp.uint64, k: int, size: int, pixel: wp.vec2i, thre
 
 
 @cache
-def forward_cooperative_kernel(
-    depths: int, with_normals: bool, cut: AlphaCut = STEP_CUT
-) -> wp.Kernel:
+def forward_cooperative_kernel(depths: int, cut: AlphaCut = STEP_CUT) -> wp.Kernel:
     """Return the kernel in which a block of threads composites one tile, with a number of depths.
 
     To be run by `CooperativeLaunch`.
@@ -240,9 +234,6 @@ def forward_cooperative_kernel(
         blue = Floats()
         depth = Floats()
         median = Floats()
-        normal_x = Floats()
-        normal_y = Floats()
-        normal_z = Floats()
         stop = Ints()
         live = Ints()
         ys = Ints()
@@ -291,11 +282,6 @@ def forward_cooperative_kernel(
                                 if wp.static(with_median):
                                     if t[i] > 0.5 and after <= 0.5:
                                         median[i] = color[3]
-                                if wp.static(with_normals):
-                                    normal = quad_at(records, k * _QUADS + _NORMAL)
-                                    normal_x[i] = normal_x[i] + weight * normal[0]
-                                    normal_y[i] = normal_y[i] + weight * normal[1]
-                                    normal_z[i] = normal_z[i] + weight * normal[2]
                                 t[i] = after
         for i in range(_PIXELS):
             if pixel[0] < view.width and ys[i] < view.height:
@@ -309,26 +295,18 @@ def forward_cooperative_kernel(
                     drawn.depth[p] = wp.where(t[i] < 1.0, depth[i] / (1.0 - t[i]), 0.0)
                 if wp.static(with_median):
                     drawn.depth[p + drawn.plane] = median[i]
-                if wp.static(with_normals):
-                    drawn.normals[p] = normal_x[i]
-                    drawn.normals[p + drawn.plane] = normal_y[i]
-                    drawn.normals[p + 2 * drawn.plane] = normal_z[i]
 
     return forward
 
 
 @cache
-def backward_cooperative_kernel(
-    with_depth: bool, with_normals: bool, with_absolute: bool, cut: AlphaCut = STEP_CUT
-) -> wp.Kernel:
+def backward_cooperative_kernel(with_depth: bool, cut: AlphaCut = STEP_CUT) -> wp.Kernel:
     """Return the kernel in which a block of threads writes the gradient records of one tile.
 
-    ``with_absolute`` adds the sums of the absolute values of the gradient in u and v (AbsGS). To be run by
-    `CooperativeLaunch`.
+    To be run by `CooperativeLaunch`.
     """
     alpha_of, slope_of = cut.alpha, cut.slope
-    layout = GradientLayout.of(with_depth, with_normals, with_absolute)
-    fields = layout.fields
+    fields = COLOR_FIELDS + with_depth
     Record = wp.types.vector(length=fields, dtype=float)
     put_warp_sums = put_sums(fields)
 
@@ -342,7 +320,7 @@ def backward_cooperative_kernel(
         pixel_ends: wp.array[int],
         adjoint: Planes,
         # outputs
-        pair_gradients: wp.array2d[float],  # [pairs, fields of the layout]
+        pair_gradients: wp.array2d[float],  # [pairs, fields]
     ):
         """Add the shares of some pixels of a tile to the records of its pairs."""
         tile, thread = wp.tid()
@@ -364,9 +342,6 @@ def backward_cooperative_kernel(
         v_green = Floats()
         v_blue = Floats()
         v_depth = Floats()
-        v_normal_x = Floats()
-        v_normal_y = Floats()
-        v_normal_z = Floats()
         ends = Ints()
         ys = Ints()
         last = int(begin)
@@ -389,13 +364,6 @@ def backward_cooperative_kernel(
                     if through < 1.0:
                         v_depth[i] = adjoint.depth[p] / (1.0 - through)
                     rest += drawn.depth[p] * v_depth[i]
-                if wp.static(with_normals):
-                    v_normal_x[i] = adjoint.normals[p]
-                    v_normal_y[i] = adjoint.normals[p + drawn.plane]
-                    v_normal_z[i] = adjoint.normals[p + 2 * drawn.plane]
-                    rest += drawn.normals[p] * v_normal_x[i]
-                    rest += drawn.normals[p + drawn.plane] * v_normal_y[i]
-                    rest += drawn.normals[p + 2 * drawn.plane] * v_normal_z[i]
                 ahead[i] = rest
         done = int(begin)
         for batch in range((end - begin + _BATCH - 1) // _BATCH):
@@ -443,24 +411,8 @@ def backward_cooperative_kernel(
                                 )
                                 if wp.static(with_depth):
                                     shine += color[3] * v_depth[i]
-                                    share[wp.static(layout.depth)] = (
-                                        share[wp.static(layout.depth)] + weight * v_depth[i]
-                                    )
-                                if wp.static(with_normals):
-                                    normal = quad_at(records, k * _QUADS + _NORMAL)
-                                    shine += (
-                                        normal[0] * v_normal_x[i]
-                                        + normal[1] * v_normal_y[i]
-                                        + normal[2] * v_normal_z[i]
-                                    )
-                                    share[wp.static(layout.normal)] = (
-                                        share[wp.static(layout.normal)] + weight * v_normal_x[i]
-                                    )
-                                    share[wp.static(layout.normal + 1)] = (
-                                        share[wp.static(layout.normal + 1)] + weight * v_normal_y[i]
-                                    )
-                                    share[wp.static(layout.normal + 2)] = (
-                                        share[wp.static(layout.normal + 2)] + weight * v_normal_z[i]
+                                    share[wp.static(COLOR_FIELDS)] = (
+                                        share[wp.static(COLOR_FIELDS)] + weight * v_depth[i]
                                     )
                                 ahead[i] = ahead[i] - weight * shine
                                 d_alpha = t[i] * shine - ahead[i] / (1.0 - alpha)
@@ -478,13 +430,6 @@ def backward_cooperative_kernel(
                                 share[6] = share[6] + weight * v_red[i]
                                 share[7] = share[7] + weight * v_green[i]
                                 share[8] = share[8] + weight * v_blue[i]
-                                if wp.static(with_absolute):
-                                    share[wp.static(layout.absolute)] = share[
-                                        wp.static(layout.absolute)
-                                    ] + wp.abs(form[0] * d_x + form[1] * d_y)
-                                    share[wp.static(layout.absolute + 1)] = share[
-                                        wp.static(layout.absolute + 1)
-                                    ] + wp.abs(form[1] * d_x + form[2] * d_y)
                                 t[i] = t[i] * (1.0 - alpha)
                     if vote(has_share) != 0:
                         share[0] = form[0] * sum_x + form[1] * sum_y

@@ -21,28 +21,16 @@ class SplatStatistics:
     Attributes:
         gradient_sums: norm of dL/d(center on the image), in units of half the image size (normalized device
             coordinates, as 3DGS sums it), shape (n,).
-        absolute_sums: the same of the sums over pixels of the absolute values (AbsGS), shape (n,); empty
-            when not wanted.
         counts: in how many views the Gaussian was drawn, shape (n,).
     """
 
     gradient_sums: wp.array
-    absolute_sums: wp.array
     counts: wp.array
 
     @staticmethod
-    def zeros(count: int, device: str = "cpu", *, absolute: bool = False) -> "SplatStatistics":
+    def zeros(count: int, device: str = "cpu") -> "SplatStatistics":
         """Return statistics of no view for ``count`` Gaussians."""
-
-        def empty(length: int) -> wp.array:
-            return wp.zeros(length, dtype=float, device=device)
-
-        return SplatStatistics(empty(count), empty(count if absolute else 0), empty(count))
-
-    @property
-    def has_absolute(self) -> bool:
-        """Whether absolute gradients are summed, too: the backward pass then takes longer."""
-        return self.absolute_sums.shape[0] > 0
+        return SplatStatistics(*(wp.zeros(count, dtype=float, device=device) for _ in range(2)))
 
     def for_kernels(self) -> Any:
         """Return the arrays as kernels take them, `StatisticsArrays`."""

@@ -263,27 +263,3 @@ def spread_of(cam: ViewParams, f: Footprint) -> Spread:
     s.det_before = wp.dot(cross, cross)
     s.det = s.det_before + cam.dilation * (s.a + s.c) + cam.dilation * cam.dilation
     return s
-
-
-@wp.func
-def shortest_axis(f: Footprint) -> int:
-    """Index of the local axis along which a Gaussian is thinnest."""
-    axis = int(0)
-    if f.sizes[1] < f.sizes[0]:
-        axis = 1
-    if f.sizes[2] < f.sizes[axis]:
-        axis = 2
-    return axis
-
-
-@wp.func
-def facing_sign(f: Footprint, axis: int) -> float:
-    """1 or -1, whichever turns the axis towards the camera."""
-    return wp.where(wp.dot(wp.transpose(f.axes)[axis], f.point) > 0.0, -1.0, 1.0)
-
-
-@wp.func
-def facing_normal(f: Footprint) -> wp.vec3:
-    """Unit vector in the camera along the shortest axis, turned towards the camera."""
-    axis = shortest_axis(f)
-    return facing_sign(f, axis) * wp.transpose(f.axes)[axis]

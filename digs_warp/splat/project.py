@@ -16,7 +16,7 @@ from digs_warp.splat.config import (
     MIN_COMPENSATION,
     TILE_SIZE,
 )
-from digs_warp.splat.footprint import ViewParams, facing_normal, footprint_of, spread_of
+from digs_warp.splat.footprint import ViewParams, footprint_of, spread_of
 from digs_warp.splat.records import (
     SPLAT_A,
     SPLAT_B,
@@ -191,8 +191,7 @@ def project_kernel(
     cam = splats.views[0]
     mean = gaussians.means[g]
     log_scale = gaussians.log_scales[g]
-    quat = gaussians.quats[g]
-    p = projection_of(cam, mean, log_scale, quat, gaussians.opacity_logits[g])
+    p = projection_of(cam, mean, log_scale, gaussians.quats[g], gaussians.opacity_logits[g])
     if p.drawn == 0 or not color_is_finite(gaussians.sh, g, degree):
         return
     put_record(p, splats.records[g], 0, 1)
@@ -200,5 +199,3 @@ def project_kernel(
     splats.depths[g] = p.z
     splats.first_tile_rows[g] = p.top_row
     splats.row_counts[g] = p.bottom_row - p.top_row + 1
-    if splats.normals.shape[0] > 0:
-        splats.normals[g] = facing_normal(footprint_of(cam, mean, log_scale, quat))

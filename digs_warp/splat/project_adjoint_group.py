@@ -1,4 +1,4 @@
-"""`digs_warp.splat.project_adjoint.project_backward_kernel` for CPUs: LLVM pulls a group back at once.
+"""`digs_warp.splat.shape_gradient.project_backward_kernel` for CPUs: LLVM pulls a group back at once.
 
 As in `digs_warp.splat.project_group`, a group is laid out field by field in local memory. Sums over tiles and
 the color go splat by splat: their loops have other lengths.
@@ -41,9 +41,7 @@ _D_CONIC = wp.constant((GROUP_PARAMETERS + 5) * GROUP_SIZE)
 _D_OPACITY = wp.constant((GROUP_PARAMETERS + 8) * GROUP_SIZE)
 _D_DEPTH = wp.constant((GROUP_PARAMETERS + 9) * GROUP_SIZE)
 _D_COLOR = wp.constant((GROUP_PARAMETERS + 10) * GROUP_SIZE)
-_ABSOLUTE_U = wp.constant((GROUP_PARAMETERS + 13) * GROUP_SIZE)
-_ABSOLUTE_V = wp.constant((GROUP_PARAMETERS + 14) * GROUP_SIZE)
-_MEMORY = (GROUP_PARAMETERS + 15) * GROUP_SIZE
+_MEMORY = (GROUP_PARAMETERS + 13) * GROUP_SIZE
 
 
 @wp.kernel
@@ -57,10 +55,7 @@ def project_backward_group_kernel(
     adjoint: GaussianArrays,
     statistics: StatisticsArrays,
 ):
-    """Pull ``GROUP_SIZE`` splats back; the arguments are those of `project_backward_kernel`.
-
-    Without normals and without the gradient of the camera.
-    """
+    """Pull ``GROUP_SIZE`` splats back; the arguments are those of `project_backward_kernel`."""
     begin = (first + wp.tid()) * _GROUP
     size = wp.min(_GROUP, gaussians.means.shape[0] - begin)
     cam = splats.views[0]
@@ -85,8 +80,6 @@ def project_backward_group_kernel(
         state[_D_OPACITY + member] = d.opacity
         state[_D_DEPTH + member] = d.depth
         put_vec3(d.color, state, _D_COLOR + member)
-        state[_ABSOLUTE_U + member] = d.absolute_u
-        state[_ABSOLUTE_V + member] = d.absolute_v
     # Padding slots compute on zeros and are discarded.
     for i in range(_GROUP):
         mean, log_scale, q, opacity_logit = parameters_at(state, i)
@@ -99,8 +92,8 @@ def project_backward_group_kernel(
         pulled.c = state[_D_CONIC + 2 * _GROUP + i]
         pulled.opacity = state[_D_OPACITY + i]
         pulled.depth = state[_D_DEPTH + i]
-        s = shape_gradient(cam, f, q, opacity_logit, vec3_at(state, _CONIC + i), pulled, wp.mat33())
-        d_mean = wp.transpose(cam.rotation) * s.motion.point
+        s = shape_gradient(cam, f, q, opacity_logit, vec3_at(state, _CONIC + i), pulled)
+        d_mean = wp.transpose(cam.rotation) * s.point
         put_parameters(d_mean, s.log_scale, s.quat, s.opacity_logit, state, i)
     for out in range(size):
         g = begin + out
@@ -117,12 +110,4 @@ def project_backward_group_kernel(
             adjoint.quats[g] = d_quat
             adjoint.opacity_logits[g] = d_logit
             if statistics.counts.shape[0] > 0:
-                add_statistics(
-                    cam,
-                    g,
-                    state[_D_U + out],
-                    state[_D_V + out],
-                    state[_ABSOLUTE_U + out],
-                    state[_ABSOLUTE_V + out],
-                    statistics,
-                )
+                add_statistics(cam, g, state[_D_U + out], state[_D_V + out], statistics)

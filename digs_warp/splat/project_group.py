@@ -7,7 +7,6 @@ by splat.
 import warp as wp
 
 from digs_warp.device.kernel_options import unfused_module_options
-from digs_warp.splat.footprint import facing_normal, footprint_of
 from digs_warp.splat.project import color_is_finite, projection_of, put_color, put_record
 from digs_warp.splat.records import (
     GROUP_PARAMETERS,
@@ -78,8 +77,3 @@ def project_group_kernel(
             splats.depths[g] = state[_Z + out]
             splats.first_tile_rows[g] = int(state[_TOP + out])
             splats.row_counts[g] = int(state[_BOTTOM + out]) - int(state[_TOP + out]) + 1
-            if splats.normals.shape[0] > 0:
-                f = footprint_of(
-                    cam, gaussians.means[g], gaussians.log_scales[g], gaussians.quats[g]
-                )
-                splats.normals[g] = facing_normal(f)

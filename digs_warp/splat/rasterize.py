@@ -6,15 +6,15 @@ Per pixel, front to back over the splats i of its tile (3DGS):
     w_i     = T alpha_i,   C += w_i c_i,   T <- T (1 - alpha_i),  stop before T falls under min_transmittance
     image   = C + T background
 
-With depths z_i and normals n_i, the expected depth is (sum w_i z_i) / (sum w_i), the median depth is the z_i
-at which T passes 1/2, and the normal is sum w_i n_i.
+With depths z_i, the expected depth is (sum w_i z_i) / (sum w_i), and the median depth is the z_i at which T
+passes 1/2.
 
 The backward pass (`digs_warp.splat.rasterize_adjoint`) walks the same list in the same order. With
 v = dL/dimage and S = sum of what splat i and those behind it (and the background) still add to v . image,
 
     S <- S - T alpha_i (c_i . v),   dL/dalpha_i = T (c_i . v) - S / (1 - alpha_i)
 
-Depth and normals enter as further channels of c and v. For the expected depth E with gradient e, the channel
+Depth enters as a further channel of c and v. For the expected depth E with gradient e, the channel
 sum w_i z_i has v = e / (1 - T), and T receives e E / (1 - T).
 
 No division by a vanishing transmittance, and no reversed list. Each (tile, splat) pair owns one record of
@@ -91,9 +91,6 @@ _GREEN = wp.constant(3 * PLANE_FLOATS)
 _BLUE = wp.constant(4 * PLANE_FLOATS)
 _DEPTH = wp.constant(5 * PLANE_FLOATS)
 _MEDIAN = wp.constant(6 * PLANE_FLOATS)
-_NORMAL_X = wp.constant(7 * PLANE_FLOATS)
-_NORMAL_Y = wp.constant(8 * PLANE_FLOATS)
-_NORMAL_Z = wp.constant(9 * PLANE_FLOATS)
 _PLANE = wp.constant(PLANE_FLOATS)
 
 
@@ -107,12 +104,12 @@ def usual_kernels() -> list[wp.Kernel]:
 def forward_kernel(options: RasterOptions, cut: AlphaCut = STEP_CUT) -> wp.Kernel:
     """Return the kernel that composites one tile."""
     alpha_of = cut.alpha
-    with_depth, with_normals = options.has_depth, options.has_normals
+    with_depth = options.has_depth
     depths = options.depth_channels
     with_median = depths > 1
     min_alpha, max_alpha = options.min_alpha, options.max_alpha
     least = options.min_transmittance
-    planes = 10 if with_normals else 5 + depths
+    planes = 5 + depths
     name = f"forward_{options.outputs.replace(' ', '_')}"
 
     @wp.kernel(name=name, module="unique", module_options=vector_module_options())
@@ -165,10 +162,6 @@ def forward_kernel(options: RasterOptions, cut: AlphaCut = STEP_CUT) -> wp.Kerne
                 for of_depth in range(wp.static(depths)):
                     at_depth = start + of_depth * plane
                     fill_tile(at_depth, inner_width, inner_height, pitch, 0.0, drawn.depth)
-            if wp.static(with_normals):
-                for of_normal in range(3):
-                    at_normal = start + of_normal * plane
-                    fill_tile(at_normal, inner_width, inner_height, pitch, 0.0, drawn.normals)
             return
         memory = wp.zeros(shape=(wp.static(planes_memory(planes + 1)),), dtype=float)
         state = wp.array(
@@ -221,11 +214,8 @@ def forward_kernel(options: RasterOptions, cut: AlphaCut = STEP_CUT) -> wp.Kerne
                 mean_x = records[g, SPLAT_U] - float(tile_x) - 0.5
                 splat = tile_splat(records, g, mean_x, tile_y)
                 z = float(0.0)
-                normal = wp.vec3(0.0, 0.0, 0.0)
                 if wp.static(with_depth):
                     z = state[fields + 7 * GROUP + k - group_first]
-                if wp.static(with_normals):
-                    normal = splats.normals[g]
                 while blocks != 0:
                     at = lowest_bit(blocks)
                     blocks = blocks & (blocks - 1)
@@ -250,16 +240,6 @@ def forward_kernel(options: RasterOptions, cut: AlphaCut = STEP_CUT) -> wp.Kerne
                                 state[_FINAL + block + i] - weight <= 0.5, passed, 0.0
                             )
                             state[_MEDIAN + block + i] = state[_MEDIAN + block + i] + passed
-                        if wp.static(with_normals):
-                            state[_NORMAL_X + block + i] = (
-                                state[_NORMAL_X + block + i] + weight * normal[0]
-                            )
-                            state[_NORMAL_Y + block + i] = (
-                                state[_NORMAL_Y + block + i] + weight * normal[1]
-                            )
-                            state[_NORMAL_Z + block + i] = (
-                                state[_NORMAL_Z + block + i] + weight * normal[2]
-                            )
                         state[_FINAL + block + i] = state[_FINAL + block + i] - weight
                         state[_RED + block + i] = state[_RED + block + i] + weight * splat.red
                         state[_GREEN + block + i] = state[_GREEN + block + i] + weight * splat.green
@@ -289,10 +269,5 @@ def forward_kernel(options: RasterOptions, cut: AlphaCut = STEP_CUT) -> wp.Kerne
                     write_row(count, state, _DEPTH + taken, to, drawn.depth)
                 if wp.static(with_median):
                     write_row(count, state, _MEDIAN + taken, to + plane, drawn.depth)
-                if wp.static(with_normals):
-                    for xn in range(count):
-                        drawn.normals[to + xn] = state[_NORMAL_X + taken + xn]
-                        drawn.normals[to + plane + xn] = state[_NORMAL_Y + taken + xn]
-                        drawn.normals[to + 2 * plane + xn] = state[_NORMAL_Z + taken + xn]
 
     return forward

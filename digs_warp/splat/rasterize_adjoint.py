@@ -8,8 +8,8 @@ from digs_warp.device.contiguous import cache_line_at
 from digs_warp.device.kernel_options import vector_module_options
 from digs_warp.splat.config import Outputs, RasterOptions
 from digs_warp.splat.records import (
+    COLOR_FIELDS,
     SPLAT_U,
-    GradientLayout,
     Planes,
     Splats,
     TilePairs,
@@ -40,7 +40,7 @@ wp.set_module_options({"enable_backward": False})
 # The backward pass sums a splat's gradient by the place of a pixel in its block first: one vector addition a
 # block, where a scalar sum would cost a horizontal reduction. d_power and d_power * dy are summed for each
 # half of the tile, because the sums with dx follow from them. Offsets of the right half, of d_power * dy,
-# * dy^2, red, green, blue, depth, normal, and the absolute values of the gradient in u and v.
+# * dy^2, red, green, blue and depth.
 _LANES = 16
 _RIGHT = wp.constant(_LANES)
 _LANE_Y = wp.constant(2 * _LANES)
@@ -49,11 +49,6 @@ _LANE_R = wp.constant(5 * _LANES)
 _LANE_G = wp.constant(6 * _LANES)
 _LANE_B = wp.constant(7 * _LANES)
 _LANE_DEPTH = wp.constant(8 * _LANES)
-_LANE_NX = wp.constant(9 * _LANES)
-_LANE_NY = wp.constant(10 * _LANES)
-_LANE_NZ = wp.constant(11 * _LANES)
-_LANE_AU = wp.constant(12 * _LANES)
-_LANE_AV = wp.constant(13 * _LANES)
 # Records that are asked for at once.
 _ASKED = wp.constant(8)
 # Planes of a tile: transmittance so far, S, and the v of each channel.
@@ -62,36 +57,24 @@ _ADJ_R = wp.constant(2 * PLANE_FLOATS)
 _ADJ_G = wp.constant(3 * PLANE_FLOATS)
 _ADJ_B = wp.constant(4 * PLANE_FLOATS)
 _ADJ_DEPTH = wp.constant(5 * PLANE_FLOATS)
-_ADJ_NX = wp.constant(6 * PLANE_FLOATS)
-_ADJ_NY = wp.constant(7 * PLANE_FLOATS)
-_ADJ_NZ = wp.constant(8 * PLANE_FLOATS)
 
 
 def usual_kernels() -> list[wp.Kernel]:
     """Return the kernels of a training, for `digs-warp precompile`."""
     outputs: tuple[Outputs, ...] = ("color", "depth")
-    return [backward_kernel(RasterOptions(outputs=each), with_absolute=False) for each in outputs]
+    return [backward_kernel(RasterOptions(outputs=each)) for each in outputs]
 
 
 @cache
-def backward_kernel(
-    options: RasterOptions, with_absolute: bool, cut: AlphaCut = STEP_CUT
-) -> wp.Kernel:
-    """Return the kernel that writes the gradient records of one tile.
-
-    ``with_absolute`` adds the sums of the absolute values of the gradient in u and v (AbsGS).
-    """
+def backward_kernel(options: RasterOptions, cut: AlphaCut = STEP_CUT) -> wp.Kernel:
+    """Return the kernel that writes the gradient records of one tile."""
     alpha_of, slope_of = cut.alpha, cut.slope
-    with_depth, with_normals = options.has_depth, options.has_normals
+    with_depth = options.has_depth
     min_alpha, max_alpha = options.min_alpha, options.max_alpha
     least = options.min_transmittance
-    layout = GradientLayout.of(with_depth, with_normals, with_absolute)
-    planes = 9 if with_normals else 6 if with_depth else 5
-    lane_count = 14 if with_absolute else 12 if with_normals else 9 if with_depth else 8
-    name = (
-        "backward_normals" if with_normals else "backward_depth" if with_depth else "backward_color"
-    )
-    name += "_absolute" if with_absolute else ""
+    fields = COLOR_FIELDS + with_depth
+    planes, lane_count = 5 + with_depth, 8 + with_depth
+    name = "backward_depth" if with_depth else "backward_color"
 
     @wp.kernel(name=name, module="unique", module_options=vector_module_options())
     def backward(
@@ -102,7 +85,7 @@ def backward_kernel(
         tile_ends: wp.array[int],
         adjoint: Planes,
         # outputs
-        pair_gradients: wp.array2d[float],  # [pairs, fields of the layout]
+        pair_gradients: wp.array2d[float],  # [pairs, `COLOR_FIELDS`, and one of depth]
     ):
         """Write the gradient records of one tile; re-reads what the forward pass wrote."""
         tile = first + wp.tid()
@@ -153,15 +136,6 @@ def backward_kernel(
                     # T e E / (1 - T) for the transmittance, and sum w z . v = e E for the sum.
                     ahead += drawn.depth[p] * adj_sum
                     state[_ADJ_DEPTH + q] = adj_sum
-                if wp.static(with_normals):
-                    adj_x = adjoint.normals[p]
-                    adj_y = adjoint.normals[plane + p]
-                    adj_z = adjoint.normals[2 * plane + p]
-                    ahead += drawn.normals[p] * adj_x + drawn.normals[plane + p] * adj_y
-                    ahead += drawn.normals[2 * plane + p] * adj_z
-                    state[_ADJ_NX + q] = adj_x
-                    state[_ADJ_NY + q] = adj_y
-                    state[_ADJ_NZ + q] = adj_z
                 state[q] = 1.0
                 state[_AHEAD + q] = ahead
                 state[_ADJ_R + q] = adj_r
@@ -181,11 +155,8 @@ def backward_kernel(
                 mean_x = state[ahead_u + k - group_first] - float(tile_x) - 0.5
                 splat = tile_splat(records, g, mean_x, tile_y)
                 z = float(0.0)
-                normal = wp.vec3(0.0, 0.0, 0.0)
                 if wp.static(with_depth):
                     z = splats.depths[g]
-                if wp.static(with_normals):
-                    normal = splats.normals[g]
                 sum_0 = float(0.0)
                 sum_x = float(0.0)
                 sum_y = float(0.0)
@@ -196,11 +167,6 @@ def backward_kernel(
                 sum_g = float(0.0)
                 sum_b = float(0.0)
                 sum_depth = float(0.0)
-                sum_nx = float(0.0)
-                sum_ny = float(0.0)
-                sum_nz = float(0.0)
-                sum_au = float(0.0)
-                sum_av = float(0.0)
                 for lane_z in range(wp.static(lane_count * _LANES)):
                     state[lanes + lane_z] = 0.0
                 while blocks != 0:
@@ -230,25 +196,12 @@ def backward_kernel(
                             state[lanes + _LANE_DEPTH + i] = (
                                 state[lanes + _LANE_DEPTH + i] + weight * v_d
                             )
-                        if wp.static(with_normals):
-                            v_x = state[_ADJ_NX + block + i]
-                            v_y = state[_ADJ_NY + block + i]
-                            v_z = state[_ADJ_NZ + block + i]
-                            shine = shine + normal[0] * v_x + normal[1] * v_y + normal[2] * v_z
-                            state[lanes + _LANE_NX + i] = state[lanes + _LANE_NX + i] + weight * v_x
-                            state[lanes + _LANE_NY + i] = state[lanes + _LANE_NY + i] + weight * v_y
-                            state[lanes + _LANE_NZ + i] = state[lanes + _LANE_NZ + i] + weight * v_z
                         rest = state[_AHEAD + block + i] - weight * shine
                         state[_AHEAD + block + i] = rest
                         d_alpha = before * shine - rest / (1.0 - alpha)
                         # dL/dpower: zero where capped, cut, or stopped
                         slope = slope_of(raw, alpha, wp.static(min_alpha), wp.static(max_alpha))
                         d_power = wp.where(after >= wp.static(least), d_alpha * slope, 0.0)
-                        if wp.static(with_absolute):
-                            d_u = wp.abs(d_power * (splat.a * dx + splat.b * dy))
-                            d_v = wp.abs(d_power * (splat.b * dx + splat.c * dy))
-                            state[lanes + _LANE_AU + i] = state[lanes + _LANE_AU + i] + d_u
-                            state[lanes + _LANE_AV + i] = state[lanes + _LANE_AV + i] + d_v
                         state[lanes + side + i] = state[lanes + side + i] + d_power
                         state[lanes + _LANE_Y + side + i] = (
                             state[lanes + _LANE_Y + side + i] + d_power * dy
@@ -279,13 +232,6 @@ def backward_kernel(
                     sum_b += state[lanes + _LANE_B + lane]
                     if wp.static(with_depth):
                         sum_depth += state[lanes + _LANE_DEPTH + lane]
-                    if wp.static(with_normals):
-                        sum_nx += state[lanes + _LANE_NX + lane]
-                        sum_ny += state[lanes + _LANE_NY + lane]
-                        sum_nz += state[lanes + _LANE_NZ + lane]
-                    if wp.static(with_absolute):
-                        sum_au += state[lanes + _LANE_AU + lane]
-                        sum_av += state[lanes + _LANE_AV + lane]
                 to = tile_pairs[k]
                 pair_gradients[to, 0] = splat.a * sum_x + splat.b * sum_y
                 pair_gradients[to, 1] = splat.b * sum_x + splat.c * sum_y
@@ -297,16 +243,9 @@ def backward_kernel(
                 pair_gradients[to, 7] = sum_g
                 pair_gradients[to, 8] = sum_b
                 if wp.static(with_depth):
-                    pair_gradients[to, wp.static(layout.depth)] = sum_depth
-                if wp.static(with_normals):
-                    pair_gradients[to, wp.static(layout.normal)] = sum_nx
-                    pair_gradients[to, wp.static(layout.normal + 1)] = sum_ny
-                    pair_gradients[to, wp.static(layout.normal + 2)] = sum_nz
-                if wp.static(with_absolute):
-                    pair_gradients[to, wp.static(layout.absolute)] = sum_au
-                    pair_gradients[to, wp.static(layout.absolute + 1)] = sum_av
+                    pair_gradients[to, wp.static(COLOR_FIELDS)] = sum_depth
         for rest_k in range(stop, end):
-            for field in range(wp.static(layout.fields)):
+            for field in range(wp.static(fields)):
                 pair_gradients[tile_pairs[rest_k], field] = 0.0
 
     return backward

@@ -36,37 +36,9 @@ SPLAT_TAPER = wp.constant(14)
 SPLAT_PEAK = wp.constant(15)
 SPLAT_FIELDS = 16  # one cache line
 
-# d/d u, v, A, B, C, opacity, red, green, blue: the first columns of every gradient record.
+# The gradient record of a (tile, splat) pair: d/d u, v, A, B, C, opacity, red, green, blue, and where a view
+# has depth, in one more column, d/d depth.
 COLOR_FIELDS = 9
-
-
-@dataclass(frozen=True)
-class GradientLayout:
-    """Columns of the gradient record of one (tile, splat) pair; -1 where a view has no such output.
-
-    Attributes:
-        depth: first column of d/d depth.
-        normal: first of three columns of d/d normal.
-        absolute: first of two columns of the sums of |d/du| and |d/dv| over pixels.
-        fields: number of columns.
-    """
-
-    depth: int
-    normal: int
-    absolute: int
-    fields: int
-
-    @staticmethod
-    def of(with_depth: bool, with_normals: bool, with_absolute: bool) -> "GradientLayout":
-        """Return the columns for a set of outputs."""
-        normal = COLOR_FIELDS + with_depth
-        absolute = normal + 3 * with_normals
-        return GradientLayout(
-            depth=COLOR_FIELDS if with_depth else -1,
-            normal=normal if with_normals else -1,
-            absolute=absolute if with_absolute else -1,
-            fields=absolute + 2 * with_absolute,
-        )
 
 
 @wp.struct
@@ -76,7 +48,6 @@ class Splats:
     views: wp.array[ViewParams]  # [1]
     records: wp.array2d[float]  # [n, SPLAT_FIELDS]
     depths: wp.array[float]  # [n] planar depth [m], 0 if it is not drawn
-    normals: wp.array[wp.vec3]  # [n] in the camera, facing it; empty: not wanted
     first_tile_rows: wp.array[int]  # [n]
     row_counts: wp.array[int]  # [n] tile rows that the splat touches, 0 if it is not drawn
 
@@ -103,7 +74,6 @@ class Planes:
     image: wp.array[float]  # 3 planes
     transmittance: wp.array[float]  # 1 plane
     depth: wp.array[float]  # 2 planes: expected and median; of the gradient only the first
-    normals: wp.array[float]  # 3 planes
 
 
 @wp.struct
@@ -111,10 +81,7 @@ class PairGradients:
     """Gradient records of the pairs, by splat."""
 
     starts: wp.array[int]  # [n + 1] pairs of splat g: starts[g] .. starts[g + 1]
-    records: wp.array2d[float]  # [pairs, fields of the `GradientLayout`]
-    depth: int  # columns of the layout
-    normal: int
-    absolute: int
+    records: wp.array2d[float]  # [pairs, `COLOR_FIELDS`, and one of depth]
 
 
 @wp.struct
@@ -122,7 +89,6 @@ class StatisticsArrays:
     """`digs_warp.splat.device.SplatStatistics` for kernels; empty arrays: not wanted."""
 
     gradient_sums: wp.array[float]  # [n]
-    absolute_sums: wp.array[float]  # [n]
     counts: wp.array[float]  # [n]
 
 
@@ -144,7 +110,6 @@ class ViewPlanes:
     image: ImagePlanes
     transmittance: ImagePlanes
     depth: ImagePlanes
-    normals: ImagePlanes
 
     def resize(self, width: int, height: int) -> None:
         """Hold a view of another size."""

@@ -1,6 +1,7 @@
 """One picture of Gaussians: NumPy values in, NumPy values out; and its gradients the same way."""
 
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 
@@ -8,7 +9,7 @@ from digs_warp.checks import DigsError, check_finite, check_shape
 from digs_warp.data.gaussians import FIELDS, Gaussians
 from digs_warp.device.image_planes import ImagePlanes
 from digs_warp.geometry.camera import Camera
-from digs_warp.splat.camera_gradient import CameraGradient
+from digs_warp.splat.camera_gradient import CameraGradient, camera_gradient
 from digs_warp.splat.camera_motion import RowMotion
 from digs_warp.splat.config import DEFAULT_OPTIONS, EXPECTED, MEDIAN, RasterOptions
 from digs_warp.splat.device import DeviceGaussians
@@ -28,7 +29,6 @@ class RenderGradients:
         quats: shape (n, 4).
         opacity_logits: shape (n,).
         sh: shape (n, K, 3).
-        camera: gradient of the camera; None unless the view was rendered with ``camera_gradient``.
     """
 
     means: np.ndarray
@@ -36,7 +36,12 @@ class RenderGradients:
     quats: np.ndarray
     opacity_logits: np.ndarray
     sh: np.ndarray
-    camera: CameraGradient | None = None
+    _view: "RenderOutput" = field(repr=False)
+
+    @cached_property
+    def camera(self) -> CameraGradient:
+        """That of the camera."""
+        return camera_gradient(self._view.gaussians, self, self._view.camera)
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,18 +52,19 @@ class RenderOutput:
         image: sRGB, shape (height, width, 3), float32, not clipped above.
         alpha: coverage in 0..1, shape (height, width), float32.
         depth: expected planar depth [m], shape (height, width), NaN where nothing is drawn; None unless
-            the options ask for it, as the next two.
+            the options ask for it, as the next one.
         median_depth: planar depth [m] at which the coverage passes 1/2, NaN where it does not, same shape.
-        normals: sum of the weighted unit normals, camera axes, shape (height, width, 3).
+        gaussians: what was drawn.
+        camera: from where.
     """
 
     image: np.ndarray
     alpha: np.ndarray
     depth: np.ndarray | None
     median_depth: np.ndarray | None
-    normals: np.ndarray | None
+    gaussians: Gaussians
+    camera: Camera
     _renderer: SplatRenderer = field(repr=False)
-    _camera_gradient: bool = field(repr=False)
 
     def backward(
         self,
@@ -66,15 +72,13 @@ class RenderOutput:
         adj_image: np.ndarray | None = None,
         adj_alpha: np.ndarray | None = None,
         adj_depth: np.ndarray | None = None,
-        adj_normals: np.ndarray | None = None,
     ) -> RenderGradients:
-        """Return the gradients of a loss L with respect to the Gaussians and, if asked for, the camera.
+        """Return the gradients of a loss L with respect to the Gaussians and the camera.
 
         Args:
             adj_image: dL/d(image), shape (height, width, 3). Default: 0, as for the others.
             adj_alpha: dL/d(alpha), shape (height, width).
             adj_depth: dL/d(depth), shape (height, width); ignored where there is no depth.
-            adj_normals: dL/d(normals), shape (height, width, 3).
 
         Raises:
             DigsError: a gradient of another shape, not finite, or of an output that was not rendered.
@@ -88,15 +92,11 @@ class RenderOutput:
             ("image", self.image, renderer.adj_image, adj_image),
             ("alpha", self.alpha, renderer.adj_transmittance, adj_alpha),
             ("depth", self.depth, renderer.adj_depth, adj_depth),
-            ("normals", self.normals, renderer.adj_normals, adj_normals),
         ):
             _assign_adjoint(f"adj_{name}", output, planes, adjoint)
         renderer.backward()
         gradients = renderer.gradients.to_numpy()
-        return RenderGradients(
-            **{name: getattr(gradients, name) for name in FIELDS},
-            camera=renderer.camera_gradient() if self._camera_gradient else None,
-        )
+        return RenderGradients(*(getattr(gradients, name) for name in FIELDS), _view=self)
 
 
 def _assign_adjoint(
@@ -121,7 +121,6 @@ def render(
     near: float | None = None,
     options: RasterOptions = DEFAULT_OPTIONS,
     device: str = "cpu",
-    camera_gradient: bool = False,
     rows: RowMotion | None = None,
 ) -> RenderOutput:
     """Render one view; allocates its buffers, so use `SplatRenderer` for many.
@@ -134,9 +133,8 @@ def render(
         camera: from where.
         background: sRGB color behind the Gaussians, shape (3,).
         near: near plane [m]; default: a share of the distance to the middle of the Gaussians.
-        options: how splats are drawn, and whether depth and normals are wanted.
+        options: how splats are drawn, and whether depth is wanted.
         device: Warp device.
-        camera_gradient: whether `RenderOutput.backward` also gives the gradient of the camera.
         rows: how the camera moves while the rows are read (rolling shutter); default: it does not.
 
     Raises:
@@ -147,7 +145,6 @@ def render(
         DeviceGaussians.from_numpy(gaussians, device),
         *(k.width, k.height),
         options=options,
-        camera_gradient=camera_gradient,
     )
     if near is None:
         means = renderer.gaussians.means.numpy()
@@ -160,6 +157,5 @@ def render(
         depths = np.where(renderer.depth.to_numpy() > 0, renderer.depth.to_numpy(), np.nan)
         depth = depths[..., EXPECTED]
         median = depths[..., MEDIAN] if options.depth_channels > MEDIAN else None
-    normals = renderer.normals.to_numpy() if options.has_normals else None
     image = renderer.image.to_numpy()
-    return RenderOutput(image, alpha, depth, median, normals, renderer, camera_gradient)
+    return RenderOutput(image, alpha, depth, median, gaussians, camera, renderer)

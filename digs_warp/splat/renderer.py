@@ -16,12 +16,17 @@ from digs_warp.geometry.camera import Camera
 from digs_warp.geometry.rigid import PixelBox
 from digs_warp.splat.backend import RasterBackend, RasterJob, backend_for
 from digs_warp.splat.bin_tiles import TileBinner, tiles_with_background
-from digs_warp.splat.camera_gradient import CameraGradient, CameraShares
 from digs_warp.splat.camera_motion import RowMotion
 from digs_warp.splat.config import DEFAULT_OPTIONS, RasterOptions
 from digs_warp.splat.device import DeviceGaussians, SplatStatistics
 from digs_warp.splat.footprint import ViewParams, view_params
-from digs_warp.splat.records import GradientLayout, PairGradients, Splats, TilePairs, ViewPlanes
+from digs_warp.splat.records import (
+    COLOR_FIELDS,
+    PairGradients,
+    Splats,
+    TilePairs,
+    ViewPlanes,
+)
 from digs_warp.splat.skin import skin_launch
 
 WHITE = (1.0, 1.0, 1.0)
@@ -37,16 +42,15 @@ class SplatRenderer:
         height: height of the largest view [px].
         options: how splats are drawn, and what a view gives. The filter on the screen that the Gaussians are
             made for is added.
-        camera_gradient: whether `backward` also gives the gradient of the camera.
         backend: which kernels draw. Default: those for the device.
         adjoint_of: a renderer of the same size and options, or more outputs, whose ``adj_`` planes this one
             reads, too. Default: it has its own.
         threads: CPU threads; 0 means all cores. The result does not depend on it.
 
-    After `forward`, ``image``, ``transmittance``, and where ``options`` ask for them ``depth`` (channels:
-    expected, and unless only the mean is asked for, median; 0 where there is none) and ``normals`` hold the
-    view. Put the gradients of a loss into ``adj_image``, ``adj_transmittance``, ``adj_depth`` (of the
-    expected depth) and ``adj_normals``, call `backward`, and find dL/dparameter in ``gradients``.
+    After `forward`, ``image``, ``transmittance``, and where ``options`` ask for it ``depth`` (channels:
+    expected, and unless only the mean is asked for, median; 0 where there is none) hold the view. Put the
+    gradients of a loss into ``adj_image``, ``adj_transmittance`` and ``adj_depth`` (of the expected depth),
+    call `backward`, and find dL/dparameter in ``gradients``.
     """
 
     def __init__(
@@ -56,7 +60,6 @@ class SplatRenderer:
         height: int,
         *,
         options: RasterOptions = DEFAULT_OPTIONS,
-        camera_gradient: bool = False,
         backend: RasterBackend | None = None,
         adjoint_of: "SplatRenderer | None" = None,
         threads: int = 0,
@@ -73,19 +76,14 @@ class SplatRenderer:
         self.image = planes(3)
         self.transmittance = planes(1)
         self.depth = planes(options.depth_channels)
-        self.normals = planes(3, options.has_normals)
         self.adj_image = adjoint_of.adj_image if adjoint_of else planes(3)
         self.adj_transmittance = adjoint_of.adj_transmittance if adjoint_of else planes(1)
         self.adj_depth = planes(1, options.has_depth)
-        self.adj_normals = planes(3, options.has_normals)
-        self._drawn = ViewPlanes(self.image, self.transmittance, self.depth, self.normals)
-        self._adjoint = ViewPlanes(
-            self.adj_image, self.adj_transmittance, self.adj_depth, self.adj_normals
-        )
+        self._drawn = ViewPlanes(self.image, self.transmittance, self.depth)
+        self._adjoint = ViewPlanes(self.adj_image, self.adj_transmittance, self.adj_depth)
         self._views = wp.zeros(1, dtype=ViewParams, device=device)  # pyright: ignore[reportArgumentType]
         self._background = wp.zeros(3, dtype=float, device=device)
         self._filled = wp.zeros(4, dtype=int, device=device)
-        self._camera_gradient = camera_gradient
         self._statistics: SplatStatistics | None = None
         self.set_gaussians(gaussians)
 
@@ -94,7 +92,6 @@ class SplatRenderer:
 
         ``gradients`` becomes a new object, and ``statistics`` are switched off.
         """
-        count = len(gaussians)
         self.gaussians = gaussians
         self.gradients = gaussians.zeros_like()
         made_for = gaussians.screen_filter
@@ -104,11 +101,6 @@ class SplatRenderer:
             antialias=self._asked.antialias or made_for.antialias,
         )
         self._statistics = None
-        self._normals = wp.zeros(
-            count if self.options.has_normals else 0, dtype=wp.vec3, device=self.device
-        )
-        shares = count if self._camera_gradient else 0
-        self._camera_shares = CameraShares(shares, self.device, self.threads)
         self._make_binner()
 
     @property
@@ -122,10 +114,7 @@ class SplatRenderer:
             raise ValueError(
                 f"statistics of {statistics.counts.shape[0]} Gaussians, there are {len(self.gaussians)}"
             )
-        before = self._layout
         self._statistics = statistics
-        if self._layout != before:
-            self._make_binner()  # its gradient records have another length
         self._generation = -1
 
     def forward(
@@ -185,16 +174,6 @@ class SplatRenderer:
         self._launches.backward.run()
         self._launches.project_backward.run()
 
-    def camera_gradient(self) -> CameraGradient:
-        """Return the gradient of the camera in the last `backward`; summed in a fixed order.
-
-        Raises:
-            ValueError: the renderer was not made with ``camera_gradient``.
-        """
-        if not self._camera_gradient:
-            raise ValueError("a renderer made without camera_gradient=True has none")
-        return self._camera_shares.total()
-
     def stages(self) -> dict[str, Callable[[], object]]:
         """Return the stages of the last view by name, each ready to run again: for profiling."""
         return {
@@ -205,11 +184,6 @@ class SplatRenderer:
             "gather and project back": self._launches.project_backward.run,
         }
 
-    @property
-    def _layout(self) -> GradientLayout:
-        absolute = self._statistics is not None and self._statistics.has_absolute
-        return GradientLayout.of(self.options.has_depth, self.options.has_normals, absolute)
-
     def _make_binner(self) -> None:
         image = self.image
         self.binner = TileBinner(
@@ -217,7 +191,7 @@ class SplatRenderer:
             image.max_width,
             image.max_height,
             self._views,
-            self._layout.fields,
+            COLOR_FIELDS + self.options.has_depth,
             self.threads,
             counting=self.backend.counting,
         )
@@ -243,13 +217,13 @@ class SplatRenderer:
         if (degree, self.binner.generation) == (self._degree, self._generation):
             return
         self._degree, self._generation = degree, self.binner.generation
-        lists, layout = self.binner.lists, self._layout
+        lists = self.binner.lists
         statistics = self._statistics or SplatStatistics.zeros(0, self.device)
         job = RasterJob(
             device=self.device,
             threads=self.threads,
             options=self.options,
-            layout=layout,
+            fields=COLOR_FIELDS + self.options.has_depth,
             count=len(self.gaussians),
             tiles=self._max_tiles,
             degree=degree,
@@ -260,7 +234,6 @@ class SplatRenderer:
                 views=self._views,
                 records=lists.splats,
                 depths=lists.depths,
-                normals=self._normals,
                 first_tile_rows=lists.first_tile_rows,
                 row_counts=lists.row_counts,
             ),
@@ -272,19 +245,13 @@ class SplatRenderer:
                 blocks=lists.pair_blocks,
             ),
             pair_gradients=packed(
-                PairGradients,
-                starts=lists.pair_starts,
-                records=lists.pair_gradients,
-                depth=layout.depth,
-                normal=layout.normal,
-                absolute=layout.absolute,
+                PairGradients, starts=lists.pair_starts, records=lists.pair_gradients
             ),
             background=self._background,
             filled=self._filled,
             drawn=self._drawn.for_kernels(),
             ends=self._ends,
             adjoint=self._adjoint.for_kernels(),
-            camera_shares=self._camera_shares.array,
             statistics=statistics.for_kernels(),
         )
         self._launches = self.backend.record(job)

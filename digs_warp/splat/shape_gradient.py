@@ -1,4 +1,4 @@
-"""From the gradient of a splat back to one Gaussian, as plain functions of the device.
+"""From the gradient of a splat back to one Gaussian: functions of the device, and a kernel for one at a time.
 
 Written by hand: it fuses the sum over a splat's tiles, the projection and the color in one pass, which
 Warp's generated adjoint cannot. Tests compare it with central differences of a float64 twin. The notation is
@@ -12,18 +12,21 @@ from digs_warp.splat.config import MIN_COMPENSATION
 from digs_warp.splat.footprint import (
     Footprint,
     ViewParams,
+    footprint_of,
     moment_gradient,
     rotation_adjoint,
     spread_of,
 )
 from digs_warp.splat.project import compensation
 from digs_warp.splat.records import (
+    COLOR_FIELDS,
     SPLAT_A,
     SPLAT_B,
     SPLAT_C,
     SPLAT_RED,
     GaussianArrays,
     PairGradients,
+    Splats,
     StatisticsArrays,
 )
 from digs_warp.splat.shade import sh_adjoint
@@ -31,6 +34,7 @@ from digs_warp.splat.shade import sh_adjoint
 wp.set_module_options({"enable_backward": False})
 
 _MIN_COMPENSATION = wp.constant(MIN_COMPENSATION)
+_DEPTH = wp.constant(COLOR_FIELDS)  # column of a gradient record
 
 
 @wp.struct
@@ -45,14 +49,11 @@ class SplatGradient:
     opacity: float
     color: wp.vec3
     depth: float
-    normal: wp.vec3
-    absolute_u: float  # sums over pixels of |dL/du| and |dL/dv|
-    absolute_v: float
 
 
 @wp.func
 def gather(begin: int, end: int, pairs: PairGradients) -> SplatGradient:
-    """Sum the records ``begin`` .. ``end`` - 1 in a fixed order; a column of -1 is not there."""
+    """Sum the records ``begin`` .. ``end`` - 1 in a fixed order."""
     d = SplatGradient()
     for pair in range(begin, end):
         d.u += pairs.records[pair, 0]
@@ -62,17 +63,8 @@ def gather(begin: int, end: int, pairs: PairGradients) -> SplatGradient:
         d.c += pairs.records[pair, 4]
         d.opacity += pairs.records[pair, 5]
         d.color += wp.vec3(pairs.records[pair, 6], pairs.records[pair, 7], pairs.records[pair, 8])
-        if pairs.depth >= 0:
-            d.depth += pairs.records[pair, pairs.depth]
-        if pairs.normal >= 0:
-            d.normal += wp.vec3(
-                pairs.records[pair, pairs.normal],
-                pairs.records[pair, pairs.normal + 1],
-                pairs.records[pair, pairs.normal + 2],
-            )
-        if pairs.absolute >= 0:
-            d.absolute_u += pairs.records[pair, pairs.absolute]
-            d.absolute_v += pairs.records[pair, pairs.absolute + 1]
+        if pairs.records.shape[1] > _DEPTH:
+            d.depth += pairs.records[pair, _DEPTH]
     return d
 
 
@@ -82,52 +74,34 @@ def conic_of(records: wp.array2d[float], g: int) -> wp.vec3:
     return wp.vec3(records[g, SPLAT_A], records[g, SPLAT_B], records[g, SPLAT_C])
 
 
-@wp.struct
-class MotionGradient:
-    """dL / d(place of a Gaussian), and how the camera's gradient depends on it; see `row_motion`."""
-
-    point: wp.vec3  # the center in the camera of the middle row ...
-    turn: wp.vec3  # ... and a motion of that camera in its own axes
-    shift: wp.vec3
-    moment: float  # when the row is read that shows the center
-
-
 @wp.func
-def motion_gradient(
-    cam: ViewParams, f: Footprint, d_point: wp.vec3, d_axes: wp.mat33
-) -> MotionGradient:
-    """Pull back what the row's camera sees: its point p, and the axes V."""
+def still_gradient(cam: ViewParams, f: Footprint, d_point: wp.vec3, d_axes: wp.mat33) -> wp.vec3:
+    """dL/d(center in the camera of the middle row), from that in the row's camera: its point p, and axes V.
+
+    The axes of a Gaussian turn with the camera's motion (w, t) in its own frame, and p moves by p x w - t:
+    dL/dw = dL/dp x p - axial(dL/dV V^T), dL/dt = -dL/dp, with axial(K) = (K21 - K12, K02 - K20, K10 - K01).
+    """
     of_axes = d_axes * wp.transpose(f.axes)
     axial = wp.vec3(
         of_axes[2, 1] - of_axes[1, 2], of_axes[0, 2] - of_axes[2, 0], of_axes[1, 0] - of_axes[0, 1]
     )
     d_turn = wp.cross(d_point, f.point) - axial
-    out = MotionGradient()
-    out.moment = moment_gradient(f.row, d_turn, -d_point)
+    moment = moment_gradient(f.row, d_turn, -d_point)
     # The row that shows the center depends on where the camera of the middle row sees it.
-    d_tangent = wp.where(f.row.varies != 0.0, out.moment * cam.fy / float(cam.height), 0.0)
+    d_tangent = wp.where(f.row.varies != 0.0, moment * cam.fy / float(cam.height), 0.0)
     inverse_z = wp.where(f.row.varies != 0.0, 1.0 / f.still[2], 0.0)
     by_row = d_tangent * inverse_z * wp.vec3(0.0, 1.0, -f.still[1] * inverse_z)
-    turned = f.row.turned * d_point
-    out.point = turned + by_row
-    out.shift = -out.point
-    moved = f.row.moment * f.row.shift
-    out.turn = f.row.turned * d_turn + wp.cross(turned, moved) + wp.cross(by_row, f.still)
-    return out
+    return f.row.turned * d_point + by_row
 
 
 @wp.struct
 class ShapeGradient:
-    """dL / d(Gaussian) but for what its color contributes, and what the camera's gradient is made of."""
+    """dL / d(Gaussian) but for what its color contributes."""
 
-    motion: MotionGradient
+    point: wp.vec3  # of the center in the camera of the middle row
     log_scale: wp.vec3
     quat: wp.vec4
     opacity_logit: float
-    row_x: float  # dL/dm0 . m0 and dL/dm1 . m1
-    row_y: float
-    limited_x: float  # X and Y
-    limited_y: float
 
 
 @wp.func
@@ -138,7 +112,6 @@ def shape_gradient(
     opacity_logit: float,
     conic: wp.vec3,
     d: SplatGradient,
-    d_normal_axes: wp.mat33,
 ) -> ShapeGradient:
     """Pull a splat's gradient back; straight-line code, so that several are done at once.
 
@@ -148,8 +121,7 @@ def shape_gradient(
         quat: its raw quaternion.
         opacity_logit: its opacity.
         conic: A, B and C of the splat.
-        d: the gradient; its color and its normal are not read.
-        d_normal_axes: what the normal contributes to dL/dV.
+        d: the gradient; its color is not read.
     """
     # conic -> covariance: G_cov = -Q G_Q Q with the symmetric G_Q = [[a, b/2], [b/2, c]].
     h00 = d.a * conic[0] + 0.5 * d.b * conic[1]
@@ -183,22 +155,20 @@ def shape_gradient(
     dv0 = f.zoom_x * wp.cw_mul(dm0, f.sizes)
     dv1 = f.zoom_y * wp.cw_mul(dm1, f.sizes)
     dv2 = -f.limited_x * dv0 - f.limited_y * dv1
-    d_axes = wp.matrix_from_rows(dv0, dv1, dv2) + d_normal_axes
+    d_axes = wp.matrix_from_rows(dv0, dv1, dv2)
     out.quat = rotation_adjoint(quat, wp.transpose(f.rotation) * d_axes)
 
     # center: through the pixel position, the factor 1/z of M, and the tangents where not clamped
-    out.limited_x = -wp.dot(dv0, f.axes[2])
-    out.limited_y = -wp.dot(dv1, f.axes[2])
+    d_limited_x = -wp.dot(dv0, f.axes[2])
+    d_limited_y = -wp.dot(dv1, f.axes[2])
     free_x = wp.where(f.limited_x == f.tangent_x, f.inverse_z, 0.0)
     free_y = wp.where(f.limited_y == f.tangent_y, f.inverse_z, 0.0)
-    dx = d.u * f.zoom_x + free_x * out.limited_x
-    dy = d.v * f.zoom_y + free_y * out.limited_y
+    dx = d.u * f.zoom_x + free_x * d_limited_x
+    dy = d.v * f.zoom_y + free_y * d_limited_y
     shrink = f.inverse_z * (out.log_scale[0] + out.log_scale[1] + out.log_scale[2])
     # x/z and y/z depend on z as on x and y, times minus the tangent.
     dz = d.depth - (dx * f.tangent_x + dy * f.tangent_y) - shrink
-    out.motion = motion_gradient(cam, f, wp.vec3(dx, dy, dz), d_axes)
-    out.row_x = wp.dot(dm0, f.m0)
-    out.row_y = wp.dot(dm1, f.m1)
+    out.point = still_gradient(cam, f, wp.vec3(dx, dy, dz), d_axes)
     return out
 
 
@@ -240,21 +210,44 @@ def put_zeros(g: int, adjoint: GaussianArrays):
 
 
 @wp.func
-def add_statistics(
-    cam: ViewParams,
-    g: int,
-    d_u: float,
-    d_v: float,
-    absolute_u: float,
-    absolute_v: float,
-    statistics: StatisticsArrays,
-):
+def add_statistics(cam: ViewParams, g: int, d_u: float, d_v: float, statistics: StatisticsArrays):
     """Add one view to `SplatStatistics`."""
     # Half the image is one unit, as in normalized device coordinates.
     half = wp.vec2(0.5 * float(cam.width), 0.5 * float(cam.height))
     size = wp.length(wp.cw_mul(wp.vec2(d_u, d_v), half))
     statistics.gradient_sums[g] = statistics.gradient_sums[g] + size
-    if statistics.absolute_sums.shape[0] > 0:
-        absolute_size = wp.length(wp.cw_mul(wp.vec2(absolute_u, absolute_v), half))
-        statistics.absolute_sums[g] = statistics.absolute_sums[g] + absolute_size
     statistics.counts[g] = statistics.counts[g] + 1.0
+
+
+@wp.kernel
+def project_backward_kernel(
+    first: int,
+    gaussians: GaussianArrays,
+    degree: int,
+    splats: Splats,
+    pairs: PairGradients,
+    most: int,  # of a splat with more records, the first one holds the sum of all
+    # outputs
+    adjoint: GaussianArrays,
+    statistics: StatisticsArrays,
+):
+    """Sum a splat's gradient over its tiles in a fixed order and pull it back to the parameters."""
+    g = first + wp.tid()
+    begin = pairs.starts[g]
+    end = pairs.starts[g + 1]
+    if begin == end:
+        put_zeros(g, adjoint)
+        return
+    d = gather(begin, wp.where(end - begin > most, begin + 1, end), pairs)
+    cam = splats.views[0]
+    quat = gaussians.quats[g]
+    f = footprint_of(cam, gaussians.means[g], gaussians.log_scales[g], quat)
+    conic = conic_of(splats.records, g)
+    s = shape_gradient(cam, f, quat, gaussians.opacity_logits[g], conic, d)
+    d_offset = color_gradient(cam, g, gaussians, degree, splats.records, d.color, adjoint.sh)
+    adjoint.means[g] = wp.transpose(cam.rotation) * s.point + d_offset
+    adjoint.log_scales[g] = s.log_scale
+    adjoint.quats[g] = s.quat
+    adjoint.opacity_logits[g] = s.opacity_logit
+    if statistics.counts.shape[0] > 0:
+        add_statistics(cam, g, d.u, d.v, statistics)

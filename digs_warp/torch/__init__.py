@@ -44,13 +44,11 @@ class TorchView(NamedTuple):
         image: sRGB, shape (height, width, 3).
         alpha: coverage in 0..1, shape (height, width).
         depth: expected planar depth [m], NaN where nothing is drawn, (height, width); None unless asked for.
-        normals: sum of the weighted unit normals, camera axes, (height, width, 3); None unless asked for.
     """
 
     image: torch.Tensor
     alpha: torch.Tensor
     depth: torch.Tensor | None
-    normals: torch.Tensor | None
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,7 +84,7 @@ def render(
         pose: a motion of the camera to optimize, shape (6,), see `moved_camera`; of several, (cameras, 6).
         near: near plane [m]; default: a share of the distance to the middle of the Gaussians.
         background: sRGB color behind the Gaussians; a constant.
-        options: how splats are drawn, and whether depth and normals are wanted. Tensors do not say what they
+        options: how splats are drawn, and whether depth is wanted. Tensors do not say what they
             are made for: scenes of 3D Gaussian splatting want a dilation of 0.3.
 
     Raises:
@@ -171,22 +169,19 @@ class _Render(torch.autograd.Function):
             near=settings.near,
             background=settings.background,
             options=settings.options,
-            camera_gradient=pose is not None and pose.requires_grad,
         )
-        outputs = view.image, view.alpha, view.depth, view.normals
+        outputs = view.image, view.alpha, view.depth
         return tuple(None if pixels is None else _like(parameters[0], pixels) for pixels in outputs)
 
     @staticmethod
     @torch.autograd.function.once_differentiable
     def backward(ctx: Any, *adjoints: torch.Tensor | None) -> tuple[torch.Tensor | None, ...]:
-        image, alpha, depth, normals = (
+        image, alpha, depth = (
             None if adjoint is None else adjoint.detach().cpu().numpy() for adjoint in adjoints
         )
-        gradients = ctx.view.backward(
-            adj_image=image, adj_alpha=alpha, adj_depth=depth, adj_normals=normals
-        )
+        gradients = ctx.view.backward(adj_image=image, adj_alpha=alpha, adj_depth=depth)
         pose = None
-        if gradients.camera is not None:
+        if ctx.pose is not None and ctx.needs_input_grad[1]:
             pose = pose_gradient(gradients.camera, ctx.pose)
         found = pose, *(getattr(gradients, name) for name in FIELDS)
         pairs = zip(ctx.inputs, found, strict=True)

@@ -36,7 +36,6 @@ def save_checkpoint(path: Path, trainer: Trainer) -> bool:
     state = {
         "step": np.array(adam.step),
         "seconds": np.array(trainer.seconds),
-        "progress": np.array(trainer.progress.state()),
         "identity": np.array(json.dumps(trainer.identity())),
     }
     groups = {"value": trainer.gaussians, "first": adam.moments_1, "second": adam.moments_2}
@@ -84,7 +83,6 @@ def load_checkpoint(path: Path, trainer: Trainer) -> None:
     step = int(_scalar(saved, "step", path))
     trainer.restore(groups[0], (groups[1], groups[2]), smoothing, step)
     trainer.seconds = _scalar(saved, "seconds", path)
-    trainer.progress.restore(tuple(check_shape("progress", saved["progress"], (4,)).tolist()))
 
 
 def _check_identity(saved: dict[str, np.ndarray], trainer: Trainer, path: Path) -> None:

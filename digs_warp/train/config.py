@@ -29,7 +29,7 @@ from digs_warp.train.rates import (
     rates_of_sparse_start,
 )
 
-DensityStrategy = Literal["fixed", "adaptive", "absgrad"]
+DensityStrategy = Literal["fixed", "adaptive"]
 
 # Weight of the measured depth: see "The surface" in docs/training.md.
 DEPTH_WEIGHT = 0.008
@@ -94,8 +94,7 @@ class Density(Settings):
 
     strategy: Annotated[DensityStrategy, arg(name="density")] = "fixed"
     """How the number of Gaussians changes. fixed: it does not, best for a dense start from depth; adaptive:
-    clone, split, prune and reset as in 3DGS; absgrad: the same with absolute gradients, which needs fewer
-    Gaussians for the same quality."""
+    clone, split, prune and reset as in 3DGS."""
 
     max_splats: Annotated[int, SPLATS] = 1_000_000
     """The number of Gaussians never grows beyond this."""

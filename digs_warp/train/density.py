@@ -2,9 +2,7 @@
 
 A Gaussian with a large gradient on its projected center is too coarse for what it has to show: a small one
 is cloned, a large one is split in two. Transparent ones are pruned. From time to time all opacities are
-reset to a low value, so that only the Gaussians that the views need come back. With absolute gradients
-(AbsGS, Ye et al. 2024), opposite gradients within one splat no longer cancel, so blurred regions are found
-with fewer splats.
+reset to a low value, so that only the Gaussians that the views need come back.
 """
 
 from dataclasses import dataclass, replace
@@ -32,8 +30,6 @@ REFINE_FROM_SHARE = 0.1
 
 # Mean norm of dL/d(center) in units of half the image; a Gaussian above it is refined.
 GRADIENT_LIMIT = 2e-4
-# The same for sums of absolute values, which are larger (AbsGS; the value that gsplat recommends).
-ABSOLUTE_GRADIENT_LIMIT = 8e-4
 # Largest scale as a share of the scene's extent: a Gaussian up to this size is cloned, a larger one is split.
 SMALL_SHARE = 0.01
 # A Gaussian above this share is a haze over the image; it is removed after the first opacity reset.
@@ -216,8 +212,7 @@ class DensityControl:
 class Adaptive(DensityControl):
     """Clone, split, prune and reset."""
 
-    def __init__(self, count: int, config: TrainConfig, extent: float, absolute: bool) -> None:
-        self._absolute = absolute
+    def __init__(self, count: int, config: TrainConfig, extent: float) -> None:
         self._config = config
         self._extent = extent
         self._schedule = Schedule(config.stop.iterations)
@@ -234,7 +229,7 @@ class Adaptive(DensityControl):
         refinement = refine(
             gaussians.to_numpy(),
             self._mean_gradients(),
-            limit=ABSOLUTE_GRADIENT_LIMIT if self._absolute else GRADIENT_LIMIT,
+            limit=GRADIENT_LIMIT,
             extent=self._extent,
             max_splats=self._config.density.max_splats,
             remove_large=step > RESET_EVERY,
@@ -244,7 +239,7 @@ class Adaptive(DensityControl):
         return refinement
 
     def _start_sums(self, count: int) -> None:
-        self.statistics = SplatStatistics.zeros(count, self._config.device, absolute=self._absolute)
+        self.statistics = SplatStatistics.zeros(count, self._config.device)
 
     def state(self) -> dict[str, np.ndarray]:
         """Return the sums since the last refinement."""
@@ -259,8 +254,7 @@ class Adaptive(DensityControl):
     def _sums(self) -> dict[str, wp.array]:
         statistics = self.statistics
         assert statistics is not None
-        sums = statistics.absolute_sums if self._absolute else statistics.gradient_sums
-        return {"sums": sums, "counts": statistics.counts}
+        return {"sums": statistics.gradient_sums, "counts": statistics.counts}
 
     def _mean_gradients(self) -> np.ndarray:
         values = {name: array.numpy() for name, array in self._sums().items()}
@@ -281,4 +275,4 @@ def density_control(count: int, config: TrainConfig, extent: float) -> DensityCo
             f"training: starts with {count:,} Gaussians, but --max-splats allows only "
             f"{density.max_splats:,}; raise it, or start with fewer points (a larger --voxel-size)"
         )
-    return Adaptive(count, config, extent, absolute=density.strategy == "absgrad")
+    return Adaptive(count, config, extent)

@@ -8,7 +8,7 @@ from collections import deque
 from collections.abc import Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass, replace
-from typing import overload
+from typing import TypeAlias, overload
 
 import numpy as np
 
@@ -191,27 +191,17 @@ def drawn_views(
 
 @dataclass(frozen=True, eq=False)
 class MeasuredViews:
-    """Held-out views as Gaussians show them, sRGB, (height, width, 3), uint8, and their scores."""
+    """Held-out views as Gaussians show them.
+
+    Attributes:
+        images: sRGB, (height, width, 3), uint8.
+        depths: of every `UNSEEN_STEP`-th pixel in both directions [m], float32; see `Rendering.depth`.
+        scores: beside the photographs.
+    """
 
     images: Sequence[np.ndarray]
+    depths: Sequence[np.ndarray]
     scores: Sequence[ViewScore]
-
-
-def measure_views(gaussians: DeviceGaussians, views: Sequence[TestView]) -> MeasuredViews:
-    """Render the views, and compare them with their photographs while the next ones are rendered."""
-
-    def measured(rendering: Rendering, view: TestView) -> tuple[np.ndarray, ViewScore]:
-        return to_uint8(rendering.image), _score(rendering, view)
-
-    waiting: deque[Future[tuple[np.ndarray, ViewScore]]] = deque()
-    found = []
-    with ThreadPoolExecutor(default_threads()) as pool:
-        for rendering, view in zip(drawn_views(gaussians, views), views, strict=True):
-            waiting.append(pool.submit(measured, rendering, view))
-            if len(waiting) > 2 * default_threads():  # or all of them would be held
-                found.append(waiting.popleft().result())
-        found += [each.result() for each in waiting]
-    return MeasuredViews([image for image, _ in found], [score for _, score in found])
 
 
 # Pixels are asked whether training views see them at this distance from each other [px]. A view with depth
@@ -220,28 +210,46 @@ UNSEEN_STEP, NEARER = 4, 0.1
 # A smaller share of unseen pixels is not worth a word.
 LEAST_UNSEEN = 0.005
 
+_COARSE = (slice(None, None, UNSEEN_STEP), slice(None, None, UNSEEN_STEP))
+_Measured: TypeAlias = tuple[np.ndarray, np.ndarray, ViewScore]
+
+
+def measure_views(gaussians: DeviceGaussians, views: Sequence[TestView]) -> MeasuredViews:
+    """Render the views, and compare them with their photographs while the next ones are rendered."""
+
+    def measured(rendering: Rendering, view: TestView) -> _Measured:
+        assert rendering.depth is not None
+        depth = rendering.depth[_COARSE].astype(np.float32)
+        return to_uint8(rendering.image), depth, score_view(rendering, view)
+
+    waiting: deque[Future[_Measured]] = deque()
+    found: list[_Measured] = []
+    with ThreadPoolExecutor(default_threads()) as pool:
+        drawn = drawn_views(gaussians, views, with_depth=True)
+        for rendering, view in zip(drawn, views, strict=True):
+            waiting.append(pool.submit(measured, rendering, view))
+            if len(waiting) > 2 * default_threads():  # or all of them would be held
+                found.append(waiting.popleft().result())
+        found += [each.result() for each in waiting]
+    return MeasuredViews(*([each[part] for each in found] for part in range(3)))  # pyright: ignore
+
 
 def unseen_part(
-    gaussians: DeviceGaussians,
-    frames: PosedFrames,
-    views: Sequence[TestView],
-    images: Sequence[np.ndarray],
+    measured: MeasuredViews, frames: PosedFrames, views: Sequence[TestView]
 ) -> UnseenPart | None:
     """Return what held-out views show that no training view sees; None: next to nothing.
 
     Args:
-        gaussians: they tell the depth of photographs without depth.
+        measured: the held-out views; the Gaussians tell the depth of photographs without depth.
         frames: held-out and training ones; where these have depth, what is hidden counts as unseen.
         views: the held-out ones.
-        images: as the Gaussians show them, sRGB, uint8.
     """
     seen = [*small_depths(frames.training, range(len(frames.training))).values()]
     cameras = [f.camera for f in frames.training if not f.has(Layer.DEPTH)]
     shares, unseen, others = [], [], []
-    drawn = drawn_views(gaussians, views, with_depth=True)
-    for frame, view, image, rendering in zip(frames.held_out, views, images, drawn, strict=True):
-        assert rendering.depth is not None
-        depth = frame.load_depth() if frame.has(Layer.DEPTH) else rendering.depth
+    each = frames.held_out, views, measured.images, measured.depths
+    for frame, view, image, rendered in zip(*each, strict=True):
+        depth = frame.load_depth()[_COARSE] if frame.has(Layer.DEPTH) else rendered
         hidden = _unseen(view.camera, depth, seen, cameras) & view.object_pixels
         values = image.astype(np.float32) / 255.0
         shares.append(np.count_nonzero(hidden) / max(np.count_nonzero(view.object_pixels), 1))
@@ -256,12 +264,10 @@ def unseen_part(
 def _unseen(
     camera: Camera, depth: np.ndarray, seen: Sequence[SmallDepth], cameras: Sequence[Camera]
 ) -> np.ndarray:
-    """Return which pixels show what none of the views sees, (height, width), bool."""
-    height, width = depth.shape
-    rows, columns = (
-        n.reshape(-1) for n in np.indices(depth.shape)[:, ::UNSEEN_STEP, ::UNSEEN_STEP]
-    )
-    z = depth[rows, columns].astype(np.float64)
+    """Return which pixels show what none of the views sees, (height, width), bool; ``depth`` is coarse."""
+    k = camera.intrinsics
+    rows, columns = UNSEEN_STEP * np.indices(depth.shape).reshape(2, -1)
+    z = depth.reshape(-1).astype(np.float64)
     points = unproject_pixels(rows, columns, z, camera.intrinsics)
     points = transform_points(camera.world_from_cam, points)
     # The nearest views come first: they see most, and what they see needs no other.
@@ -274,16 +280,8 @@ def _unseen(
         pixel, there = pixels_showing(other, points[left])
         hidden = measured is not None and measured[pixel] < (1 - NEARER) * there
         left = left[(pixel < 0) | hidden]
-    unseen = np.isin(np.arange(len(z)), left).reshape(-(-height // UNSEEN_STEP), -1)
-    return unseen[np.arange(height)[:, None] // UNSEEN_STEP, np.arange(width) // UNSEEN_STEP]
-
-
-def score_views(renderings: Sequence[Rendering], views: Sequence[TestView]) -> list[ViewScore]:
-    """Compare renderings with photographs on white; without an object, its metrics are NaN."""
-    with ThreadPoolExecutor(default_threads()) as pool:
-        pairs = zip(renderings, views, strict=True)
-        scores = [pool.submit(_score, rendering, view) for rendering, view in pairs]
-        return [score.result() for score in scores]
+    unseen = np.isin(np.arange(len(z)), left).reshape(depth.shape)
+    return unseen[np.arange(k.height)[:, None] // UNSEEN_STEP, np.arange(k.width) // UNSEEN_STEP]
 
 
 def color_aligned(rendering: Rendering, view: TestView) -> np.ndarray:
@@ -323,7 +321,8 @@ def with_gain(rendering: Rendering, gain: ColorGain) -> np.ndarray:
     return image
 
 
-def _score(rendering: Rendering, view: TestView) -> ViewScore:
+def score_view(rendering: Rendering, view: TestView) -> ViewScore:
+    """Compare a rendering with a photograph on white; without an object, its metrics are NaN."""
     image = rendering.image
     target, known = view.target_for(image), view.known
     aligned, similarity = color_aligned(rendering, view), ssim_map(image, target)

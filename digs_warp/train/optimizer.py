@@ -10,7 +10,6 @@ from digs_warp.device.contiguous import flat, floats_from
 from digs_warp.device.parallel import ParallelLaunch, put, run_together, values_per_thread
 from digs_warp.splat.device import DeviceGaussians
 from digs_warp.train.rates import LearningRates, late_decay
-from digs_warp.train.time_plan import Progress
 
 wp.set_module_options({"enable_backward": False, "max_unroll": 1})
 
@@ -128,7 +127,6 @@ class Adam:
         gradients: of the loss in them.
         rates: initial learning rates.
         extent: of the scene, the unit of the rate of the centers [m].
-        progress: along which the rates fall.
     """
 
     def __init__(
@@ -137,10 +135,8 @@ class Adam:
         gradients: DeviceGaussians,
         rates: LearningRates,
         extent: float,
-        progress: Progress,
     ) -> None:
         self._first_rates = rates
-        self.progress = progress
         self.extent = extent
         self.step = 0
         # The flat views below hold addresses only: keep what they point to alive.
@@ -182,29 +178,21 @@ class Adam:
             values[rows] = HELD
             moments.assign(values)
 
-    def rates(self) -> list[float]:
-        """Return the learning rates of means, scales, quats, opacities and base colors."""
+    def rates(self, progress: float) -> list[float]:
+        """Return the learning rates of means, scales, quats, opacities and base colors at 0 to 1 of a run."""
         rates = self._first_rates
-        share = late_decay(self._progress, rates.end)
+        share = late_decay(progress, rates.end)
         falling = [share * r for r in (rates.scales, rates.quats, rates.opacities, rates.colors)]
-        return [self.means_rate() * self.extent, *falling]
-
-    def means_rate(self) -> float:
-        """Return the current rate of the centers, in units of the scene's extent."""
-        return self._first_rates.means * FINAL_MEANS_SHARE**self._progress
+        return [rates.means * FINAL_MEANS_SHARE**progress * self.extent, *falling]
 
     @property
     def is_finite(self) -> bool:
         """Whether all parameters were finite after every `update`; waits for the device."""
         return int(self._flag.numpy()[0]) == 0
 
-    @property
-    def _progress(self) -> float:
-        return self.progress.at(self.step)
-
-    def update(self) -> None:
-        """Take one step along the current gradients."""
-        rates = self.rates()
+    def update(self, progress: float) -> None:
+        """Take one step along the current gradients; ``progress``: share of the run that is over, 0 to 1."""
+        rates = self.rates(progress)
         self.step += 1
         bias_1 = 1.0 - BETA_1**self.step
         bias_2 = 1.0 / np.sqrt(1.0 - BETA_2**self.step)

@@ -27,7 +27,7 @@ from digs_warp.train.evaluate import MeasuredViews, TestViews, moved_views
 from digs_warp.train.objective import OwnLoss
 from digs_warp.train.recorder import LOG_EVERY, CourseRecorder
 from digs_warp.train.shutter import NO_SHUTTER, ShutterPlan
-from digs_warp.train.time_plan import MOST_DENSE_STEPS, Clock, TimePlan, plan_time
+from digs_warp.train.time_plan import TimePlan, plan_time
 from digs_warp.train.trainer import Resolved, Trainer
 from digs_warp.train.training import Training
 from digs_warp.train.view_store import ViewStore, open_views
@@ -144,7 +144,7 @@ def train_gaussians(
         folder: where gaussians.npz, training.jsonl and checkpoint.npz go; must exist.
         log: receives the times of the stages.
         watch: looks on.
-        plan: for the time budget; ``config`` has its iterations.
+        plan: for the time budget, which is recorded; ``config`` has its iterations.
 
     Raises:
         DigsError: a broken checkpoint, or a training that diverged.
@@ -155,8 +155,6 @@ def train_gaussians(
     try:
         with log.stage("prepare kernels"):
             trainer = Trainer(seeds, data.views, config, data.resolved)
-        if plan is not None:
-            trainer.progress.most = plan.most
         if data.first_step:
             load_checkpoint(checkpoint, trainer)
         course = CourseRecorder(folder / TRAINING, trainer, test_views, data.measured)
@@ -227,24 +225,17 @@ def _run_steps(
     trainer: Trainer, course: CourseRecorder, checkpoint: Path, watch: Watch | None
 ) -> str:
     """Take the remaining steps; return what ended the run."""
-    budget = trainer.config.stop.time_budget
-    clock = None
-    if budget is not None:  # a resumed run measures the pace of its own steps
-        clock = Clock(budget, last=(trainer.optimizer.step, trainer.seconds))
     saved = time.monotonic()
     with (
         deferred_interrupt() as interruption,
-        progress(trainer.progress.steps, "Training", initial=trainer.optimizer.step) as bar,
+        progress(trainer.config.stop.iterations, "Training", initial=trainer.optimizer.step) as bar,
     ):
         if trainer.optimizer.step == 0:
             bar.set_postfix_str(course.record(measure=True), refresh=False)
-        while not (stop := _reason_to_stop(trainer, clock)):
+        while not (stop := trainer.ended_by):
             trainer.step()
             step = trainer.optimizer.step
-            if clock is not None:
-                clock.after_step(trainer.progress, step, trainer.seconds)
-                bar.total = trainer.progress.steps
-            measure = _measures(trainer, clock)
+            measure = bool(trainer.ended_by) or step in trainer.config.evaluate_at
             if measure or step % LOG_EVERY == 0:
                 bar.set_postfix_str(course.record(measure), refresh=False)
                 if watch is not None:
@@ -259,23 +250,6 @@ def _run_steps(
     return stop
 
 
-def _measures(trainer: Trainer, clock: Clock | None) -> bool:
-    """Whether held-out views are measured after the step just taken."""
-    step = trainer.optimizer.step
-    last = step >= trainer.progress.steps or (
-        clock is not None and clock.is_over(step, trainer.seconds)
-    )
-    return last or step in trainer.config.evaluate_at
-
-
-def _reason_to_stop(trainer: Trainer, clock: Clock | None) -> str:
-    """Return why the run is over; empty while it still goes on."""
-    progress, step = trainer.progress, trainer.optimizer.step
-    if step >= progress.steps:
-        return "time budget" if clock and progress.steps < progress.most else "iterations"
-    return "time budget" if clock and clock.is_over(step, trainer.seconds) else ""
-
-
 def plan_training(seeds: Gaussians, data: TrainingData, config: TrainConfig) -> TimePlan:
     """Choose the steps that fit into the time budget by how long a few steps of a copy take.
 
@@ -287,17 +261,14 @@ def plan_training(seeds: Gaussians, data: TrainingData, config: TrainConfig) -> 
     budget = config.stop.time_budget
     assert budget is not None
     # Cameras stay where they are: their steps take no longer.
-    resolved = replace(data.resolved, train_poses="held")
+    resolved = replace(data.resolved, train_poses="held", most_steps=None)
     copy = Trainer(seeds, data.views, config, resolved)
     copy.step()  # may compile kernels: not timed
     copy.seconds, steps = 0.0, 0
     while steps < PLANNING_STEPS or copy.seconds < PLANNING_SHARE * budget:
         copy.step()
         steps += 1
-    most = config.stop.iterations
-    if config.density.strategy == "fixed":  # a start from dense depth
-        most = min(most, MOST_DENSE_STEPS)
-    plan = plan_time(budget, most, copy.seconds / steps)
+    plan = plan_time(budget, config.stop.iterations, copy.seconds / steps)
     logger.info("time budget of %g s: %s", budget, plan)
     return plan
 

@@ -29,7 +29,6 @@ from digs_warp.train.exposure import Exposures, rendered_samples
 from digs_warp.train.objective import Objective, OwnLoss
 from digs_warp.train.optimizer import Adam, non_finite_rows
 from digs_warp.train.smoothing import SmoothingFilter
-from digs_warp.train.time_plan import Progress
 from digs_warp.train.view_store import ViewStore
 from digs_warp.train.views import View, scene_extent
 from digs_warp.words import counted
@@ -48,12 +47,14 @@ class Resolved:
         train_poses: what the cameras do until their photographs fit, held-out ones at the end.
         constant_exposure: whether the exposure of the views is known to be constant.
         loss: a further term of the loss, of the caller; a training that is resumed needs the same.
+        most_steps: of a run with a time budget, whose iterations are those that were planned; None: these.
     """
 
     held: np.ndarray | None = None
     train_poses: PoseTraining = "held"
     constant_exposure: bool = False
     loss: OwnLoss | None = None
+    most_steps: int | None = None
 
 
 class Trainer:
@@ -74,7 +75,7 @@ class Trainer:
         exposures: the gains of the photographs; None where they are not fitted.
         depth_judge: knows the errors of the measured depth; None where that does not count.
         poses: of the views; None where they are not trained.
-        progress: along which the rates fall.
+        most_steps: of the run.
         seconds: time spent in `step` so far.
     """
 
@@ -105,7 +106,7 @@ class Trainer:
             ),
             moments=views.moments,
         )
-        self.progress = Progress(config.stop.iterations)
+        self.most_steps = resolved.most_steps or config.stop.iterations
         self._extent = scene_extent(views.cameras)
         self.objective = Objective(self.renderer, config, depth_weight)
         self._loss = resolved.loss
@@ -150,7 +151,7 @@ class Trainer:
         if self.poses is not None:
             self._move_camera(self.poses, view)
         self.smoothing.before_update()
-        self.optimizer.update()
+        self.optimizer.update(self.progress)
         self.smoothing.after_update(self.optimizer.step)
         self._require_finite(view)
         refinement = self.control.after_update(self.gaussians, self.optimizer.step)
@@ -191,6 +192,21 @@ class Trainer:
             "views": self.views.names,
         }
 
+    @property
+    def progress(self) -> float:
+        """Share of the run that is over, 0 to 1: of its steps, or of its time where that is scarcer."""
+        budget = self.config.stop.time_budget
+        of_time = self.seconds / budget if budget is not None else 0.0
+        return min(1.0, max(self.optimizer.step / max(1, self.most_steps), of_time))
+
+    @property
+    def ended_by(self) -> str:
+        """What ends the run; empty while it goes on. The first step is taken in any case."""
+        step, budget = self.optimizer.step, self.config.stop.time_budget
+        if step >= self.most_steps:
+            return "iterations"
+        return "time budget" if budget is not None and step > 0 and self.seconds >= budget else ""
+
     def loss_value(self) -> float:
         """Return the loss of the last step."""
         return self.objective.value()
@@ -204,7 +220,7 @@ class Trainer:
         """Create everything bound to the arrays of the current population, with zero moments."""
         self.renderer.statistics = self.control.statistics
         gradients, rates = self.renderer.gradients, self.config.learning_rates
-        self.optimizer = Adam(self.gaussians, gradients, rates, self._extent, self.progress)
+        self.optimizer = Adam(self.gaussians, gradients, rates, self._extent)
         self.optimizer.step = step
         self.smoothing = SmoothingFilter(self.gaussians, gradients, self.views.cameras)
 

@@ -53,7 +53,6 @@ CASES = (
     Case("antialias", RasterOptions(antialias=True)),
     Case("mean depth", RasterOptions(outputs="mean depth")),
     Case("skin depth", RasterOptions(outputs="depth", depth_of="skin")),
-    Case("normals", RasterOptions(outputs="normals")),
     Case("rolling shutter", RasterOptions(outputs="depth"), rows=_MOTION),
     Case("blur", RasterOptions(), blur=Blur(_MOTION, pixels=3.0)),
 )
@@ -71,7 +70,7 @@ class Views:
         self.tried = self._renderer(run.device, run.backend)
         for renderer in (self.cpu, self.tried):
             device = renderer.gaussians.device
-            renderer.statistics = SplatStatistics.zeros(run.splats, device, absolute=True)
+            renderer.statistics = SplatStatistics.zeros(run.splats, device)
             motions = {"rows": case.rows}
             if case.blur is not None:
                 motions = {"blur": case.blur}
@@ -84,7 +83,7 @@ class Views:
         """Return what was drawn by name, each (height, width, channels)."""
         found = {"color": renderer.image, "transmittance": renderer.transmittance}
         depths = renderer if isinstance(renderer, SplatRenderer) else renderer.middle
-        found |= {"depth": depths.depth, "normals": depths.normals}
+        found["depth"] = depths.depth
         return {name: planes.to_numpy() for name, planes in found.items() if planes.channels}
 
     def gradients(self, renderer: Renderer) -> dict[str, np.ndarray]:
@@ -93,15 +92,13 @@ class Views:
         size = self.camera.intrinsics.height, self.camera.intrinsics.width
         planes = [renderer.adj_image, renderer.adj_transmittance]
         if isinstance(renderer, SplatRenderer):
-            planes += [renderer.adj_depth, renderer.adj_normals]
+            planes.append(renderer.adj_depth)
         for adjoint in planes:
             if adjoint.channels:
                 adjoint.assign(rng.normal(size=(*size, adjoint.channels)) / size[0] / size[1])
         renderer.backward()
         arrays = zip(FIELDS, renderer.gradients.arrays, strict=True)
         found = {name: array.numpy().copy() for name, array in arrays}
-        if isinstance(renderer, SplatRenderer):
-            found |= vars(renderer.camera_gradient())
         for name, array in vars(renderer.statistics).items():
             found[f"statistics: {name}"] = array.numpy().copy()
         return found
@@ -112,8 +109,7 @@ class Views:
         if case.blur is not None:
             moments = case.blur.moments
             return BlurRenderer(gaussians, k.width, k.height, options=case.options, moments=moments)
-        given = {"options": case.options, "backend": backend, "camera_gradient": True}
-        return SplatRenderer(gaussians, k.width, k.height, **given)
+        return SplatRenderer(gaussians, k.width, k.height, options=case.options, backend=backend)
 
 
 def take_order(renderer: SplatRenderer, other: SplatRenderer) -> tuple[float, int]:

@@ -18,7 +18,6 @@ from digs_warp.splat.device import DeviceGaussians
 from digs_warp.splat.renderer import SplatRenderer
 from digs_warp.train.optimizer import Adam
 from digs_warp.train.rates import DENSE_RATES
-from digs_warp.train.time_plan import Progress
 from gpu_checks.parts import Findings, Run, relative
 from gpu_checks.scenes import EXTENT, NEAR, body_in_room, cameras, perturbed
 
@@ -70,7 +69,7 @@ class Training:
             image, self.target.image, self.target.mask, self.renderer.adj_image
         )
         gradients = self.renderer.gradients
-        self.optimizer = Adam(self.gaussians, gradients, DENSE_RATES, EXTENT, Progress(steps))
+        self.optimizer, self._steps = Adam(self.gaussians, gradients, DENSE_RATES, EXTENT), steps
         full = np.full((k.height, k.width), 255, dtype=np.uint8)
         self._pixels = [
             wp.array(pack_view(photograph, full), dtype=wp.uint8, device=device)
@@ -99,7 +98,7 @@ class Training:
         self.compose(number)
         self.compare()
         self.renderer.backward()
-        self.optimizer.update()
+        self.optimizer.update(self.optimizer.step / self._steps)
 
     def quality(self) -> float:
         """Return the mean PSNR of all views [dB]."""
@@ -166,9 +165,9 @@ def adam(run: Run, findings: Findings) -> None:
     for device in ("cpu", run.device):
         gaussians = DeviceGaussians.from_numpy(start, device)
         given = DeviceGaussians.from_numpy(gradients, device)
-        optimizer = Adam(gaussians, given, DENSE_RATES, EXTENT, Progress(20))
+        optimizer = Adam(gaussians, given, DENSE_RATES, EXTENT)
         for update in range(1, 11):
-            optimizer.update()
+            optimizer.update((update - 1) / 20)
             if update in (1, 10):
                 found[device, update] = gaussians.to_numpy()
         findings.require(f"{device}: all are finite", optimizer.is_finite)

@@ -80,7 +80,7 @@ def sizes(run: Run, findings: Findings) -> None:
 
 def _draw(run: Run, name: str, scene: Gaussians, size: tuple[int, int], findings: Findings) -> None:
     gaussians = DeviceGaussians.from_numpy(scene, run.device)
-    options = RasterOptions(outputs="normals")
+    options = RasterOptions(outputs="depth")
     renderer = SplatRenderer(gaussians, *size, options=options, backend=run.backend)
     camera = cameras(1, *size)[0]
     renderer.forward(camera, near=NEAR)

@@ -20,7 +20,7 @@ from reference.splat_twin import Adjoints, Parameters, render_twin, twin_gradien
 torch = pytest.importorskip("torch", reason="torch is not installed")
 from digs_warp.torch import CaptureDataset, TorchView, render  # noqa: E402 (after the check for torch)
 
-ALL = RasterOptions(outputs="normals")
+ALL = RasterOptions(outputs="depth")
 SCENE = random_gaussians(12, seed=4)
 VIEW = camera(33, 27)
 BEHIND = (BACKGROUND[0], BACKGROUND[1], BACKGROUND[2])
@@ -36,7 +36,7 @@ def test_the_view_is_that_of_render() -> None:
     for name in TorchView._fields:
         np.testing.assert_array_equal(getattr(view, name).detach(), getattr(wanted, name))
     plain = render(*tensors(), camera=VIEW)
-    assert plain.depth is None and plain.normals is None
+    assert plain.depth is None
 
 
 def test_several_cameras_are_a_batch() -> None:
@@ -44,7 +44,7 @@ def test_several_cameras_are_a_batch() -> None:
     poses = torch.zeros(3, 6, requires_grad=True)
     inputs = tensors()
     views = render(*inputs, camera=cameras, pose=poses, near=NEAR, options=ALL)
-    assert views.depth.shape == (3, 27, 33) and views.normals.shape == (3, 27, 33, 3)
+    assert views.depth.shape == (3, 27, 33)
     for number, each in enumerate(cameras):
         alone = render(*tensors(), camera=each, near=NEAR).image
         np.testing.assert_array_equal(views.image[number].detach(), alone.detach())
@@ -74,11 +74,11 @@ def test_autograd_gives_the_gradients_of_the_twin(dtype: Any) -> None:
     parameters = Parameters.of(SCENE)
     twin = render_twin(parameters, VIEW, NEAR, BACKGROUND, ALL)
     rng = np.random.default_rng(0)
-    weights = [rng.normal(size=shape) for shape in ((27, 33, 3), (27, 33), (27, 33), (27, 33, 3))]
+    weights = [rng.normal(size=shape) for shape in ((27, 33, 3), (27, 33), (27, 33))]
     for weight in weights:
         weight[twin.ambiguous] = 0
-    image, alpha, depth, normals = weights
-    adjoints = Adjoints(image, -alpha, depth, normals)
+    image, alpha, depth = weights
+    adjoints = Adjoints(image, -alpha, depth)
     wanted = twin_gradients(parameters, VIEW, twin, BACKGROUND, adjoints, ALL).parameters
 
     inputs = tensors(dtype)

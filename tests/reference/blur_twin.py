@@ -61,7 +61,6 @@ def blurred_gradients(
             adjoints.image / count,
             adjoints.transmittance / count,
             adjoints.depth * (number == 0),
-            adjoints.normals * 0,
         )
         view = render_twin(p, each, scene.near, background, options, rows=scene.rows)
         found = twin_gradients(p, each, view, background, share, options, scene.rows).parameters

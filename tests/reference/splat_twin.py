@@ -19,7 +19,7 @@ from digs_warp.geometry.sh import sh_basis
 from digs_warp.splat.camera_motion import STILL, RowMotion
 from digs_warp.splat.config import RasterOptions
 
-FEATURES = 7  # red, green, blue, depth, normal
+FEATURES = 4  # red, green, blue, depth
 
 
 @dataclass
@@ -49,8 +49,6 @@ class Decisions:
     compensation_clamped: bool | np.ndarray
     row_clamped: bool | np.ndarray  # the center lies above or below the image ...
     row_edge: float | np.ndarray  # ... -1/2 or 1/2
-    normal_axis: int
-    normal_sign: float
     drawn: np.ndarray  # pixels it contributes to
     capped: np.ndarray  # pixels where alpha is max_alpha
 
@@ -83,7 +81,6 @@ class TwinImage:
     transmittance: np.ndarray  # (height, width)
     depth: np.ndarray  # (height, width) expected, 0 where nothing is drawn
     median_depth: np.ndarray  # (height, width) 0 where the transmittance stays above 1/2
-    normals: np.ndarray  # (height, width, 3)
     order: list[int]  # visible splats, front to back
     layers: dict[int, Layer]
     # Pixels where a decision is so close that float32 may take it the other way.
@@ -98,7 +95,6 @@ class Adjoints:
     image: np.ndarray
     transmittance: np.ndarray
     depth: np.ndarray
-    normals: np.ndarray
 
     def loss_per_pixel(
         self, sums: np.ndarray, transmittance: np.ndarray, background: np.ndarray
@@ -107,7 +103,7 @@ class Adjoints:
         image = sums[..., :3] + transmittance[..., None] * background
         depth = _expected(sums[..., 3], transmittance)
         loss = (self.image * image).sum(axis=-1) + self.transmittance * transmittance
-        return loss + self.depth * depth + (self.normals * sums[..., 4:]).sum(axis=-1)
+        return loss + self.depth * depth
 
 
 @dataclass
@@ -115,9 +111,8 @@ class TwinGradients:
     """dL/dparameter, dL/d(camera), and what density control sums."""
 
     parameters: Parameters
-    camera: np.ndarray  # (10,) rotation vector, translation, fx, fy, cx, cy
+    camera: np.ndarray  # (6,) rotation vector, translation
     centers: np.ndarray  # (n, 2) dL/d(u, v)
-    absolute_centers: np.ndarray  # (n, 2) sums over pixels of |dL/d(u, v)|
 
 
 def _expected(weighted: np.ndarray, transmittance: np.ndarray) -> np.ndarray:
@@ -139,7 +134,7 @@ class TwinView:
     def of(
         camera: Camera, rows: RowMotion = STILL, changes: np.ndarray | None = None
     ) -> "TwinView":
-        """The camera after motions in its own frame and changes of intrinsics, shape (..., 10)."""
+        """The camera after motions in its own frame, shape (..., 6)."""
         i = camera.intrinsics
         k = np.array([i.fx, i.fy, i.cx, i.cy])
         if changes is None:
@@ -149,7 +144,7 @@ class TwinView:
         motions[:, :3, 3] = changes[:, 3:6]
         motions[:, 3, 3] = 1
         world_from_cam = camera.world_from_cam @ motions
-        return TwinView(k + changes[:, 6:], world_from_cam, i.width, i.height, rows)
+        return TwinView(k, world_from_cam, i.width, i.height, rows)
 
     def at(self, moment: np.ndarray) -> np.ndarray:
         """The poses that rows are read from at these moments, shape (..., 4, 4)."""
@@ -244,16 +239,13 @@ def layer_of(
     rgb = 0.5 + np.einsum("...k,...kc->...c", basis, p.sh)
     dark = rgb <= 0 if frozen is None else frozen.color_clamped
 
-    axis = int(np.argmin(p.log_scales)) if frozen is None else frozen.normal_axis
     if frozen is None:
-        sign = -1.0 if axes[:, axis] @ point > 0 else 1.0
         nothing = np.zeros(raw.shape, dtype=bool)
         clamps = (clamped, dark, compensation_clamped, off, edge)
-        frozen = Decisions(*clamps, axis, sign, nothing, nothing)
+        frozen = Decisions(*clamps, nothing, nothing)
     parts = np.broadcast_arrays(
         *np.moveaxis(np.where(dark, 0.0, rgb), -1, 0),
         z,
-        *np.moveaxis(frozen.normal_sign * axes[..., :, axis], -1, 0),
     )
     share = cut_share(raw, options.min_alpha, cut_width)
     return Layer(raw, share, np.stack(parts, axis=-1), frozen)
@@ -309,10 +301,7 @@ def render_twin(
         transmittance = after
     image = sums[..., :3] + transmittance[..., None] * background
     depth = _expected(sums[..., 3], transmittance)
-    normals = sums[..., 4:]
-    return TwinImage(
-        image, transmittance, depth, median, normals, order, layers, ambiguous, cut_width
-    )
+    return TwinImage(image, transmittance, depth, median, order, layers, ambiguous, cut_width)
 
 
 def twin_gradients(
@@ -329,7 +318,7 @@ def twin_gradients(
     A parameter moves one splat only: the others are composited once before and once behind it.
     """
     gradients = Parameters(*(np.zeros_like(getattr(p, f.name)) for f in fields(Parameters)))
-    centers, absolute = np.zeros((len(p.means), 2)), np.zeros((len(p.means), 2))
+    centers = np.zeros((len(p.means), 2))
     view, shape = TwinView.of(camera, rows), twin.transmittance.shape
     cut = twin.cut_width
     behind = {len(twin.order): (np.zeros((*shape, FEATURES)), np.ones(shape))}
@@ -357,19 +346,19 @@ def twin_gradients(
             getattr(gradients, f.name)[i] = _slopes(losses, size).reshape(value.shape)
         size = np.full(2, 1e-5)
         slopes = _slopes(loss(layer_of(splat, view, options, frozen, _steps(size), cut)), size)
-        centers[i], absolute[i] = slopes.sum(axis=(-1, -2)), np.abs(slopes).sum(axis=(-1, -2))
+        centers[i] = slopes.sum(axis=(-1, -2))
         alpha = twin.layers[i].alpha(options.max_alpha)
         sums = sums + (through * alpha)[..., None] * twin.layers[i].features
         through = through * (1 - alpha)
 
-    size = np.array([1e-6] * 6 + [1e-5] * 4)
+    size = np.full(6, 1e-6)
     moved = TwinView.of(camera, rows, _steps(size))
-    features, left = np.zeros((20, *shape, FEATURES)), np.ones((20, *shape))
+    features, left = np.zeros((12, *shape, FEATURES)), np.ones((12, *shape))
     for i in reversed(twin.order):
         layer = layer_of(p.splat(i), moved, options, twin.layers[i].decisions, None, cut)
         features, left = layer.over(features, left, options.max_alpha)
     losses = adjoints.loss_per_pixel(features, left, background).sum(axis=(-1, -2))
-    return TwinGradients(gradients, _slopes(losses, size), centers, absolute)
+    return TwinGradients(gradients, _slopes(losses, size), centers)
 
 
 def _steps(size: np.ndarray) -> np.ndarray:

@@ -10,7 +10,7 @@ import pytest
 from digs_warp.data.gaussians import FIELDS, Gaussians
 from digs_warp.measure.scores import Score, mean_score
 from digs_warp.splat.device import DeviceGaussians
-from digs_warp.train.evaluate import load_test_views, render_views, score_views
+from digs_warp.train.evaluate import load_test_views, render_views, score_view
 from digs_warp.train.trainer import Trainer
 from reference.tiny_capture import write_tiny_capture
 
@@ -18,9 +18,8 @@ from reference.tiny_capture import write_tiny_capture
 def score_of_perfect_views(gaussians: Gaussians, folder: Path) -> Score:
     """Compare with the ball as a camera sees it that does not move; its capture goes to ``folder``."""
     views = load_test_views(write_tiny_capture(folder, 5).frames)
-    return mean_score(
-        score_views(render_views(DeviceGaussians.from_numpy(gaussians), views), views)
-    )
+    drawn = render_views(DeviceGaussians.from_numpy(gaussians), views)
+    return mean_score([*map(score_view, drawn, views)])
 
 
 def interrupt(run: Callable[[], object], step: int, monkeypatch: pytest.MonkeyPatch) -> None:

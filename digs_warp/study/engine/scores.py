@@ -45,11 +45,11 @@ def score_on_yardstick(gaussians: Gaussians, frames: Sequence[Frame]) -> dict[st
     """
     from digs_warp.measure.scores import mean_score
     from digs_warp.splat.device import DeviceGaussians
-    from digs_warp.train.evaluate import load_test_views, render_views, score_views
+    from digs_warp.train.evaluate import load_test_views, render_views, score_view
 
     views = load_test_views(frames)
     renderings = render_views(DeviceGaussians.from_numpy(gaussians), views)
-    score = mean_score(score_views(renderings, views)).to_json()
+    score = mean_score([*map(score_view, renderings, views)]).to_json()
     score["psnr_object_one_gain"] = psnr_with_one_gain(renderings, views)
     if find_spec("flip_evaluator"):
         from digs_warp.measure.flip import flip

@@ -33,7 +33,7 @@ KNOBS: dict[str, tuple[str, str, Sequence[Any]]] = {
     "image width": ("recording", "width", (320, 640, 960)),
     "voxel size [mm]": ("reconstruction", "init.voxel_size", (16, 8, 2)),
     "initialization": ("reconstruction", "init.strategy", ("depth", "fusion", "default", "random")),
-    "density control": ("reconstruction", "train.density.strategy", ("adaptive", "absgrad")),
+    "density control": ("reconstruction", "train.density.strategy", ("adaptive",)),
     "sensor tier": ("recording", "tier", ("truth", "law", "matcher")),
     "samples per pixel": ("recording", "samples_per_pixel", (1, 16)),
     "SH degree": ("reconstruction", "train.sh_degree", (0, 1, 2, 3)),

@@ -13,11 +13,11 @@ from digs_warp.sim.config import SimulateConfig
 def test_settings_reach_the_options_within() -> None:
     options = with_settings(
         ReconstructionOptions(),
-        {"poses": "sfm", "density": "absgrad", "iterations": 7, "voxel_size": 0.1},
+        {"poses": "sfm", "density": "adaptive", "iterations": 7, "voxel_size": 0.1},
     )
     config = options.reconstruct_config(seed=5)
     assert config.sfm.poses == "sfm" and config.init.voxel_size == 0.1
-    assert config.train.stop.iterations == 7 and config.train.density.strategy == "absgrad"
+    assert config.train.stop.iterations == 7 and config.train.density.strategy == "adaptive"
     assert config.train.seed == config.sfm.sfm_seed == 5
 
 

@@ -104,8 +104,8 @@ def test_density_control_follows_the_start() -> None:
     for flags, density in [
         ([], "fixed"),
         (["--strategy", "random"], "adaptive"),
-        (["--strategy", "random", "--density", "absgrad"], "absgrad"),
-        (["--density", "absgrad"], "absgrad"),
+        (["--strategy", "random", "--density", "fixed"], "fixed"),
+        (["--density", "adaptive"], "adaptive"),
     ]:
         command = cli.parse(["reconstruct", "capture", "--out", "x", *flags])
         assert isinstance(command, Reconstruct)

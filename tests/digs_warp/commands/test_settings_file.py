@@ -23,7 +23,7 @@ RECORDING = [
 ]
 RECONSTRUCTION = [
     *("--poses", "sfm", "--refine-focal", "--strategy", "fusion", "--voxel-size", "0.0037"),
-    *("--iterations", "12", "--time-budget", "3min", "--density", "absgrad"),
+    *("--iterations", "12", "--time-budget", "3min", "--density", "adaptive"),
     *("--test-every", "4", "--masks", "folder", "--mask-folder", "m"),
 ]
 

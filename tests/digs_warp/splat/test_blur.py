@@ -40,7 +40,7 @@ def adjoints_of(clear: np.ndarray) -> Adjoints:
     rng = np.random.default_rng(0)
     image = rng.normal(size=(*clear.shape, 3)) * clear[..., None]
     transmittance, depth = (rng.normal(size=clear.shape) * clear for _ in range(2))
-    return Adjoints(image, transmittance, depth, np.zeros((*clear.shape, 3)))
+    return Adjoints(image, transmittance, depth)
 
 
 def drawn(scene: SplatScene, blur: Blur | None, adjoints: Adjoints, **more: int) -> BlurRenderer:

@@ -7,6 +7,7 @@ import pytest
 
 from digs_warp.geometry.camera import Camera
 from digs_warp.splat.backend import RasterBackend
+from digs_warp.splat.camera_gradient import camera_gradient
 from digs_warp.splat.config import RasterOptions
 from digs_warp.splat.device import DeviceGaussians, SplatStatistics
 from digs_warp.splat.render import SplatRenderer
@@ -31,8 +32,8 @@ from reference.splat_twin import (
 # The polynomial for exp is good to 2e-6 relative, float32 sums to about 1e-7 a step.
 IMAGE_TOLERANCE = 5e-6
 # Relative to the largest gradient of a parameter class: float32 sums over some hundred pixels whose terms
-# cancel (observed: below 4e-6 on random scenes).
-GRADIENT_TOLERANCE = 2e-5
+# cancel (observed: below 4e-6 on random scenes). Depth divides by the coverage, of which there may be little.
+GRADIENT_TOLERANCE, DEPTH_TOLERANCE = 2e-5, 3e-4
 # A conic of a needle or of a splat across the image is the small difference of large numbers in float32.
 STIFF_TOLERANCE = 1e-3
 STIFF = (
@@ -50,8 +51,8 @@ RANDOM = [random_scene(seed) for seed in range(4)]
 ROLLING = [rolling_scene(seed) for seed in (1, 2)]
 # Dilated, as needles ask for; the others draw as the training does.
 COLOR = RasterOptions(dilation=0.3)
-ALL = RasterOptions(dilation=0.3, outputs="normals")
-ANTIALIASED = RasterOptions(dilation=0.3, outputs="normals", antialias=True)
+ALL = RasterOptions(dilation=0.3, outputs="depth")
+ANTIALIASED = RasterOptions(dilation=0.3, outputs="depth", antialias=True)
 UNUSUAL = RasterOptions(min_alpha=0.02, max_alpha=0.9, min_transmittance=0.01, jacobian_margin=0.1)
 
 
@@ -73,7 +74,6 @@ def random_adjoints(camera: Camera, where: np.ndarray) -> Adjoints:
         rng.normal(size=(*size, 3)) * where[..., None],
         rng.normal(size=size) * where,
         rng.normal(size=size) * where,
-        rng.normal(size=(*size, 3)) * where[..., None],
     )
 
 
@@ -83,8 +83,6 @@ def expected_of(scene: SplatScene, options: RasterOptions) -> Expected:
     adjoints = random_adjoints(scene.camera, ~twin.ambiguous)
     if not options.has_depth:
         adjoints.depth[:] = 0
-    if not options.has_normals:
-        adjoints.normals[:] = 0
     gradients = twin_gradients(p, scene.camera, twin, BACKGROUND, adjoints, options, scene.rows)
     return Expected(twin, adjoints, gradients)
 
@@ -96,17 +94,14 @@ def renderer_of(scene: SplatScene, adjoints: Adjoints, **options) -> SplatRender
         DeviceGaussians.from_numpy(scene.gaussians),
         k.width,
         k.height,
-        camera_gradient=True,
         **options,
     )
-    renderer.statistics = SplatStatistics.zeros(len(scene.gaussians), absolute=True)
+    renderer.statistics = SplatStatistics.zeros(len(scene.gaussians))
     renderer.forward(scene.camera, near=scene.near, background=BACKGROUND, rows=scene.rows)
     renderer.adj_image.assign(adjoints.image)
     renderer.adj_transmittance.assign(adjoints.transmittance)
     if renderer.options.has_depth:
         renderer.adj_depth.assign(adjoints.depth)
-    if renderer.options.has_normals:
-        renderer.adj_normals.assign(adjoints.normals)
     renderer.backward()
     return renderer
 
@@ -145,8 +140,6 @@ def check_backend(
     pairs = [(renderer.image, twin.image), (renderer.transmittance, twin.transmittance)]
     if options.has_depth:
         pairs.append((renderer.depth, np.stack([twin.depth, twin.median_depth], axis=-1)))
-    if options.has_normals:
-        pairs.append((renderer.normals, twin.normals))
     for planes, wanted in pairs:
         found = planes.to_numpy().reshape(wanted.shape)
         # Depths are not within 0..1 as colors are: float32 is as good relative to their size.
@@ -155,23 +148,21 @@ def check_backend(
             found[clear], wanted[clear], rtol=0, atol=limit, err_msg=backend_name(backend)
         )
 
-    tolerance = STIFF_TOLERANCE if stiff else GRADIENT_TOLERANCE
+    tolerance = DEPTH_TOLERANCE if options.has_depth else GRADIENT_TOLERANCE
+    tolerance = STIFF_TOLERANCE if stiff else tolerance
     wanted = expected.gradients
     for field, array in zip(fields(Parameters), renderer.gradients.arrays, strict=True):
         check_close(array.numpy(), getattr(wanted.parameters, field.name), tolerance, field.name)
-    camera = renderer.camera_gradient()
-    check_close(camera.rotation, wanted.camera[:3], tolerance, "rotation")
-    check_close(camera.translation, wanted.camera[3:6], tolerance, "translation")
-    check_close(camera.focal, wanted.camera[6:8], tolerance, "focal lengths")
-    check_close(camera.center, wanted.camera[8:], tolerance, "principal point")
+    camera = camera_gradient(scene.gaussians, renderer.gradients.to_numpy(), scene.camera)
+    if scene.gaussians.quats.any(axis=1).all():  # what has no axes cannot turn
+        check_close(camera.rotation, wanted.camera[:3], tolerance, "rotation")
+    check_close(camera.translation, wanted.camera[3:], tolerance, "translation")
 
     k, statistics = scene.camera.intrinsics, renderer.statistics
     assert statistics is not None
     half = 0.5 * np.array([k.width, k.height])
     sums = np.linalg.norm(wanted.centers * half, axis=1)
-    absolute = np.linalg.norm(wanted.absolute_centers * half, axis=1)
     check_close(statistics.gradient_sums.numpy(), sums, tolerance, "gradient sums")
-    check_close(statistics.absolute_sums.numpy(), absolute, tolerance, "absolute sums")
 
 
 @pytest.mark.parametrize("seed", range(4))

@@ -31,11 +31,9 @@ TOUCHED_LOOP = "for member in range(GROUP):"
 KERNELS = {
     "color, forward": "rasterize.forward_kernel(RasterOptions())",
     "mean depth, forward": "rasterize.forward_kernel(RasterOptions(outputs='mean depth'))",
-    "depth and normals, forward": "rasterize.forward_kernel(RasterOptions(outputs='normals'))",
-    "color, backward": "rasterize_adjoint.backward_kernel(RasterOptions(), False)",
-    "all outputs and absolute gradients, backward": (
-        "rasterize_adjoint.backward_kernel(RasterOptions(outputs='normals'), True)"
-    ),
+    "depth, forward": "rasterize.forward_kernel(RasterOptions(outputs='depth'))",
+    "color, backward": "rasterize_adjoint.backward_kernel(RasterOptions())",
+    "depth, backward": "rasterize_adjoint.backward_kernel(RasterOptions(outputs='depth'))",
 }
 
 

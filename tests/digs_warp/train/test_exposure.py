@@ -19,7 +19,7 @@ from digs_warp.train.evaluate import (
     color_aligned,
     load_test_views,
     render_views,
-    score_views,
+    score_view,
 )
 from digs_warp.train.exposure import ColorSamples, Exposures
 from digs_warp.train.trainer import Trainer
@@ -71,7 +71,7 @@ def trained(
 
 def quality(trainer: Trainer, frames: tuple[Frame, ...]) -> float:
     views = load_test_views(frames)
-    scores = score_views(render_views(trainer.gaussians, views), views)
+    scores = [*map(score_view, render_views(trainer.gaussians, views), views)]
     return float(np.mean([score.psnr_object for score in scores]))
 
 
@@ -122,7 +122,7 @@ def test_held_out_photographs_are_measured_raw_and_aligned(
 ) -> None:
     views = load_test_views([exposed(frames[0], np.array([-0.9, -0.5, -0.7]))])
     true = Rendering(load_test_views(frames[:1])[0].target, views[0].share)
-    score = score_views([true], views)[0]
+    score = score_view(true, views[0])
     assert score.psnr_frame_aligned > 38 > 25 > score.psnr_frame
     assert score.psnr_object_aligned > 33 > 20 > score.psnr_object
     off = np.abs(color_aligned(true, views[0]) - views[0].target)
@@ -141,7 +141,7 @@ def test_one_gain_of_all_views_does_not_hide_that_they_differ(
     for changed in (photographs, darker):
         views = load_test_views(changed)
         renderings = render_views(scene, views)
-        score = mean_score(score_views(renderings, views))
+        score = mean_score([*map(score_view, renderings, views)])
         together = psnr_with_one_gain(renderings, views)
         figures.append((score.psnr_object, together, score.psnr_object_aligned))
     (raw, together, each), (raw_of_darker, together_of_darker, each_of_darker) = figures

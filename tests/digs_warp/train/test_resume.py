@@ -29,7 +29,6 @@ def short_schedule(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(density_module, "REFINE_EVERY", 6)
     monkeypatch.setattr(density_module, "RESET_EVERY", 18)
     monkeypatch.setattr(density_module, "GRADIENT_LIMIT", 1e-5)
-    monkeypatch.setattr(density_module, "ABSOLUTE_GRADIENT_LIMIT", 4e-5)
 
 
 def start() -> Gaussians:
@@ -46,7 +45,7 @@ def trained(capture: Capture, config: TrainConfig, steps: int) -> Trainer:
     return trainer
 
 
-@pytest.mark.parametrize("density", ["fixed", "adaptive", "absgrad"])
+@pytest.mark.parametrize("density", ["fixed", "adaptive"])
 def test_a_resumed_run_continues_bit_for_bit(
     capture: Capture, tmp_path: Path, density: DensityStrategy
 ) -> None:

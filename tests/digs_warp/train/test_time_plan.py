@@ -1,4 +1,4 @@
-"""A time budget: the steps that are planned, the progress along which schedules run, and how both adapt."""
+"""A time budget: the steps that are planned, and the progress along which schedules run."""
 
 import shutil
 from pathlib import Path
@@ -12,50 +12,32 @@ from digs_warp.pipeline.reconstruction import Reconstruction
 from digs_warp.train import session
 from digs_warp.train.config import Stop, TrainConfig
 from digs_warp.train.session import plan_training
-from digs_warp.train.time_plan import Clock, Progress, plan_time
-from digs_warp.train.trainer import Trainer
+from digs_warp.train.time_plan import plan_time
+from digs_warp.train.trainer import Resolved, Trainer
 from reference.tiny_capture import ball
 from reference.trained_ball import interrupt
 
 
 def test_the_steps_that_fit_are_planned() -> None:
-    # 500 steps pay, and one is taken in any case.
-    for budget, steps in ((20.0, 200), (100.0, 500), (0.0, 1)):
+    for budget, steps in ((20.0, 200), (100.0, 500), (0.0, 1)):  # one is taken in any case
         plan = plan_time(budget, 500, 0.1)
         assert (plan.iterations, plan.budget) == (steps, budget)
-        assert ("more are not worth" in str(plan)) == (steps == 500)
-
-
-def test_without_a_budget_progress_is_the_share_of_the_steps_to_the_bit() -> None:
-    progress = Progress(1000)
-    for step in range(0, 1003):
-        assert progress.at(step) == min(1.0, step / 1000)
-
-
-def test_respread_progress_goes_on_from_where_it_was_and_ends_at_one() -> None:
-    progress = Progress(100, most=300)
-    progress.respread(40, 120.0)
-    assert progress.at(40) == 0.4 and progress.steps == 160
-    assert progress.at(100) == pytest.approx(0.7)
-    again = Progress(5)
-    again.restore(progress.state())
-    again.respread(100, 1000.0)  # not more than pay
-    assert again.at(100) == progress.at(100) and again.steps == 300 and again.at(300) == 1.0
-    again.respread(200, -3.0)  # the time is over: one step ends the schedules
-    assert again.steps == 201 and again.at(201) == 1.0
 
 
 @pytest.mark.parametrize("pace", [0.5, 3.0])
-def test_steps_of_another_pace_end_with_the_time_and_the_progress(pace: float) -> None:
-    """Steps are planned to take 0.1 s and take ``pace`` times as long; halfway this changes again."""
-    progress, clock = Progress(100, most=500), Clock(10.0)
-    step, seconds = 0, 0.0
-    while step < progress.steps and not clock.is_over(step, seconds):
-        step += 1
-        seconds += 0.1 * pace * (1.5 if seconds > 5 else 1.0)
-        clock.after_step(progress, step, seconds)
-    assert seconds == pytest.approx(10.0, rel=0.05)
-    assert progress.at(step) > 0.97
+def test_steps_of_any_pace_end_with_the_time_and_the_progress(
+    pace: float, capture: Capture, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    config = TrainConfig(stop=Stop(iterations=100, time_budget=10.0))
+    views = session.open_data(capture.frames, config, capture.folder).views
+    trainer = Trainer(ball(10), views, config, Resolved(most_steps=500))
+    while not trainer.ended_by:
+        trainer.optimizer.step += 1
+        trainer.seconds += 0.1 * pace * (1.5 if trainer.seconds > 5 else 1.0)
+    assert trainer.seconds == pytest.approx(10.0, rel=0.05) and trainer.ended_by == "time budget"
+    assert trainer.progress == 1.0
+    trainer.most_steps = trainer.optimizer.step  # the steps end before the time
+    assert trainer.ended_by == "iterations"
 
 
 CONFIG = ReconstructConfig(

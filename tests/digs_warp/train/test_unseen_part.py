@@ -10,9 +10,8 @@ from digs_warp.data.frame import Frame
 from digs_warp.data.layers import Layer
 from digs_warp.data.posed_frames import PosedFrames
 from digs_warp.geometry.rigid import rigid
-from digs_warp.splat.device import DeviceGaussians
-from digs_warp.train.evaluate import load_test_views, unseen_part
-from reference.tiny_capture import HEIGHT, WIDTH, ball, write_tiny_capture
+from digs_warp.train.evaluate import MeasuredViews, load_test_views, unseen_part
+from reference.tiny_capture import HEIGHT, WIDTH, write_tiny_capture
 
 
 def before_a_wall(frame: Frame, shift: float) -> Frame:
@@ -38,8 +37,8 @@ def test_the_share_that_no_training_view_sees(
     frames = PosedFrames((training.with_layer(Layer.DEPTH, hiding),), (aside,))
     image = np.full((HEIGHT, WIDTH, 3), 255, np.uint8)
     image[:, WIDTH // 2 :] = 204  # what the training did not see is off by a fifth
-    gaussians = DeviceGaussians.from_numpy(ball(), "cpu")
-    found = unseen_part(gaussians, frames, load_test_views((aside,)), [image])
+    measured = MeasuredViews([image], [np.zeros((1, 1))], [])
+    found = unseen_part(measured, frames, load_test_views((aside,)))
     if not share:
         assert found is None
         return

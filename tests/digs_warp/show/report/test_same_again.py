@@ -11,7 +11,7 @@ from digs_warp.show.report.run_section import RunRecords
 
 FLAGS = {
     "nothing": "",
-    "numbers, words": "--frames 16 --width 320 --iterations 9 --tier law --subject scene --density absgrad",
+    "numbers, words": "--frames 16 --width 320 --iterations 9 --tier law --subject scene --density adaptive",
     "lists and switches": "--elevations 10 35.5 --seed 7 --keep-course --scene a.glb b.obj",
 }
 
