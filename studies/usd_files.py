@@ -1,16 +1,12 @@
 """`python -m studies usd`: USD scenes of a million splats, and what each precision costs and loses.
 
-Speed: random splats of degree 3 are written to a new file, read back to Gaussians, and validated with our
-rules and those of OpenUSD; the best of several rounds, with the file in the page cache. "np.save" and
-"np.load" are the floor of this machine: NumPy's time for as many bytes. Memory is the peak growth of a fresh
-process, mapped files included. PSNR: a smaller scene is written, read, rendered, and compared with what
-was written.
+Random splats of degree 3 are written to a new file and read back to Gaussians: the least seconds of the
+processor of several rounds. PSNR: a smaller scene is written, read, rendered, and compared with what was.
 """
 
-import importlib.util
 import tempfile
-from concurrent.futures import ProcessPoolExecutor
-from multiprocessing import get_context
+import time
+from collections.abc import Callable
 from pathlib import Path
 from typing import get_args
 
@@ -23,10 +19,8 @@ from digs_warp.record.progress import progress
 from digs_warp.splat.render import render
 from digs_warp.usd.convert import Precision
 from digs_warp.usd.reader import read_gaussians
-from digs_warp.usd.validate import validate
 from digs_warp.usd.writer import WriteOptions, write_gaussians
 from studies.results import Result
-from studies.timing import best_ms, peak_memory
 
 SPLATS = 1_000_000
 PICTURED_SPLATS = 100_000
@@ -34,95 +28,43 @@ DEGREE = 3
 REPEATS = 5
 _VIEWS = 3
 
-# Bytes per splat of each array at full precision: position, quaternion, scales, opacity, coefficients.
-_FLOAT_BYTES = {"position": 12, "others": 16 + 12 + 4 + 12 * (DEGREE + 1) ** 2}
-
 
 def bench_usd(splats: int = SPLATS, pictured: int = PICTURED_SPLATS) -> list[Result]:
-    """Return times [s], sizes and the PSNR of rendered views [dB] for every precision and format."""
+    """Return times of the processor [s], sizes and the PSNR of rendered views [dB] for every precision."""
     large, small = random_splats(splats), random_splats(pictured)
     pictures = _views_of(small)
     precisions: tuple[Precision, ...] = get_args(Precision)
     results: list[Result] = []
     with (
         tempfile.TemporaryDirectory() as folder,
-        progress(2 * len(precisions), "Measuring", "case") as bar,
+        progress(len(precisions), "Measuring", "case") as bar,
     ):
+        path = Path(folder) / "scene.usdz"
         for precision in precisions:
-            psnr = _psnr(pictures, _views_of(_stored(small, Path(folder), precision)))
-            for suffix in ("usdc", "usdz"):
-                path = Path(folder) / f"scene.{suffix}"
-                labels = {"precision": precision, "format": suffix}
-                labels |= {"splats": splats, "degree": DEGREE}
-                values = _measure(large, path, precision) | {"PSNR [dB]": psnr}
-                results.append(Result(labels, values))
-                path.unlink()
-                bar.update()
+            write_gaussians(path, small, options=WriteOptions(precision=precision))
+            psnr = _psnr(pictures, _views_of(read_gaussians(path)))
+            labels = {"precision": precision, "splats": splats, "degree": DEGREE}
+            results.append(Result(labels, _measure(large, path, precision) | {"PSNR [dB]": psnr}))
+            bar.update()
     return results
 
 
-def _stored(gaussians: Gaussians, folder: Path, precision: Precision) -> Gaussians:
-    """Return Gaussians as they come back from a file."""
-    path = folder / "small.usdc"
-    write_gaussians(path, gaussians, options=WriteOptions(precision=precision))
-    return read_gaussians(path)
-
-
 def _measure(gaussians: Gaussians, path: Path, precision: Precision) -> dict[str, float]:
-    """Return times, peak memory and size of one file."""
+    """Return times and size of one file."""
     options = WriteOptions(precision=precision)
-
-    def write() -> None:
-        write_gaussians(path, gaussians, options=options)
-
-    # A new file each time: replacing one also costs the deletion of the old.
-    times = {"write": best_ms(write, REPEATS, lambda: path.unlink(missing_ok=True))}
-    size = path.stat().st_size
-    times |= _floor(path.with_name("floor.npy"), size)
-    times["read"] = best_ms(lambda: read_gaussians(path), REPEATS)
-    # NVIDIA's rule, where installed, takes seconds in Python loops and would hide ours.
-    if importlib.util.find_spec("usd_validation_nvidia") is None:
-        times["validate"] = best_ms(lambda: validate(path), REPEATS)
-    with ProcessPoolExecutor(1, mp_context=get_context("spawn")) as fresh:
-        peaks = fresh.submit(_peaks, len(gaussians), path, precision).result()
-    halves = {"float": (), "mixed": ("others",), "half": ("position", "others")}[precision]
-    per_splat = sum(b // 2 if name in halves else b for name, b in _FLOAT_BYTES.items())
-    return {
-        **{f"{name} [s]": value / 1e3 for name, value in times.items()},
-        **{f"{name} [MB]": value / 1e6 for name, value in peaks.items()},
-        "size [MB]": size / 1e6,
-        "beyond arrays [B]": size - per_splat * len(gaussians),
-    }
+    write = _least_seconds(lambda: write_gaussians(path, gaussians, options=options))
+    read = _least_seconds(lambda: read_gaussians(path))
+    return {"write [s]": write, "read [s]": read, "size [MB]": path.stat().st_size / 1e6}
 
 
-def _peaks(splats: int, path: Path, precision: Precision) -> dict[str, int]:
-    """Return the peak growth while writing a new file and reading it [bytes].
-
-    Call it in a fresh process: one that has written before reuses memory that it never gave back.
-    """
-    options = WriteOptions(precision=precision)
-    write_gaussians(path, random_splats(10), options=options)  # the libraries are loaded by now
-    read_gaussians(path)
-    path.unlink()
-    gaussians = random_splats(splats)
-    with peak_memory() as writing:
-        write_gaussians(path, gaussians, options=options)
-    with peak_memory() as reading:
-        read_gaussians(path)
-    return {"write memory": writing.growth, "read memory": reading.growth}
-
-
-def _floor(path: Path, size: int) -> dict[str, float]:
-    """Return how long NumPy takes to save and load ``size`` bytes [ms]."""
-    content = np.ones(size, dtype=np.uint8)
-    seconds = {
-        "np.save": best_ms(
-            lambda: np.save(path, content), REPEATS, lambda: path.unlink(missing_ok=True)
-        ),
-        "np.load": best_ms(lambda: np.load(path), REPEATS),
-    }
-    path.unlink()
-    return seconds
+def _least_seconds(work: Callable[[], object]) -> float:
+    """Return how long the processor works [s], all threads together."""
+    found = []
+    for _ in range(REPEATS):
+        start = time.process_time()
+        work()
+        found.append(time.process_time() - start)
+    return min(found)
 
 
 def random_splats(count: int) -> Gaussians:

@@ -52,7 +52,7 @@ JOBS = {
         "--help": None,
         "info {folder}/capture": None,
         "info {folder}/gaussians.npz": None,
-        "usd info {folder}/a.usda": "usd-core",
+        "usd validate {folder}/a.usda": "usd-core",
         f"{SMALL} --tier matcher": "opencv-python-headless",
         DROP: "'digs-warp[drop]'",
     },

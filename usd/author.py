@@ -1,14 +1,12 @@
 """The parts of every scene that we write: a Y-up asset in metres with provenance, and fields of splats."""
 
-import json
-from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from digs_warp import __version__
 from digs_warp.usd import names
-from digs_warp.usd.convert import SplatArrays, mean_display_color
+from digs_warp.usd.convert import SplatArrays, display_color
 from digs_warp.usd.frames import ASSET_FROM_WORLD
 from digs_warp.usd.metadata import portable_json, usd_from_json
 
@@ -97,45 +95,45 @@ def begin_asset(metadata: dict[str, Any], layer: "Sdf.Layer | None" = None) -> "
     stage.SetDefaultPrim(asset)
     Usd.ModelAPI(asset).SetKind(Kind.Tokens.component)
     asset.SetCustomDataByKey(names.SOURCE_TO_ASSET_KEY, Gf.Matrix4d(ASSET_FROM_WORLD.T))
-    _author_provenance(asset, plain)
     _define_color_space(asset)
     return stage
 
 
-def author_field(field: "Usd.Prim", arrays: SplatArrays, time: float | None = None) -> None:
+def author_field(field: "Usd.Prim", arrays: SplatArrays) -> np.ndarray:
     """Author splats in the asset's frame; float16 arrays become the half-precision attributes.
 
     Args:
         field: a prim of type ``ParticleField3DGaussianSplat``.
         arrays: the splats as `digs_warp.usd.convert.with_precision` returns them.
-        time: the time code of the arrays; None authors the default values.
+
+    Returns:
+        Their extent, see `three_sigma_extent`.
     """
     from pxr import Usd, UsdGeom
 
-    code = Usd.TimeCode.Default() if time is None else Usd.TimeCode(time)
     coefficients = arrays.sh.shape[1]
-    _set_array(field, names.POSITIONS, arrays.positions, code)
+    _set_array(field, names.POSITIONS, arrays.positions)
     # The buffer of an array of quaternions is xyzw, as ours is; its text is wxyz.
-    _set_array(field, names.ORIENTATIONS, arrays.orientations, code)
-    _set_array(field, names.SCALES, arrays.scales, code)
-    _set_array(field, names.OPACITIES, arrays.opacities, code)
-    stored = _set_array(field, names.SH_COEFFICIENTS, arrays.sh.reshape(-1, 3), code)
+    _set_array(field, names.ORIENTATIONS, arrays.orientations)
+    _set_array(field, names.SCALES, arrays.scales)
+    _set_array(field, names.OPACITIES, arrays.opacities)
+    stored = _set_array(field, names.SH_COEFFICIENTS, arrays.sh.reshape(-1, 3))
     # Its namespace is not that of a primvar, but importers look for this metadata of primvars.
     stored.SetMetadata("elementSize", coefficients)
     stored.SetMetadata("interpolation", UsdGeom.Tokens.vertex)
     field.GetAttribute(names.SH_DEGREE).Set(round(coefficients**0.5) - 1)
     field.GetAttribute(names.PROJECTION_HINT).Set(names.PROJECTION_MODE)
     field.GetAttribute(names.SORTING_HINT).Set(names.SORTING_MODE)
-    _set_array(field, names.EXTENT, three_sigma_extent(arrays), code)
+    extent = three_sigma_extent(arrays)
+    _set_array(field, names.EXTENT, extent)
     Usd.ColorSpaceAPI.Apply(field).CreateColorSpaceNameAttr(names.SPLAT_COLOR_SPACE)
     if len(arrays):
-        mean = mean_display_color(arrays)[None].astype(np.float32)
-        _set_array(field, names.DISPLAY_COLOR, mean, code).SetColorSpace(names.DISPLAY_COLOR_SPACE)
+        mean = display_color(arrays)[None].astype(np.float32)
+        _set_array(field, names.DISPLAY_COLOR, mean).SetColorSpace(names.DISPLAY_COLOR_SPACE)
+    return extent
 
 
-def _set_array(
-    field: "Usd.Prim", name: str, values: np.ndarray, code: "Usd.TimeCode"
-) -> "Usd.Attribute":
+def _set_array(field: "Usd.Prim", name: str, values: np.ndarray) -> "Usd.Attribute":
     """Author a float or half array under its name and return the attribute."""
     from pxr import Vt
 
@@ -147,42 +145,8 @@ def _set_array(
     else:
         kind = Vt.QuathArray if half else Vt.QuatfArray
     attribute = field.GetAttribute(name + names.HALF_SUFFIX if half else name)
-    attribute.Set(kind.FromNumpy(np.ascontiguousarray(values)), code)
+    attribute.Set(kind.FromNumpy(np.ascontiguousarray(values)))
     return attribute
-
-
-def _author_provenance(asset: "Usd.Prim", metadata: dict[str, Any]) -> None:
-    """Record who wrote the asset, and from what settings, in the terms of UsdMedia's AuthorshipAPI.
-
-    By name, because the class exists only from OpenUSD 26.11 on. No time stamp: same input, same bytes.
-    """
-    from pxr import Sdf
-
-    asset.AddAppliedSchema(names.AUTHORSHIP_SCHEMA)
-    pairs = [text for pair in _leaves(metadata) for text in pair]
-    values = {
-        "softwarePackage": (Sdf.ValueTypeNames.String, names.SOFTWARE),
-        "softwareVersion": (Sdf.ValueTypeNames.String, __version__),
-        "description": (
-            Sdf.ValueTypeNames.String,
-            "Gaussian splats optimized against a recording of a stereo depth camera.",
-        ),
-        "inputs": (Sdf.ValueTypeNames.StringArray, pairs),
-    }
-    for name, (kind, value) in values.items():
-        attribute = asset.CreateAttribute(
-            names.AUTHORSHIP_PREFIX + name, kind, custom=False, variability=Sdf.VariabilityUniform
-        )
-        attribute.Set(value)
-
-
-def _leaves(value: Any, name: str = "") -> Iterator[tuple[str, str]]:
-    """Yield ("settings.train.iterations", "1000") for every value of nested dictionaries."""
-    if isinstance(value, dict):
-        for key, item in value.items():
-            yield from _leaves(item, f"{name}.{key}" if name else str(key))
-    else:
-        yield name, value if isinstance(value, str) else json.dumps(value)
 
 
 def _define_color_space(asset: "Usd.Prim") -> None:

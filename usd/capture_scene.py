@@ -7,14 +7,12 @@
         /Asset/Gaussians          ParticleField3DGaussianSplat, the payload of the selected variants
         /Asset/Rig/left, right    UsdGeomCamera; time code i is view i
         /Asset/Source/...         initial points and meshes, purpose guide
-        /Asset/Progress           inactive; the splats during the training
         /Render/...               RenderProduct of each camera: the image size
       splats_<init>_<lod>.usdc    one payload per combination
-      progress.usdc
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -35,10 +33,9 @@ from digs_warp.usd.files import export_layer, package_folder
 from digs_warp.usd.frames import ASSET_FROM_WORLD
 from digs_warp.usd.lod import LEVELS, level_of_detail
 from digs_warp.usd.metadata import portable_json, usd_from_json, with_filter
-from digs_warp.usd.writer import write_splat_crate
 
 if TYPE_CHECKING:
-    from pxr import Sdf, Usd, UsdGeom
+    from pxr import Usd, UsdGeom
 
 
 # The distances between points are measured on at most this many.
@@ -108,10 +105,6 @@ def _typical_spacing(points: np.ndarray) -> float:
     return max(1e-6, float(np.median(distances[:, 1])))
 
 
-_FIELD_IN_PAYLOAD = "/Gaussians"
-_PROGRESS_LAYER = "progress.usdc"
-
-
 @dataclass(frozen=True, eq=False)
 class SceneVariant:
     """One reconstruction of the capture: a variant of the set ``init``.
@@ -138,8 +131,6 @@ class CaptureScene:
         cameras: the views of the recording, if known.
         source_mesh: the recorded object, where it was simulated.
         surface: the surface extracted from the first variant.
-        course: (training iterations, Gaussians) of the first variant, ascending; stored without view
-            dependence.
         metadata: JSON-like provenance of the whole, as in `digs_warp.usd.writer.write_gaussians`.
     """
 
@@ -147,7 +138,6 @@ class CaptureScene:
     cameras: CameraPath | None = None
     source_mesh: TriangleMesh | None = None
     surface: TriangleMesh | None = None
-    course: tuple[tuple[int, Gaussians], ...] = ()
     metadata: dict[str, Any] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
@@ -162,11 +152,6 @@ class CaptureScene:
         if len(set(labels)) < len(labels):
             raise UsdError(
                 f"capture scene: reconstructions named {', '.join(labels)}; expected different names"
-            )
-        iterations = [iteration for iteration, _ in self.course]
-        if iterations != sorted(set(iterations)):
-            raise UsdError(
-                f"capture scene: course at iterations {iterations}, expected ascending ones"
             )
 
 
@@ -207,8 +192,7 @@ def write_capture_scene(
         stage = begin_asset(with_filter(scene.metadata, shown, f"'{path}'"), root)
         labels = variant_names([each.name for each in scene.variants])
         boxes = []
-        total = len(labels) * len(LEVELS) + len(scene.course)
-        with progress(total, "Writing the scene", "layer") as bar:
+        with progress(len(labels) * len(LEVELS), "Writing the scene", "layer") as bar:
             for label, each in zip(labels, scene.variants, strict=True):
                 extents = [
                     _write_payload(folder / _payload_name(label, level), each, share, options)
@@ -220,12 +204,6 @@ def write_capture_scene(
             _select_first(stage, labels[0])
             if scene.cameras is not None:
                 author_cameras(stage, scene.cameras, _union(boxes))
-            if scene.course:
-                rate = stage.GetTimeCodesPerSecond()
-                layer = _course_layer(scene.course, options, rate)
-                export_layer(layer, folder / _PROGRESS_LAYER, path)
-                _author_course(stage, scene.course)
-                bar.update(len(scene.course))
         stage.DefinePrim(names.SOURCE_PATH, "Scope")
         for place, mesh in (
             (names.MESH_PATH, scene.source_mesh),
@@ -245,17 +223,13 @@ def _write_payload(
     target: Path, each: SceneVariant, share: float, options: WriteOptions
 ) -> np.ndarray:
     """Write one level of detail of a reconstruction; return its extent in the asset's frame."""
-    what = f"Gaussians of '{each.name}'"
-    _stage, prim = _begin_payload()
-    return write_splat_crate(prim, level_of_detail(each.gaussians, share), options, target, what)
-
-
-def _begin_payload() -> "tuple[Usd.Stage, Usd.Prim]":
-    """Return a stage in memory and its only prim, a field."""
+    splats = level_of_detail(each.gaussians, share)
     stage = begin_stage()
-    prim = stage.DefinePrim(_FIELD_IN_PAYLOAD, names.FIELD_TYPE)
+    prim = stage.DefinePrim("/Gaussians", names.FIELD_TYPE)
     stage.SetDefaultPrim(prim)
-    return stage, prim
+    extent = author_field(prim, asset_arrays(splats, options, f"Gaussians of '{each.name}'"))
+    export_layer(stage.GetRootLayer(), target, target)
+    return extent
 
 
 def _author_variant(stage: "Usd.Stage", variant: str, each: SceneVariant) -> None:
@@ -284,33 +258,6 @@ def _author_variant(stage: "Usd.Stage", variant: str, each: SceneVariant) -> Non
 def _select_first(stage: "Usd.Stage", variant: str) -> None:
     inits = stage.GetDefaultPrim().GetVariantSet(names.INIT_SET)
     inits.SetVariantSelection(variant)
-
-
-def _course_layer(
-    course: Sequence[tuple[int, Gaussians]], options: WriteOptions, rate: float
-) -> "Sdf.Layer":
-    """Return the training as time samples, a time code each: color only, halves but for the positions."""
-    sparing = replace(options, precision="mixed", sh_degree=0)
-    stage, prim = _begin_payload()
-    stage.SetStartTimeCode(0)
-    stage.SetEndTimeCode(len(course) - 1)
-    # Time codes of a layer with another rate than the scene's would be scaled.
-    stage.SetTimeCodesPerSecond(rate)
-    for i, (iteration, gaussians) in enumerate(course):
-        author_field(
-            prim, asset_arrays(gaussians, sparing, f"Gaussians at iteration {iteration}"), i
-        )
-    return stage.GetRootLayer()
-
-
-def _author_course(stage: "Usd.Stage", course: Sequence[tuple[int, Gaussians]]) -> None:
-    """Refer to the course, inactive: importers expect one field of splats."""
-    from pxr import Vt
-
-    prim = stage.DefinePrim(names.PROGRESS_PATH, names.FIELD_TYPE)
-    prim.GetPayloads().AddPayload(f"./{_PROGRESS_LAYER}")
-    prim.SetCustomDataByKey(names.ITERATIONS_KEY, Vt.IntArray([i for i, _ in course]))
-    prim.SetActive(False)
 
 
 def _union(boxes: list[np.ndarray]) -> np.ndarray:

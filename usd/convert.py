@@ -262,22 +262,11 @@ def check_activated(arrays: SplatArrays, what: str) -> None:
         )
 
 
-def mean_display_color(arrays: SplatArrays) -> np.ndarray:
+def display_color(arrays: SplatArrays) -> np.ndarray:
     """Return the opacity-weighted mean color of at least one splat, linear RGB in 0..1, shape (3,)."""
-    return display_color(color_sums(arrays))
-
-
-def color_sums(arrays: SplatArrays) -> np.ndarray:
-    """Return the sums over all splats of opacity times coefficient of degree 0, and of opacity, (4,)."""
     weights = arrays.opacities.astype(np.float64) + MIN_OPACITY
     # No matrix product: its rounding depends on the number of threads.
-    weighted = (weights[:, None] * arrays.sh[:, 0]).sum(axis=0)
-    return np.append(weighted, weights.sum())
-
-
-def display_color(sums: np.ndarray) -> np.ndarray:
-    """Return the mean color, linear RGB in 0..1, shape (3,), from the result of `color_sums`."""
-    mean_sh = sums[:3] / sums[3]
+    mean_sh = (weights[:, None] * arrays.sh[:, 0]).sum(axis=0) / weights.sum()
     # Degree 0 has the same color in all directions.
     srgb = rgb_from_sh(mean_sh[None, None], np.array([[0.0, 0.0, 1.0]]))[0]
     return linear_from_srgb(np.clip(srgb, 0.0, 1.0))

@@ -1,9 +1,7 @@
 """A field of Gaussian splats in a stage: finding the prim, its attributes as NumPy arrays.
 
 Attributes are found by name, so that files open in versions of USD that do not know the splat schema.
-Attributes that are missing or too short get the schema's default. ``time`` is a time code; None
-means the first sample of each attribute, or its default. Variants are chosen in the session layer: the file
-does not change.
+Attributes that are missing or too short get the schema's default; of animated ones the first sample is read.
 """
 
 import logging
@@ -20,25 +18,13 @@ from digs_warp.geometry.sh import MAX_DEGREE, coefficient_count, sh_from_rgb
 from digs_warp.usd import names
 from digs_warp.usd.convert import SplatArrays
 from digs_warp.usd.files import HINT
+from digs_warp.usd.walk import select_variant, variant_sets
 from digs_warp.words import cut, first_few
 
 if TYPE_CHECKING:
     from pxr import Gf, Usd
 
 _log = logging.getLogger(__name__)
-
-
-# A choice: (path of the prim, name of its variant set) -> name of the variant.
-Selection = dict[tuple[str, str], str]
-
-
-def variant_sets(stage: "Usd.Stage") -> dict[tuple[str, str], list[str]]:
-    """Return the variants of every set in the current composition, by (prim path, set)."""
-    return {
-        (str(prim.GetPath()), name): list(prim.GetVariantSet(name).GetVariantNames())
-        for prim in stage.TraverseAll()
-        for name in prim.GetVariantSets().GetNames()
-    }
 
 
 def select_variants(stage: "Usd.Stage", chosen: Mapping[str, str], path: Path) -> None:
@@ -59,33 +45,7 @@ def select_variants(stage: "Usd.Stage", chosen: Mapping[str, str], path: Path) -
             )
         for (prim, _), variants in found.items():
             if variant in variants:
-                _select(stage, prim, name, variant)
-
-
-def variant_combinations(stage: "Usd.Stage") -> Iterator[Selection]:
-    """Put the stage into every combination of its variants in turn; yield what is chosen.
-
-    A stage without variants is yielded once, with nothing chosen.
-    """
-    yield from _combinations(stage, {})
-
-
-def _combinations(stage: "Usd.Stage", chosen: Selection) -> Iterator[Selection]:
-    # A selection may add sets: nested ones, or those of a payload.
-    for key, variants in variant_sets(stage).items():
-        if key not in chosen and variants:
-            for variant in variants:
-                _select(stage, *key, variant)
-                yield from _combinations(stage, chosen | {key: variant})
-            return
-    yield chosen
-
-
-def _select(stage: "Usd.Stage", prim: str, name: str, variant: str) -> None:
-    from pxr import Usd
-
-    with Usd.EditContext(stage, stage.GetSessionLayer()):
-        stage.GetPrimAtPath(prim).GetVariantSet(name).SetVariantSelection(variant)
+                select_variant(stage, prim, name, variant)
 
 
 def find_fields(stage: "Usd.Stage") -> list["Usd.Prim"]:
@@ -136,8 +96,10 @@ def with_ancestors(prim: "Usd.Prim") -> Iterator["Usd.Prim"]:
 
 def token_of(prim: "Usd.Prim", name: str) -> str:
     """Return an attribute that is a name, "" without one; also of types that this USD does not know."""
+    from pxr import Usd
+
     attribute = prim.GetAttribute(name)
-    return str(attribute.Get(time_code(None)) or "") if attribute else ""
+    return str(attribute.Get(Usd.TimeCode.EarliestTime()) or "") if attribute else ""
 
 
 def is_shown(prim: "Usd.Prim") -> bool:
@@ -283,13 +245,13 @@ def _counted(prim: "Usd.Prim", name: str, count: int, what: str) -> np.ndarray |
     return array[:count] if array is not None and len(array) >= count else None
 
 
-def array_of(prim: "Usd.Prim", name: str, time: float | None = None) -> np.ndarray | None:
+def array_of(prim: "Usd.Prim", name: str) -> np.ndarray | None:
     """Return an array of `names.WIDTHS`, or colors, as it is authored; None: not at all.
 
     Raises:
         UsdError: it has another type than the schema gives it.
     """
-    value = value_of(prim, name, time)
+    value = value_of(prim, name)
     if value is None:
         return None
     array, width = np.asarray(value), names.WIDTHS.get(name, 3)
@@ -301,31 +263,28 @@ def array_of(prim: "Usd.Prim", name: str, time: float | None = None) -> np.ndarr
     return array
 
 
-def value_of(prim: "Usd.Prim", name: str, time: float | None = None) -> Any:
+def value_of(prim: "Usd.Prim", name: str) -> Any:
     """Return the array of an attribute, else of its half-precision twin; None when both are empty."""
+    from pxr import Usd
+
     for twin in (name, name + names.HALF_SUFFIX):
         attribute = prim.GetAttribute(twin)
         if not attribute or not attribute.GetTypeName().isArray:
             continue
-        value = attribute.Get(time_code(time))
+        value = attribute.Get(Usd.TimeCode.EarliestTime())
         if hasattr(value, "__len__") and len(value):  # a broken file may hold anything
             return value
     return None
 
 
-def extent_of(prim: "Usd.Prim", time: float | None = None) -> np.ndarray | None:
+def extent_of(prim: "Usd.Prim") -> np.ndarray | None:
     """Return the authored box, (2, 3), float64, in the prim's own frame; None without a usable one."""
-    attribute = prim.GetAttribute(names.EXTENT)
-    value = attribute.Get(time_code(time)) if attribute else None
-    box = np.asarray(value) if value is not None else np.empty(0)
-    return box.astype(np.float64) if box.shape == (2, 3) and box.dtype.kind == "f" else None
-
-
-def time_code(time: float | None) -> "Usd.TimeCode":
-    """Return USD's time code; None is the earliest."""
     from pxr import Usd
 
-    return Usd.TimeCode.EarliestTime() if time is None else Usd.TimeCode(time)
+    attribute = prim.GetAttribute(names.EXTENT)
+    value = attribute.Get(Usd.TimeCode.EarliestTime()) if attribute else None
+    box = np.asarray(value) if value is not None else np.empty(0)
+    return box.astype(np.float64) if box.shape == (2, 3) and box.dtype.kind == "f" else None
 
 
 def _has_positions(prim: "Usd.Prim") -> bool:

@@ -54,14 +54,12 @@ class Report:
         checks: the groups of rules.
         findings: errors first.
         combinations: how many combinations of variants were looked at.
-        samples: how many time samples of splats were looked at, over all combinations.
     """
 
     path: Path
     checks: tuple[Check, ...]
     findings: tuple[Finding, ...]
     combinations: int
-    samples: int
 
     def count(self, severity: Severity) -> int:
         """Return the number of findings of a severity."""
@@ -83,19 +81,17 @@ class Report:
         lines.append(
             f"{self.path}: {counted(self.count('error'), 'error')}, "
             f"{counted(self.count('warning'), 'warning')} in "
-            f"{counted(self.combinations, 'combination')} of variants, "
-            f"{counted(self.samples, 'time sample')} of splats"
+            f"{counted(self.combinations, 'combination')} of variants"
         )
         return "\n".join(lines)
 
     def json(self) -> str:
-        """Return the report as JSON: file, ok, checks, findings, combinations, samples."""
+        """Return the report as JSON: file, ok, checks, findings, combinations."""
         content: dict[str, Any] = {
             "file": self.path,
             "ok": self.ok,
             "checks": [asdict(check) for check in self.checks],
             "findings": [asdict(finding) for finding in self.findings],
             "combinations": self.combinations,
-            "samples": self.samples,
         }
         return to_json(content)

@@ -1,8 +1,7 @@
 """JSON-like metadata <-> dictionaries of a USD layer.
 
-USD dictionaries hold booleans, numbers, text, dictionaries and arrays of one type. What they cannot
-hold (None, empty, nested or mixed lists, huge integers) is stored as JSON text after ``json:`` and comes
-back as it was.
+Booleans, numbers, text, dictionaries and lists of fractions are stored as they are. Other lists, None and
+huge integers become JSON text after ``json:`` and come back as they were.
 """
 
 import json
@@ -97,18 +96,10 @@ def _to_usd(value: Any) -> Any:
     from pxr import Vt
 
     if isinstance(value, dict):
-        return {key: _to_usd(item) for key, item in value.items()}
-    if isinstance(value, list) and value:
-        kinds = {type(item) for item in value}
-        if kinds == {bool}:
-            return Vt.BoolArray(value)
-        if kinds == {str}:
-            return Vt.StringArray(value)
-        if kinds == {int} and all(_fits_int64(item) for item in value):
-            return Vt.Int64Array(value)
-        if kinds == {float}:
-            return Vt.DoubleArray(value)
-    elif isinstance(value, bool | str | float) or (isinstance(value, int) and _fits_int64(value)):
+        return usd_from_json(value)
+    if isinstance(value, list) and {type(item) for item in value} == {float}:
+        return Vt.DoubleArray(value)
+    if isinstance(value, bool | str | float) or (isinstance(value, int) and _fits_int64(value)):
         return value
     return JSON_MARK + json.dumps(value)
 

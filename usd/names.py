@@ -18,7 +18,6 @@ SOURCE_PATH = "/Asset/Source"
 POINTS_PATH = "/Asset/Source/InitialPoints"
 MESH_PATH = "/Asset/Source/Mesh"
 SURFACE_PATH = "/Asset/Source/Surface"
-PROGRESS_PATH = "/Asset/Progress"
 # Variant sets of the asset: which reconstruction, and how much of it.
 INIT_SET = "init"
 LOD_SET = "lod"
@@ -58,11 +57,6 @@ COLOR_SPACE_INSTANCE = "display"
 # For viewers that do not draw splats; linear, as USD expects displayColor to be.
 DISPLAY_COLOR_SPACE = "lin_rec709_scene"
 
-# The record of authorship (UsdMedia's AuthorshipAPI, OpenUSD 26.11; older versions skip it).
-AUTHORSHIP_SCHEMA = "AuthorshipAPI:digs_train"
-AUTHORSHIP_PREFIX = "authorship:digs_train:"
-SOFTWARE = "digs_warp"
-
 # Our metadata: a dictionary of the layer, and one of the asset prim.
 METADATA_KEY = "digs_warp"
 VERSION_KEY = "version"
@@ -71,5 +65,3 @@ SOURCE_TO_ASSET_KEY = "digs_warp:sourceToAsset"
 VIEW_NAMES_KEY = "digs_warp:viewNames"
 VIEW_TIMES_KEY = "digs_warp:viewTimes"  # [s]
 HELD_OUT_KEY = "digs_warp:heldOut"
-# Entry i of the progress: training iterations at time code i.
-ITERATIONS_KEY = "digs_warp:iterations"

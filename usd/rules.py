@@ -38,30 +38,19 @@ _HINTS = {
 }
 
 
-def sample_times(prim: "Usd.Prim") -> list[float | None]:
-    """Return all time codes at which a field has samples; [None] for one without animation."""
-    times: set[float] = set()
-    for name in (*names.WIDTHS, names.EXTENT):
-        for twin in (name, name + names.HALF_SUFFIX):
-            attribute = prim.GetAttribute(twin)
-            if attribute:
-                times.update(attribute.GetTimeSamples())
-    return [*sorted(times)] or [None]
-
-
 def check_field(prim: "Usd.Prim") -> Iterator[Finding]:
-    """Yield what is wrong with a field, at all of its time samples."""
+    """Yield what is wrong with a field; of an animated one, with its first sample."""
     where = str(prim.GetPath())
-    for time in sample_times(prim):
-        at = where if time is None else f"{where} at time {time:g}"
-        try:
-            values = _values(prim, time)
-        except UsdError as error:
-            yield Finding("attribute-type", "error", str(error), at)
-            continue
-        for finding in check_values(values):
-            yield replace(finding, where=at)
-    for finding in (*_check_hints(prim), *_check_color_space(prim), *_check_transform(prim)):
+    try:
+        found = [*check_values(_values(prim))]
+    except UsdError as error:
+        found = [Finding("attribute-type", "error", str(error))]
+    for finding in (
+        *found,
+        *_check_hints(prim),
+        *_check_color_space(prim),
+        *_check_transform(prim),
+    ):
         yield replace(finding, where=where)
 
 
@@ -106,17 +95,17 @@ class FieldValues:
         return array if array is not None and len(array) == count else None
 
 
-def _values(prim: "Usd.Prim", time: float | None) -> FieldValues:
+def _values(prim: "Usd.Prim") -> FieldValues:
     coefficients = prim.GetAttribute(names.SH_COEFFICIENTS)
     if not (coefficients and coefficients.HasAuthoredValue()):
         half = prim.GetAttribute(names.SH_COEFFICIENTS + names.HALF_SUFFIX)
         coefficients = half or coefficients
     return FieldValues(
-        arrays={name: array_of(prim, name, time) for name in names.WIDTHS},
+        arrays={name: array_of(prim, name) for name in names.WIDTHS},
         degree=_degree(prim),
         element_size=_metadata(coefficients, "elementSize", int),
         interpolation=_metadata(coefficients, "interpolation", str),
-        extent=extent_of(prim, time),
+        extent=extent_of(prim),
     )
 
 

@@ -1,27 +1,22 @@
 """Checks a USD scene: our rules for splats, OpenUSD's validators, NVIDIA's rule where it is installed."""
 
-from collections.abc import Iterator
 from dataclasses import replace
 from itertools import islice
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from digs_warp.usd.field import find_fields, is_field, variant_combinations
+from digs_warp.usd.field import find_fields
 from digs_warp.usd.files import opened_stage
 from digs_warp.usd.findings import Check, Finding, Report
-from digs_warp.usd.package import check_package
-from digs_warp.usd.rules import check_field, check_stage, sample_times
+from digs_warp.usd.rules import check_field, check_stage
+from digs_warp.usd.walk import MAX_COMBINATIONS, variant_combinations
 
 if TYPE_CHECKING:
     from pxr import Usd, UsdValidation
 
 
-# At most this many combinations of variants are checked; the report says so.
-MAX_COMBINATIONS = 256
-
-
 def validate(path: Path) -> Report:
-    """Check a scene in every combination of its variants and at all time samples of its splats.
+    """Check a scene in every combination of its variants.
 
     Raises:
         UsdError: the file is missing or cannot be opened as USD.
@@ -32,14 +27,9 @@ def validate(path: Path) -> Report:
 
 
 def _report(stage: "Usd.Stage", path: Path) -> Report:
-    package = list(check_package(path))
     context = _stock_context()
     ours, stock = _Collected(), _Collected()
-    combinations = samples = 0
-    for prim in _inactive_fields(stage):
-        samples += len(sample_times(prim))
-        for finding in check_field(prim):
-            ours.add(finding, "")
+    combinations = 0
     every = variant_combinations(stage)
     for chosen in islice(every, MAX_COMBINATIONS):
         combinations += 1
@@ -47,7 +37,6 @@ def _report(stage: "Usd.Stage", path: Path) -> Report:
         for finding in check_stage(stage):
             ours.add(finding, label)
         for prim in find_fields(stage):
-            samples += len(sample_times(prim))
             for finding in check_field(prim):
                 ours.add(finding, label)
         for error in context.Validate(stage):
@@ -59,28 +48,11 @@ def _report(stage: "Usd.Stage", path: Path) -> Report:
         "OpenUSD validators": stock.findings(combinations),
     }
     checks = [_check_of(name, findings, note) for name, findings in groups.items()]
-    if path.suffix.lower() == ".usdz":
-        checks.append(_check_of("package", package))
-    else:
-        checks.append(Check("package", "not checked", "not a .usdz file"))
     nvidia, nvidia_findings = _run_nvidia(path)
     checks.append(nvidia)
-    findings = [*package, *groups["splats and scene"], *groups["OpenUSD validators"]]
-    findings += nvidia_findings
+    findings = [*groups["splats and scene"], *groups["OpenUSD validators"], *nvidia_findings]
     findings.sort(key=lambda finding: finding.severity)  # "error" before "warning"
-    return Report(path, tuple(checks), tuple(findings), combinations, samples)
-
-
-def _inactive_fields(stage: "Usd.Stage") -> "Iterator[Usd.Prim]":
-    """Activate each inactive field in turn, in the session layer: validators skip inactive prims."""
-    from pxr import Usd
-
-    for path in [prim.GetPath() for prim in stage.TraverseAll() if not prim.IsActive()]:
-        with Usd.EditContext(stage, stage.GetSessionLayer()):
-            stage.GetPrimAtPath(path).SetActive(True)
-            if is_field(stage.GetPrimAtPath(path)):
-                yield stage.GetPrimAtPath(path)
-            stage.GetPrimAtPath(path).ClearActive()
+    return Report(path, tuple(checks), tuple(findings), combinations)
 
 
 class _Collected:

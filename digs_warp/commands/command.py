@@ -79,7 +79,7 @@ class Preset:
 
 @dataclass(frozen=True)
 class Group:
-    """Commands that share a first word, such as `usd info` and `usd diff`.
+    """Commands that share a first word, such as `usd info` and `usd validate`.
 
     Attributes:
         about: what they do, for the help.

@@ -1,6 +1,6 @@
-"""`digs-warp export-usd` and `digs-warp usd`: write, inspect, validate and compare USD scenes."""
+"""`digs-warp export-usd` and `digs-warp usd`: write, inspect and validate USD scenes."""
 
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated
 
@@ -73,14 +73,12 @@ class ExportUsd(Command):
 
 Scene = Annotated[Path, tyro.conf.Positional]
 
-SAME = "the Gaussians and what is recorded about them are the same (cameras, meshes and points: not compared)"
-
 
 @dataclass(frozen=True, kw_only=True)
 class UsdInfo(JsonFile, Command):
     """Say what a USD scene holds."""
 
-    scene: Annotated[Scene, tyro.conf.arg(metavar="SCENE")]
+    scene: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="SCENE")]
     """A .usdz, .usdc or .usda file."""
 
     prim: str | None = None
@@ -101,11 +99,11 @@ class UsdInfo(JsonFile, Command):
 class UsdValidate(JsonFile, Command):
     """Check a USD scene; the exit code is 1 if there is an error.
 
-    Checks values, sizes, color space, extents and the package, in every variant and at every time sample.
+    Checks values, sizes, color space, extents and the package, in every variant.
     Uses the rules of this program, those of OpenUSD, and NVIDIA's if usd-validation-nvidia is installed.
     """
 
-    scene: Annotated[Scene, tyro.conf.arg(metavar="SCENE")]
+    scene: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="SCENE")]
     """A .usdz, .usdc or .usda file."""
 
     def execute(self) -> str:
@@ -120,33 +118,7 @@ class UsdValidate(JsonFile, Command):
         return report.text()
 
 
-@dataclass(frozen=True, kw_only=True)
-class UsdDiff(JsonFile, Command):
-    """Say how the Gaussians of two USD scenes differ, splat by splat, and what is recorded about them.
-
-    Different axes and units do not count. Cameras, meshes and points are not compared.
-    """
-
-    first: Annotated[Scene, tyro.conf.arg(metavar="FIRST")]
-    """A .usdz, .usdc or .usda file."""
-
-    second: Annotated[Scene, tyro.conf.arg(metavar="SECOND")]
-    """The file to compare it with."""
-
-    prim: str | None = None
-    """Path of the splats, such as /Asset/Gaussians; needed where a scene holds several fields of splats."""
-
-    def execute(self) -> str:
-        """Compare and return the differences, one per line."""
-        from digs_warp.usd.diff import differences
-
-        self.check(self.first, self.second)
-        found = differences(self.first, self.second, self.prim)
-        self.write(to_json([asdict(each) for each in found]))
-        return "\n".join(map(str, found)) or SAME
-
-
 USD = Group(
     "Inspect USD scenes of Gaussian splats, written by this or another program.",
-    {"info": UsdInfo, "validate": UsdValidate, "diff": UsdDiff},
+    {"info": UsdInfo, "validate": UsdValidate},
 )

@@ -190,7 +190,6 @@ class Reconstruction:
             points=self.start.points if self.start else None,
             metadata=self.scene_metadata,
             instance=self.instance,
-            snapshots=self.load_snapshots(),
         )
 
     def in_memory(self) -> "Reconstruction":

@@ -37,7 +37,6 @@ class SceneResult:
         points: that the training started from; None: not known.
         metadata: how it was made, see `scene_metadata`.
         instance: the number of the one object that it is of, of several.
-        snapshots: (iteration, Gaussians) of the training, ascending.
     """
 
     name: str
@@ -46,7 +45,6 @@ class SceneResult:
     points: PointCloud | None
     metadata: dict[str, Any]
     instance: int | None
-    snapshots: tuple[tuple[int, Gaussians], ...]
 
 
 def write_capture_package(
@@ -60,8 +58,7 @@ def write_capture_package(
 
     Args:
         capture: the recording.
-        results: its reconstructions; the first is shown by default, and its scene has the cameras, and the
-            training progress if it was kept.
+        results: its reconstructions; the first is shown by default, and the cameras are its.
         path: the ``.usdz`` file.
         options: precision and degree.
         surface: also extract a mesh from the first reconstruction, for the scene.
@@ -79,7 +76,6 @@ def write_capture_package(
         cameras=_camera_path(capture, posed),
         source_mesh=_source_mesh(capture, shown.instance),
         surface=_surface(shown.gaussians, poses) if surface else None,
-        course=shown.snapshots,
         metadata=shown.metadata | _origin(capture, shown.instance),
     )
     write_capture_scene(path, scene, options)

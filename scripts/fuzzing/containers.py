@@ -11,7 +11,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from digs_warp.usd.package import PackageWriter
+from digs_warp.usd.files import write_package
 
 PNG_SIGNATURE = b"\x89PNG\r\n\x1a\n"
 BROKEN = (ValueError, IndexError, OSError, struct.error, zipfile.BadZipFile, zlib.error, EOFError)
@@ -83,12 +83,10 @@ def _npz(members: Mapping[str, bytes]) -> bytes:
 
 def _usdz(members: Mapping[str, bytes]) -> bytes:
     with tempfile.TemporaryDirectory() as folder:
-        target, part = Path(folder, "scene.usdz"), Path(folder, "part")
-        writer = PackageWriter(target, target)
+        target = Path(folder, "scene.usdz")
         for name, content in members.items():
-            part.write_bytes(content)
-            writer.add(part, name)
-        writer.close()
+            Path(folder, name).write_bytes(content)
+        write_package(target, [Path(folder, name) for name in members], target)
         return target.read_bytes()
 
 

@@ -37,7 +37,7 @@ def _splats(*names: str, words: tuple[str, ...] = ("info",)) -> tuple[Input, ...
 
 
 def _usd(*names: str) -> tuple[Input, ...]:
-    return _splats(*names, words=("info", "usd info", "usd validate"))
+    return _splats(*names, words=("info", "usd validate"))
 
 
 def _result(name: str) -> Input:

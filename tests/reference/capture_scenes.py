@@ -66,6 +66,5 @@ def full_scene(count: int = 40) -> CaptureScene:
         cameras=camera_path(),
         source_mesh=tetrahedron(),
         surface=tetrahedron(),
-        course=((0, splats(10, 4)), (50, splats(20, 5)), (200, splats(count, 1))),
         metadata={"kernel": KERNEL, "settings": {"iterations": 200}},
     )

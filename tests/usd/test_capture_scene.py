@@ -146,23 +146,6 @@ def test_between_two_views_the_camera_turns_along_the_shorter_arc(package: Path)
     assert ((numbers[1:] * numbers[:-1]).sum(axis=1) > 0).all()
 
 
-def test_the_course_of_the_training_is_there_but_switched_off(package: Path):
-    stage = open_stage(package)
-    prim = stage.GetPrimAtPath("/Asset/Progress")
-    assert not prim.IsActive()
-    assert list(prim.GetCustomDataByKey("digs_warp:iterations")) == [0, 50, 200]
-    prim.SetActive(True)
-    for time, (_, gaussians) in enumerate(full_scene().course):
-        read = read_scene_at(stage, time)
-        assert_array_equal(read, gaussians.means @ Y_UP.T.astype(np.float32))
-    assert prim.GetAttribute("radiance:sphericalHarmonicsDegree").Get() == 0
-
-
-def read_scene_at(stage, time: float) -> np.ndarray:
-    attribute = stage.GetPrimAtPath("/Asset/Progress").GetAttribute("positions")
-    return np.array(attribute.Get(time))
-
-
 @pytest.mark.parametrize(("role", "precision"), [("left", "float"), ("right", "half")])
 def test_an_independent_renderer_draws_the_file_as_ours_draws_the_gaussians(
     tmp_path: Path, role: str, precision
@@ -191,7 +174,7 @@ def test_members_are_aligned_and_the_root_comes_first(package: Path):
     with zipfile.ZipFile(package) as archive:
         members = archive.infolist()
     assert members[0].filename == "default.usdc"
-    assert len(members) == 1 + 9 + 1
+    assert len(members) == 1 + 9
     for member in members:
         assert member.compress_type == zipfile.ZIP_STORED
         header = data[member.header_offset :]
@@ -231,8 +214,6 @@ def test_scenes_that_make_no_sense_are_refused():
         CaptureScene(())
     with pytest.raises(UsdError, match="a_b, a_b; expected different names"):
         CaptureScene((one, SceneVariant("a_b", splats(1))))
-    with pytest.raises(UsdError, match=r"iterations \[5, 5\]"):
-        CaptureScene((one,), course=((5, splats(1)), (5, splats(1))))
     views = camera_path(views=2)
     with pytest.raises(UsdError, match="2 cameras, 1 times"):
         replace(views, times=(0.0,))

@@ -11,7 +11,6 @@ from digs_warp.data.capture import Capture
 from digs_warp.data.posed_frames import PosedFrames
 from digs_warp.record.files import read_json, to_json
 from digs_warp.record.run_log import RunLog
-from digs_warp.train.training import save_snapshot
 from digs_warp.usd.reader import read_scene
 from digs_warp.usd.validate import validate
 from reference.capture_scenes import cloud, splats
@@ -76,27 +75,6 @@ def test_same_strategies_are_numbered(capture: Capture, tmp_path: Path):
 def test_variants_need_the_capture(tmp_path: Path):
     arguments = ["export-usd", "a", "--also", "b", "--out", str(tmp_path / "scene.usdz")]
     assert main(arguments) == EXIT_WRONG_USAGE
-
-
-def test_the_course_of_the_training_becomes_time_samples(capture: Capture, tmp_path: Path):
-    from pxr import Usd
-
-    folder = reconstruction(capture, "e", "depth", 30)
-    for iteration, count in ((0, 12), (100, 20), (1000, 30)):
-        save_snapshot(folder, iteration, splats(count, seed=iteration))
-    path = tmp_path / "scene.usdz"
-    arguments = ["export-usd", folder, "--capture", capture.folder, "--out", path]
-    assert main([*map(str, arguments)]) == EXIT_OK
-    assert validate(path).findings == ()
-    stage = Usd.Stage.Open(str(path))
-    progress = stage.GetPrimAtPath("/Asset/Progress")
-    assert list(progress.GetCustomDataByKey("digs_warp:iterations")) == [0, 100, 1000]
-    progress.SetActive(True)
-    positions = stage.GetPrimAtPath("/Asset/Progress").GetAttribute("positions")
-    assert positions.GetTimeSamples() == [0.0, 1.0, 2.0]
-    for time, (iteration, count) in enumerate(((0, 12), (100, 20), (1000, 30))):
-        expected = splats(count, seed=iteration).means @ Y_UP.T
-        assert_allclose(np.array(positions.Get(time)), expected, atol=1e-6)
 
 
 def test_the_scene_says_where_the_mesh_file_stands(tmp_path: Path):

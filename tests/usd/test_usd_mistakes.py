@@ -189,34 +189,3 @@ def test_a_mistake_in_one_variant_is_found_and_named(tmp_path: Path):
     found = [finding for finding in report.findings if finding.rule == "opacity-range"]
     assert [finding.variants for finding in found] == ["look=bad"]
     assert report.combinations == 2
-
-
-def test_a_mistake_in_one_time_sample_is_found_and_named(tmp_path: Path):
-    from pxr import Usd
-
-    path = tmp_path / "scene.usda"
-    write_gaussians(path, splats(20))
-    stage = Usd.Stage.Open(str(path))
-    attribute = stage.GetPrimAtPath(FIELD).GetAttribute("opacities")
-    values = np.array(attribute.Get())
-    for time in (0, 1, 2):
-        attribute.Set(values if time != 1 else values * 9, time)
-    stage.Save()
-    report = validate(path)
-    found = [finding for finding in report.findings if finding.rule == "opacity-range"]
-    assert [finding.where for finding in found] == [f"{FIELD} at time 1"]
-    assert report.samples == 3
-
-
-def test_splats_that_are_switched_off_are_checked_too(tmp_path: Path):
-    from pxr import Usd
-
-    path = tmp_path / "scene.usda"
-    write_edited(path, logits)
-    stage = Usd.Stage.Open(str(path))
-    stage.GetPrimAtPath(FIELD).SetActive(False)
-    stage.Save()
-    before = path.read_bytes()
-    rules = {finding.rule for finding in validate(path).findings}
-    assert rules == {"opacity-range", "one-field"}  # and no field is left that shows
-    assert path.read_bytes() == before

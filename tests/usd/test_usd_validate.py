@@ -40,7 +40,6 @@ def test_what_we_write_passes(tmp_path: Path, suffix: str, precision: Precision,
     assert ours == []
     assert status(report, "splats and scene") == "passed"
     assert status(report, "OpenUSD validators") == "passed"
-    assert status(report, "package") == ("passed" if suffix == ".usdz" else "not checked")
     if HAS_NVIDIA and precision == "float":
         assert status(report, "NVIDIA VG.035") == "passed"
 
@@ -50,8 +49,6 @@ def test_all_variants_of_a_capture_pass(tmp_path: Path):
     report = validate(tmp_path / "scene.usdz")
     assert report.findings == ()
     assert report.combinations == 9
-    # The splats of each, and the three moments of the training that is switched off.
-    assert report.samples == 9 + 3
 
 
 @pytest.mark.skipif(HAS_NVIDIA, reason="NVIDIA's validator is installed")
@@ -79,9 +76,8 @@ def test_packages_of_other_programs_are_judged_by_their_structure(tmp_path: Path
     with zipfile.ZipFile(path, "w") as archive:  # no padding: members are not aligned
         archive.write(tmp_path / "scene.usda", "other.usda")
     report = validate(path)
-    assert {f.rule for f in report.findings if f.severity == "error"} >= {"package-alignment"}
-    assert "package-root" in {finding.rule for finding in report.findings}
-    assert status(report, "package") == "failed"
+    assert any("ByteMisalignment" in finding.rule for finding in report.findings), report.text()
+    assert status(report, "OpenUSD validators") == "failed"
 
 
 def test_files_that_are_no_scene_are_an_error(tmp_path: Path):

@@ -136,27 +136,6 @@ def test_display_color_is_the_linear_mean_weighted_by_opacity(tmp_path: Path, ra
     assert_allclose(values(path, "primvars:displayColor"), expected, atol=1e-5)
 
 
-def test_the_record_of_authorship_says_what_wrote_the_scene_from_what(
-    tmp_path: Path, random_gaussians
-):
-    from pxr import Usd, UsdMedia
-
-    if not hasattr(UsdMedia, "AuthorshipAPI"):
-        pytest.skip("the record of authorship is of OpenUSD 26.11")
-    path = tmp_path / "scene.usdc"
-    write_gaussians(path, random_gaussians(2), {"settings": {"iterations": 100, "name": "a"}})
-    stage = Usd.Stage.Open(str(path))
-    record = UsdMedia.AuthorshipAPI.Get(stage.GetDefaultPrim(), "digs_train")
-    assert record.GetSoftwarePackageAttr().Get() == "digs_warp"
-    assert record.GetSoftwareVersionAttr().Get()
-    assert list(record.GetInputsAttr().Get()) == [
-        "settings.iterations",
-        "100",
-        "settings.name",
-        "a",
-    ]
-
-
 def test_extent_holds_what_is_stored_in_halves(tmp_path: Path, random_gaussians):
     path = tmp_path / "scene.usdc"
     write_gaussians(path, random_gaussians(500), options=WriteOptions(precision="half"))

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from digs_warp.checks import UsdError
-from digs_warp.usd.package import MAX_PACKAGE, check_package_size
+from digs_warp.usd import files
 from digs_warp.usd.writer import write_gaussians
 from reference.usd_files import SUFFIXES, error_of_a_full_disk, run_fresh
 
@@ -77,10 +77,11 @@ def test_another_suffix_is_refused(tmp_path: Path, random_gaussians, name: str):
     assert list(tmp_path.iterdir()) == []
 
 
-def test_package_members_stay_below_4_gib(tmp_path: Path):
-    check_package_size(MAX_PACKAGE, tmp_path / "scene.usdz")
-    with pytest.raises(UsdError, match=r"write a \.usdc"):
-        check_package_size(2**32, tmp_path / "scene.usdz")
+def test_a_package_stays_below_its_limit(tmp_path: Path, random_gaussians, monkeypatch):
+    monkeypatch.setattr(files, "MAX_PACKAGE", 1000)
+    with pytest.raises(UsdError, match=r"scene.usdz': \d+ bytes do not fit.*write a \.usdc"):
+        write_gaussians(tmp_path / "scene.usdz", random_gaussians(100))
+    assert list(tmp_path.iterdir()) == []
 
 
 def assert_same_bytes(first: Path, second: Path) -> None:

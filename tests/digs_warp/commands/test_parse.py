@@ -133,7 +133,7 @@ def test_a_close_miss_is_suggested_in_a_few_lines(capsys: pytest.CaptureFixture[
 def test_without_a_close_miss_the_error_says_what_there_is(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
-    for words, known in [(["qqq"], "reconstruct"), (["usd"], "diff")]:
+    for words, known in [(["qqq"], "reconstruct"), (["usd"], "validate")]:
         assert main(words) == EXIT_WRONG_USAGE
         error = capsys.readouterr().err
         assert known in error
@@ -170,7 +170,6 @@ REQUIRED = {
         "report": "a",
         "usd info": "a",
         "usd validate": "a",
-        "usd diff": "a b",
     },
     **{"sensor fit": "a --out x", "sensor wall": "--out x"},
 }

@@ -1,23 +1,15 @@
-"""Some hundreds of damaged files (thousands: `python tests/reference/fuzz_splats.py 6000`)."""
+"""Some damaged files of each splat format; `python scripts/fuzz.py --kind splats` reads thousands."""
 
-import subprocess
-import sys
+from pathlib import Path
 
-from reference import fuzz_splats
+from fuzz import fuzz, table
+from fuzzing.kinds import find_kinds
 
 
-def test_damaged_files_are_read_or_refused() -> None:
-    """In a separate process, so that a crash, a hang or too much memory is noticed."""
-    done = subprocess.run(
-        [sys.executable, fuzz_splats.__file__, "600", "--seed", "1"],
-        capture_output=True,
-        text=True,
-        timeout=120,
-        check=False,
-    )
-    assert done.returncode == 0, done.stderr[-3000:]
-    assert "600 files" in done.stdout
-    # All formats, both ends.
-    assert all(f"{suffix} " in done.stdout for suffix in (".ply", ".spz", ".splat"))
-    assert "refused / refused" in done.stdout
-    assert "read / read" in done.stdout
+def test_damaged_files_are_read_or_refused(tmp_path: Path) -> None:
+    """In a process of their own, so that a crash, a hang or too much memory is noticed."""
+    kinds = find_kinds(["splats"])
+    tallies = fuzz(kinds, count=15, seed=1, keep=tmp_path / "kept")
+    assert not list(tmp_path.glob("kept/*")), table(tallies).text()
+    ends = [each.end for outcomes in tallies.values() for each in outcomes]
+    assert len(ends) == 15 * len(kinds) and {*ends} == {"read", "refused"}
