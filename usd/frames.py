@@ -6,7 +6,7 @@ on row vectors and are transposed here.
 
 import logging
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -113,7 +113,7 @@ def metres_per_unit(stage: "Usd.Stage", what: str) -> float:
 def stage_offset(stage: "Usd.Stage") -> tuple[float, float, float] | None:
     """Return what was taken off the places of a scene of ours [m]; None: nothing."""
     data = (stage.GetMetadata("customLayerData") or {}).get(names.METADATA_KEY)
-    offset = json_from_usd(data).get(names.OFFSET_KEY) if isinstance(data, dict) else None
+    offset: Any = json_from_usd(data).get(names.OFFSET_KEY) if isinstance(data, dict) else None
     try:
         if np.shape(offset) != (3,) or not np.isfinite(offset).all():
             return None
