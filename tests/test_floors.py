@@ -50,7 +50,7 @@ LINE_BUDGETS = {
     "pipeline": 2_423,
     "poses": 5_304,
     "record": 2_081,
-    "show": 3598,
+    "show": 3_610,
     "sim.camera": 1_459,
     "sim.fit": 2_310,
     "sim.record": 2_063,
@@ -63,7 +63,7 @@ LINE_BUDGETS = {
     "surface": 604,
     "torch": 195,
     "train": 3_800,
-    "usd": 2765,
+    "usd": 2_765,
 }
 MOST_FILES = 520  # of the product; 65,000 lines in 500 files are the goal
 # A shorter file with a single client in its folder belongs into that client.
