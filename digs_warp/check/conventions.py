@@ -6,14 +6,12 @@ much better with it than as recorded.
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from itertools import permutations, product
 from typing import Any
 
 import numpy as np
 
 from digs_warp.check import thresholds as limits
 from digs_warp.check.evidence import Agreement, Evidence, agreement
-from digs_warp.check.thresholds import Threshold
 from digs_warp.geometry.camera import Camera, Intrinsics, pixel_centers
 from digs_warp.geometry.rigid import OPENCV_FROM_OPENGL, invert_rigid
 from digs_warp.measure.thumbnails import WIDTH, SmallFrame, front_points, green_means, thumbnails
@@ -75,13 +73,13 @@ class Trial:
     explanation: Explanation
 
 
-def explained(kind: str) -> Callable[[Evidence, Threshold], dict[str, Any] | None]:
+def explained(kind: str) -> Callable[[Evidence, float], dict[str, Any] | None]:
     """Return the check whether an explanation of a kind brings the frames into agreement.
 
     The limit is the agreement with it, 0 to 1.
     """
 
-    def look(evidence: Evidence, convincing: Threshold) -> dict[str, Any] | None:
+    def look(evidence: Evidence, convincing: float) -> dict[str, Any] | None:
         best, recorded = _best(evidence), evidence.agreement
         if best is None or recorded is None or best.explanation.kind != kind:
             return None
@@ -93,7 +91,7 @@ def explained(kind: str) -> Callable[[Evidence, Threshold], dict[str, Any] | Non
     return look
 
 
-def other_moments(evidence: Evidence, factor: Threshold) -> dict[str, Any] | None:
+def other_moments(evidence: Evidence, factor: float) -> dict[str, Any] | None:
     """Find depth of other images: with other poses it agrees better by this factor, the brightness less."""
     recorded = evidence.agreement
     if recorded is None or recorded.overlap < limits.LEAST_OVERLAP:
@@ -110,7 +108,7 @@ def other_moments(evidence: Evidence, factor: Threshold) -> dict[str, Any] | Non
     return None
 
 
-def no_agreement(evidence: Evidence, hopeless: Threshold) -> dict[str, Any] | None:
+def no_agreement(evidence: Evidence, hopeless: float) -> dict[str, Any] | None:
     """Find frames that agree less than the limit in what they have in common."""
     recorded = evidence.agreement
     if recorded is None or not recorded.is_known or recorded.score >= hopeless:
@@ -118,7 +116,7 @@ def no_agreement(evidence: Evidence, hopeless: Threshold) -> dict[str, Any] | No
     return {"recorded": recorded.score, "overlap": recorded.overlap}
 
 
-def depth_range(evidence: Evidence, _: Threshold) -> dict[str, Any] | None:
+def depth_range(evidence: Evidence, _: float) -> dict[str, Any] | None:
     """Find depth that no depth camera measures."""
     if not evidence.frames:
         return None
@@ -147,8 +145,10 @@ class PointsFit:
     colors: float
 
 
-def points_elsewhere(evidence: Evidence, least: Threshold) -> dict[str, Any] | None:
+def points_elsewhere(evidence: Evidence, least: float) -> dict[str, Any] | None:
     """Find sparse points that few cameras look at, that have other colors, or that fit after a turn."""
+    from scipy.spatial.transform import Rotation
+
     capture = evidence.capture
     cloud = capture.load_points() if evidence.knows_poses else None
     if cloud is None or len(cloud) < limits.LEAST_POINTS_IN_COMMON:
@@ -165,15 +165,13 @@ def points_elsewhere(evidence: Evidence, least: Threshold) -> dict[str, Any] | N
     if green.std() < limits.PLAIN_IMAGE:
         return {"found": found} if recorded.in_view < least else None
     found += f", and their brightness follows that of the photographs by {recorded.colors:.2f}"
-    moves = [(f"they are turned, {name}", turn) for name, turn in _right_angles()]
-    moves += [(f"they are in another unit ({f:g})", f * np.eye(3)) for f in (1e-3, 1e-2, 1e2, 1e3)]
-    fits = [(_points_fit(points @ turn.T, green, views).colors, name) for name, turn in moves]
-    best, name = max(fits)
+    turns = Rotation.create_group("O").as_matrix()  # those that lay axes on axes
+    best = max(_points_fit(points @ turn.T, green, views).colors for turn in turns)
     enough = max(
         limits.POINTS_FIT_FACTOR * recorded.colors, recorded.colors + limits.POINTS_FIT_MORE
     )
     if best > max(enough, limits.POINTS_FIT):
-        return {"found": f"{found}, with {best:.2f} if {name}"}
+        return {"found": f"{found}, with {best:.2f} if they are turned by right angles"}
     is_poor = recorded.in_view < least or recorded.colors < limits.POINTS_MISFIT
     return {"found": found} if is_poor else None
 
@@ -193,19 +191,6 @@ def _points_fit(
     is_enough = len(one) >= limits.LEAST_POINTS_IN_COMMON and one.std() > 0 < other.std()
     fit = float(np.corrcoef(one, other)[0, 1]) if is_enough else 0.0
     return PointsFit(float(in_view.mean()), fit)
-
-
-def _right_angles() -> Iterator[tuple[str, np.ndarray]]:
-    """Yield the 23 turns that lay axes on axes, each with what becomes x, y and z."""
-    for order in permutations(range(3)):
-        for signs in product((1, -1), repeat=3):
-            turn = np.zeros((3, 3))
-            turn[range(3), order] = signs
-            if np.linalg.det(turn) > 0 and not np.array_equal(turn, np.eye(3)):
-                names = [
-                    f"{'-' if s < 0 else ''}{'xyz'[i]}" for i, s in zip(order, signs, strict=True)
-                ]
-                yield f"({', '.join(names)}) for (x, y, z)", turn
 
 
 def _enough(recorded: Agreement, convincing: float) -> float:

@@ -10,7 +10,6 @@ from typing import Any, Literal
 from digs_warp.check import alignment, conventions, motion, outliers, recording
 from digs_warp.check import thresholds as limits
 from digs_warp.check.evidence import Evidence
-from digs_warp.check.thresholds import Threshold
 from digs_warp.masks.config import AGREES
 
 # Who looks: `info` at a few pairs, `run` also at all frames of short recordings, `check` at everything.
@@ -55,8 +54,8 @@ class Check:
     """
 
     kind: str
-    measure: Callable[[Evidence, Threshold], dict[str, Any] | None]
-    limit: Threshold
+    measure: Callable[[Evidence, float], dict[str, Any] | None]
+    limit: float
     message: str
     remedy: str
     is_error: bool = False
@@ -125,7 +124,7 @@ CHECKS = (
     Check(
         kind="time stamps",
         measure=conventions.other_moments,
-        limit=Threshold(1.25),
+        limit=1.25,
         message="The depth of neighboring frames agrees to {depth:.0%}, but much better with the poses of "
         "other frames: depth and images were not taken at the same time.",
         remedy=CHECK_TIMES,
@@ -135,9 +134,7 @@ CHECKS = (
     Check(
         kind="order",
         measure=conventions.no_agreement,
-        limit=Threshold(
-            0.1, set_on="simulated sensors with errors of twice their strength reach 0.13"
-        ),
+        limit=0.1,  # simulated sensors with errors of twice their strength reach 0.13
         message="Neighboring frames agree to {recorded:.0%} in the {overlap:.0%} of their points that both "
         "look at, and no wrong unit, focal length or convention explains it: images, depth and poses do not "
         "belong together.",
@@ -148,7 +145,7 @@ CHECKS = (
     Check(
         kind="agreement",
         measure=conventions.no_agreement,
-        limit=Threshold(0.5),
+        limit=0.5,
         message="Neighboring frames agree to {recorded:.0%} only, expected {limit:.0%} or more: their "
         "depth is coarse or full of holes, or poses or focal length are a little wrong.",
         remedy="Compare with --poses auto. If it is the depth: come nearer, or use a camera with a "
@@ -159,7 +156,7 @@ CHECKS = (
     Check(
         kind="depth unit",
         measure=conventions.depth_range,
-        limit=Threshold(conventions.FARTHEST, "m"),
+        limit=conventions.FARTHEST,
         message="The median depth is {median:.3g} m, expected {nearest:g} to {farthest:g} m: it seems to "
         "be in another unit.",
         remedy="Write float images in metres, or 16-bit images in millimetres.",
@@ -169,7 +166,7 @@ CHECKS = (
     Check(
         kind="masks empty",
         measure=alignment.masks_of_nothing,
-        limit=Threshold(0.01, "of the image", "a smaller share counts as well if it has 50 px"),
+        limit=0.01,  # of the image; a smaller share counts as well if it has 50 px
         message="The masks mark almost nothing: {pixels} pixels (median).",
         remedy="255, or any number but 0, marks the object. Look at them, or make them again: --masks depth, "
         "or --masks isnet.",
@@ -178,7 +175,7 @@ CHECKS = (
     Check(
         kind="points",
         measure=conventions.points_elsewhere,
-        limit=Threshold(0.5, set_on="a simulated object and its scene, a real door", margin="2"),
+        limit=0.5,  # a simulated object and its scene, a real door; margin 2
         message="The sparse points do not fit the photographs: {found}.",
         remedy="Move them as the poses were moved (nerfstudio: applied_transform), or leave them out.",
         is_error=True,
@@ -186,56 +183,24 @@ CHECKS = (
     Check(
         kind="masks inverted",
         measure=alignment.masks_inverted,
-        limit=Threshold(0.5, set_on="a majority"),
+        limit=0.5,  # a majority
         message="{inverted} of {count} masks cover the border of the image and leave out what is nearest: "
         "they seem to be inverted.",
         remedy="255 marks the object, 0 everything else.",
         is_error=True,
     ),
     Check(
-        kind="masks cut",
-        measure=alignment.masks_cut,
-        limit=Threshold(1.5, set_on="masks of the built-in object that lack 5 px", margin="1.5"),
-        message="The depth ends {cut:.1%} of the image's width outside of the masks: they cut the object.",
-        remedy="Make them again: --masks depth, or a folder of better ones with --masks folder.",
-        is_error=True,
-        unless=("masks empty", "masks inverted"),
-    ),
-    Check(
-        kind="masks moved",
-        measure=alignment.masks_moved,
-        limit=Threshold(1.25, set_on="masks of the built-in object moved by 6 px"),
-        message="The masks fit depth and images better if they are moved by {move}.",
-        remedy="Make them from the images of this recording, at their full size and without cropping.",
-        is_error=True,
-        unless=("masks empty", "masks inverted", "masks cut"),
-    ),
-    Check(
-        kind="alignment",
-        measure=alignment.depth_beside_masks,
-        limit=Threshold(1.25, set_on="depth of the built-in object moved by 6 px"),
-        message=NOT_ALIGNED,
-        remedy=REGISTER,
-        is_error=True,
-        unless=("masks empty", "masks inverted", "masks cut"),
-    ),
-    Check(
         kind="alignment",
         measure=alignment.depth_elsewhere,
-        limit=Threshold(
-            0.01, "of the width", "as recorded, a room measures 0.006, others 0.004 or less", "1.5"
-        ),
+        limit=0.01,  # of the width; as recorded, a room measures 0.006, others 0.004 or less
         message=NOT_ALIGNED,
         remedy=REGISTER,
         is_error=True,
-        unless=("masks empty", "masks inverted", "masks cut", "masks moved", "alignment"),
     ),
     Check(
         kind="moving things",
         measure=motion.moving_things,
-        limit=Threshold(
-            0.015, set_on="a plain boot 0.007, real recordings below 0.001", margin="2"
-        ),
+        limit=0.015,  # a plain boot 0.007, real recordings below 0.001
         message="{share:.1%} of the points of a frame are gone in its neighbor, which shows something else "
         "behind them: something moves.",
         remedy="Record again while nothing moves, or use --masks so that only the object counts. If "
@@ -245,7 +210,7 @@ CHECKS = (
     Check(
         kind="outlier frames",
         measure=outliers.outlier_frames,
-        limit=Threshold(0.5, "of the median agreement"),
+        limit=0.5,  # of the median agreement
         message="{frames} of {count} contradict the depth of the frames before and after: {names}.",
         remedy="Their poses are broken, or their depth is of another moment: leave these frames out.",
         asked_by="run",
@@ -254,7 +219,7 @@ CHECKS = (
     Check(
         kind="break",
         measure=outliers.breaks,
-        limit=Threshold(0.5, "of the median agreement"),
+        limit=0.5,  # of the median agreement
         message="The depth before and after does not fit together between frames {places}.",
         remedy="Are these two recordings in one, or was tracking lost there? Reconstruct each part alone, "
         "or find the poses again with --poses rgbd.",
@@ -265,7 +230,7 @@ CHECKS = (
     Check(
         kind="pose jump",
         measure=outliers.pose_jumps,
-        limit=Threshold(0.3, set_on="an arc of 12 frames, a real room", margin="1.3"),
+        limit=0.3,  # an arc of 12 frames, a real room; margin 1.3
         message="The poses jump between frames {places}: what both photographs show says that the camera "
         "moved otherwise.",
         remedy="Was tracking lost there, or are these two recordings in one? Reconstruct each part alone, "
@@ -274,27 +239,9 @@ CHECKS = (
         unless=(ERRORS,),
     ),
     Check(
-        kind="change",
-        measure=motion.scene_change,
-        limit=Threshold(
-            0.01, set_on="good recordings reach 0.0044: looking from above at a cow", margin="1.5"
-        ),
-        message="Up to frame {before} the frames show another scene than from frame {after} on: "
-        "{across:.1%} of the points of one part are gone in the other, {within:.1%} between frames of the "
-        "same part.",
-        remedy="Are these two recordings in one, or was something moved in between? Reconstruct each part "
-        "alone, or use --masks so that only what stayed counts.",
-        asked_by="run",
-        unless=(
-            ERRORS,
-            "outlier frames",
-            "pose jump",
-        ),  # behind wrong poses a scene seems to change
-    ),
-    Check(
         kind="repeats",
         measure=recording.repeats,
-        limit=Threshold(0.2, set_on="a few frames at rest do no harm"),
+        limit=0.2,  # a few frames at rest do no harm
         message="{repeated} of {count} repeat the one before: the camera was at rest, or frames are there "
         "twice.",
         remedy="They add no view, and where they are held out the scores are too good. Record again with "
@@ -304,7 +251,7 @@ CHECKS = (
     Check(
         kind="masks disagree",
         measure=alignment.masks_contradicted,
-        limit=Threshold(AGREES, set_on="nine simulated objects"),
+        limit=AGREES,
         message="{masks} of {count} contradict what most other views show: {names}.",
         remedy="'reconstruct' mends them; the setting mask_agreement: off keeps them.",
         asked_by="check",
@@ -313,7 +260,7 @@ CHECKS = (
     Check(
         kind="few views",
         measure=recording.few_views,
-        limit=Threshold(6, "frames", "the smallest good recordings have 12; 3 cannot be enough"),
+        limit=6,  # the smallest good recordings have 12; 3 cannot be enough
         message="The recording has only {views}: most of it is seen once.",
         remedy="Record 30 to 60 frames, from all sides and two heights.",
         asked_by="check",
@@ -322,9 +269,7 @@ CHECKS = (
     Check(
         kind="gap",
         measure=recording.gap_in_views,
-        limit=Threshold(
-            120.0, "degrees", "walks around an object reach 40, half a circle has 180", "1.5"
-        ),
+        limit=120.0,  # degrees: walks around an object reach 40, half a circle has 180
         message="No camera looks at the object within {gap:.0f} degrees of the circle around it: that side "
         "is not seen.",
         remedy="Record the missing side, or do not show the result from there.",
@@ -334,11 +279,7 @@ CHECKS = (
     Check(
         kind="blur",
         measure=recording.blurred,
-        limit=Threshold(
-            0.35,
-            set_on="recordings have 0.41 or more, blurred by 3 px 0.29 or less; 0.25 is the least",
-            margin="1.5",
-        ),
+        limit=0.35,  # recordings have 0.41 or more, blurred by 3 px 0.29 or less; 0.25 is the least
         message="The photographs are blurred: their sharpest edges have {sharpness:.0%} of the steepness "
         "that pixels allow, expected {limit:.0%}.",
         remedy="Move more slowly, add light or shorten the exposure. If the images were enlarged, use "
@@ -348,7 +289,7 @@ CHECKS = (
     Check(
         kind="exposure",
         measure=recording.exposure_jumps,
-        limit=Threshold(0.42, "stops", "cameras that adapt reach 0.32", "1.3"),
+        limit=0.42,  # stops; cameras that adapt reach 0.32
         message="The exposure changes by {stops:.1f} stops from frame to frame (median).",
         remedy="Keep --fit-exposure on, which is the default. Next time, lock exposure and white balance.",
         asked_by="check",
@@ -357,6 +298,6 @@ CHECKS = (
 )
 
 
-def limit_of(kind: str) -> Threshold:
+def limit_of(kind: str) -> float:
     """Return the limit of the last row of a kind."""
     return next(check.limit for check in reversed(CHECKS) if check.kind == kind)

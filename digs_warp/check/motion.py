@@ -1,99 +1,27 @@
-"""Things that move and scenes that change while they are recorded: frames see through what others saw.
+"""Things that move while they are recorded: frames see through what others saw.
 
 Wrong depth looks the same: glass, mirrors, plain surfaces. But there the other frame explains the color: it
 shows what is really behind, and the pixel has its color. Something that moved has another color.
-
-A scene that changed once agrees between neighbors both before and after, so no pair of them shows the change.
-Frames with similar viewing directions are compared across the whole recording instead, to find the moment
-that best separates the two states.
 """
 
-from collections.abc import Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 
 from digs_warp.check import thresholds as limits
 from digs_warp.check.evidence import Evidence, Pairs, brightness_ratio
-from digs_warp.check.thresholds import Threshold
-from digs_warp.data.viewpoints import evenly
-from digs_warp.device.threads import default_threads
-from digs_warp.measure.thumbnails import SmallFrame, pixels_showing, small_frames
+from digs_warp.measure.thumbnails import SmallFrame, pixels_showing
 
 # What a frame shows around a pixel: within this many thumbnail pixels, for poses and edges of depth are not
 # exact.
 AROUND = 2
 
-# This many frames, evenly spread, are compared with those that look less than this angle [degrees] away.
-FRAMES, ANGLE = 16, 60.0
 
-
-def moving_things(evidence: Evidence, most: Threshold) -> dict[str, Any] | None:
+def moving_things(evidence: Evidence, most: float) -> dict[str, Any] | None:
     """Find pairs of frames in one of which more than this share of the points of the other are gone."""
     share = moved_share(evidence.compared, evidence.pairs)
     return {"share": share} if share > most else None
-
-
-def scene_change(evidence: Evidence, most: Threshold) -> dict[str, Any] | None:
-    """Find a moment across which more than this share of the points is gone; needs depth and poses."""
-    if not evidence.knows_poses:
-        return None
-    capture = evidence.capture
-    frames = small_frames(capture.frames, evenly(range(len(capture)), FRAMES))
-    found = moment_of_change([*frames.values()])
-    if found is None or found.across <= max(most, limits.CHANGE_FACTOR * found.within):
-        return None
-    names = [capture.frames[number].name for number in frames]
-    before, after = names[found.after - 1 : found.after + 1]
-    return {"before": before, "after": after, "across": found.across, "within": found.within}
-
-
-@dataclass(frozen=True)
-class Moment:
-    """The moment that parts the frames best.
-
-    Attributes:
-        after: the number of the first frame after it, among those compared.
-        across: share of the points of one side that are gone on the other, 0 to 1: the median over the pairs,
-            for wrong depth makes many points of a few pairs seem gone.
-        within: the same between frames of one side.
-    """
-
-    after: int
-    across: float
-    within: float
-
-
-def moment_of_change(frames: Sequence[SmallFrame]) -> Moment | None:
-    """Return the moment that parts the frames best; None if too few look from the same side."""
-    first, second = _pairs(frames)
-    with ThreadPoolExecutor(default_threads()) as pool:
-        gone = [*pool.map(lambda a, b: _gone(frames[a], frames[b]), first, second)]
-    shares = np.array(gone, dtype=np.float64)
-    moments, least = [], int(limits.LEAST_FRAMES_BESIDE_CHANGE)
-    for after in range(least, len(frames) - least + 1):
-        across = (first < after) != (second < after)
-        if (
-            min(np.count_nonzero(across), np.count_nonzero(~across))
-            >= limits.LEAST_PAIRS_FOR_CHANGE
-        ):
-            here, there = (float(np.median(shares[part])) for part in (across, ~across))
-            moments.append(Moment(after, here, there))
-    return max(moments, key=lambda moment: moment.across - moment.within, default=None)
-
-
-def _pairs(frames: Sequence[SmallFrame]) -> tuple[np.ndarray, np.ndarray]:
-    """Return the numbers of frames that look in about the same direction, (n,) each."""
-    axes = np.array([frame.camera.world_from_cam[:3, 2] for frame in frames]).reshape(-1, 3)
-    same_side = np.einsum("ik,jk->ij", axes, axes) > np.cos(np.deg2rad(ANGLE))
-    first, second = np.nonzero(np.triu(same_side, 1))
-    return first, second
-
-
-def _gone(first: SmallFrame, second: SmallFrame) -> float:
-    return (gone_share(first, second) + gone_share(second, first)) / 2
 
 
 def moved_share(frames: Mapping[int, SmallFrame], pairs: Pairs) -> float:

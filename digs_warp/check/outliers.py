@@ -17,7 +17,6 @@ import numpy as np
 
 from digs_warp.check import thresholds as limits
 from digs_warp.check.evidence import Evidence, same_depth_share, shared_points
-from digs_warp.check.thresholds import Threshold
 from digs_warp.data.layers import Layer
 from digs_warp.measure.thumbnails import SmallFrame, small_frames
 from digs_warp.poses.photo_matches import agreeing_shares
@@ -88,7 +87,7 @@ def _share(first: SmallFrame, second: SmallFrame) -> float | None:
     return same_depth_share(seen)
 
 
-def outlier_frames(evidence: Evidence, below: Threshold) -> dict[str, Any] | None:
+def outlier_frames(evidence: Evidence, below: float) -> dict[str, Any] | None:
     """Find frames that contradict all around them, where those agree with each other."""
     found = evidence.once(links)
     if found is None or not (outliers := alone(found, below)):
@@ -109,7 +108,7 @@ def alone(found: Links, below: float) -> list[int]:
     return outliers
 
 
-def breaks(evidence: Evidence, below: Threshold) -> dict[str, Any] | None:
+def breaks(evidence: Evidence, below: float) -> dict[str, Any] | None:
     """Find frames after which nothing agrees with what was before, while each side agrees in itself."""
     found = evidence.once(links)
     if found is None:
@@ -125,7 +124,7 @@ def breaks(evidence: Evidence, below: Threshold) -> dict[str, Any] | None:
     return {"places": first_few(places)} if places else None
 
 
-def pose_jumps(evidence: Evidence, wrong: Threshold) -> dict[str, Any] | None:
+def pose_jumps(evidence: Evidence, wrong: float) -> dict[str, Any] | None:
     """Find steps where less than this share of the matches that agree with each other agree with the poses.
 
     Nothing with depth, which tells more, or without poses.

@@ -9,7 +9,6 @@ import numpy as np
 
 from digs_warp.check import thresholds as limits
 from digs_warp.check.evidence import Evidence, brightness_ratio, exposure_change, ratio_of
-from digs_warp.check.thresholds import Threshold
 from digs_warp.checks import DigsError
 from digs_warp.data.frame import Frame
 from digs_warp.data.layers import Layer
@@ -118,7 +117,7 @@ def _stillness(evidence: Evidence) -> Stillness | None:
     return stillness(evidence.capture.frames)
 
 
-def still_camera(evidence: Evidence, _: Threshold) -> dict[str, Any] | None:
+def still_camera(evidence: Evidence, _: float) -> dict[str, Any] | None:
     """Find recordings in which the surroundings stand still, as `Stillness` says it."""
     found = None if evidence.capture.frames[0].alone else evidence.once(_stillness)
     has_masks = all(frame.has(Layer.MASK) for frame in evidence.capture.frames)
@@ -126,13 +125,13 @@ def still_camera(evidence: Evidence, _: Threshold) -> dict[str, Any] | None:
     return {"still": found.still} if found and turns else None
 
 
-def few_views(evidence: Evidence, least: Threshold) -> dict[str, Any] | None:
+def few_views(evidence: Evidence, least: float) -> dict[str, Any] | None:
     """Find recordings of fewer frames."""
     count = len(evidence.capture)
     return {"views": counted(count, "frame")} if count < least else None
 
 
-def gap_in_views(evidence: Evidence, widest: Threshold) -> dict[str, Any] | None:
+def gap_in_views(evidence: Evidence, widest: float) -> dict[str, Any] | None:
     """Find a wider angle around the object without a camera; nothing without poses or masks."""
     frames = evidence.capture.frames
     if not evidence.knows_poses or not any(frame.has(Layer.MASK) for frame in frames):
@@ -162,7 +161,7 @@ def widest_gap(cameras: Sequence[Camera]) -> float | None:
     return float(np.diff(angles, append=angles[0] + 360.0).max())
 
 
-def repeats(evidence: Evidence, share: Threshold) -> dict[str, Any] | None:
+def repeats(evidence: Evidence, share: float) -> dict[str, Any] | None:
     """Find recordings of which more than this share of the frames repeat the one before."""
     frames, last = evidence.capture.frames, len(evidence.capture) - 1
     if last < 1:
@@ -184,13 +183,13 @@ def _is_same(first: np.ndarray, second: np.ndarray) -> bool:
     return first.shape == second.shape and np.abs(first - second).mean() < limits.SAME_THUMBNAIL
 
 
-def blurred(evidence: Evidence, least: Threshold) -> dict[str, Any] | None:
+def blurred(evidence: Evidence, least: float) -> dict[str, Any] | None:
     """Find photographs whose median sharpness is less."""
     found = evidence.once(median_sharpness)
     return {"sharpness": found} if found is not None and found < least else None
 
 
-def exposure_jumps(evidence: Evidence, most: Threshold) -> dict[str, Any] | None:
+def exposure_jumps(evidence: Evidence, most: float) -> dict[str, Any] | None:
     """Find exposures that change more from frame to frame [stops] (median)."""
     found = evidence.once(median_exposure_change)
     return {"stops": found} if found is not None and found > most else None

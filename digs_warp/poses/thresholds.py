@@ -109,20 +109,15 @@ MAX_REFINED_TURN_DEG = 5.0
 # better poses; a room by time of flight: 1.016, a cabinet without texture: 1.08, with worse ones | 0.006
 MAX_ADJUSTED_RATIO = 1.01
 
-# --- Outlier frames and relocalization (refine/relocalization.py; set on the avocado and on spot)
+# --- Frames that all others contradict (refine/refine.py; set on the avocado and on spot)
 
 # frames with depth, below which none is an outlier | by hand
-MIN_RELOCALIZED_FRAMES = 5
+MIN_COMPARED_FRAMES = 5
 # share of outlier frames, above which nothing tells which are right | by hand
 MAX_OUTLIER_SHARE = 0.25
 # disagreement above the median of all frames | avocado, spot
 MIN_OUTLIER_DISAGREEMENT = 0.15
 # standard deviations (robust) above the median | avocado, spot: right frames reach 3 | 1
 MIN_OUTLIER_DEVIATIONS = 4.0
-# correlation over the usual one, below which an outlier is not found again | avocado, spot
-MIN_RELOCALIZED_CORRELATION = 0.6
-# usual correlation from which on poses are right enough to compare it | half a degree of error: 0.1 to 0.28,
-# right poses: 0.4 to 0.8 | 0.02 and 0.1
-MIN_USUAL_CORRELATION = 0.3
-# correlation over the usual one, below which a frame is in a wrong place | avocado, spot
-MAX_UNRELATED_CORRELATION = 0.33
+# correlation over the usual one, from which on a frame of another exposure is in its place | avocado, spot
+MIN_ALIKE = 0.6

@@ -107,19 +107,6 @@ def with_points(capture: Capture, folder: Path, turn: np.ndarray) -> Capture:
     return replace(capture, points=folder / "points.ply")
 
 
-def eroded_masks(capture: Capture, pixels: int) -> Capture:
-    import cv2
-
-    kernel = np.ones((2 * pixels + 1, 2 * pixels + 1), np.uint8)
-    return each_frame(capture, lambda f: f.with_layer(Layer.MASK, cv2.erode(f.load_mask(), kernel)))
-
-
-def moved_masks(capture: Capture, columns: int) -> Capture:
-    return each_frame(
-        capture, lambda f: f.with_layer(Layer.MASK, np.roll(f.load_mask(), columns, axis=1))
-    )
-
-
 def blurred(capture: Capture, sigma: float) -> Capture:
     import cv2
 
@@ -162,12 +149,6 @@ def without_half_of_the_circle(capture: Capture) -> Capture:
     center = looked_at([frame.camera for frame in capture.frames])
     kept = [f for f in capture.frames if f.camera.center_world[0] > center[0]]
     return replace(capture, frames=tuple(kept))
-
-
-def two_in_one(first: Capture, second: Capture) -> Capture:
-    """The first half of a recording and the second half of another one."""
-    half = len(first) // 2
-    return replace(first, frames=(*first.frames[:half], *second.frames[half:]))
 
 
 def with_a_jump(

@@ -103,13 +103,13 @@ class PairComparison:
         return _pair_sums(found.numpy(), relative)
 
 
-def solve(sums: PairSums, pairs: np.ndarray, count: int, moving: slice = slice(None)) -> np.ndarray:
+def solve(sums: PairSums, pairs: np.ndarray, count: int) -> np.ndarray:
     """Return a small motion of each of ``count`` cameras in its own axes, turn [rad] and shift [m], (n, 6).
 
     A motion a of the source and b of the target move the source's points, in the target's axes, by
-    Ad(target_from_source) a - b. Only the cameras ``moving`` move.
+    Ad(target_from_source) a - b.
     """
-    steps, side = np.zeros((2, count, 6))
+    side = np.zeros((count, 6))
     moves = adjoints_of(sums.target_from_source)
     back = np.swapaxes(moves, 1, 2)
     sources, targets = pairs.T
@@ -120,13 +120,8 @@ def solve(sums: PairSums, pairs: np.ndarray, count: int, moving: slice = slice(N
     rows, columns = (
         np.stack(each) for each in ((sources, targets) * 2, (sources, targets, targets, sources))
     )
-    among = np.arange(count)[moving]
-    places = np.full(count, -1)
-    places[among] = np.arange(len(among))
-    kept = (places[rows] >= 0) & (places[columns] >= 0)
-    matrix = _damped(blocks[kept], places[rows[kept]], places[columns[kept]], len(among))
-    steps[moving] = solution(matrix, side[moving].reshape(-1)).reshape(-1, 6)
-    return steps
+    matrix = _damped(blocks.reshape(-1, 6, 6), rows.ravel(), columns.ravel(), count)
+    return solution(matrix, side.reshape(-1)).reshape(-1, 6)
 
 
 def _damped(

@@ -43,9 +43,7 @@ class Alignment:
     pairs: np.ndarray
 
 
-def align(
-    pictures: Sequence[Picture], given: np.ndarray, start: np.ndarray | None = None
-) -> Alignment | None:
+def align(pictures: Sequence[Picture], given: np.ndarray) -> Alignment | None:
     """Return poses with which the frames agree best; None if no two frames have enough in common.
 
     Gauss-Newton steps over the poses of all frames. Every pair compares the brightness and the inverse depth
@@ -55,11 +53,10 @@ def align(
     Args:
         pictures: of n frames, with depth.
         given: ``world_from_cam``, (n, 4, 4); errors of about one degree and a centimetre are mended.
-        start: better ones to begin with, (n, 4, 4); None: the given ones.
     """
     levels = by_size([each.sizes(len(HIDDEN), LEAST_WIDTH) for each in pictures])
     views = (over_items(level, view_of) for level in levels)
-    return _coarse_to_fine(levels, views, given, given if start is None else start)
+    return _coarse_to_fine(levels, views, given)
 
 
 def pyramid_of(picture: Picture) -> tuple[View, ...]:
@@ -80,7 +77,7 @@ def align_pair(
     levels = by_size([first, second])
     given = np.stack([np.eye(4), invert_rigid(second_from_first)])
     pictures = [[view.picture for view in level] for level in levels]
-    found = _coarse_to_fine(pictures, levels, given, given, threads=1)
+    found = _coarse_to_fine(pictures, levels, given, threads=1)
     return second_from_first if found is None else invert_rigid(found.poses[1]) @ found.poses[0]
 
 
@@ -88,17 +85,16 @@ def _coarse_to_fine(
     pictures: Sequence[Sequence[Picture]],
     levels: Iterable[Sequence[View]],
     given: np.ndarray,
-    start: np.ndarray,
     threads: int = 0,
 ) -> Alignment | None:
     """Align all frames from small to large; each level of views may be made when it is asked for.
 
     One thread is faster for two frames.
     """
-    pairs = overlapping_pairs(pictures[0], start)
+    pairs = overlapping_pairs(pictures[0], given)
     if not len(pairs):
         return None
-    poses, judge = start, None
+    poses, judge = given, None
     for views, hidden in zip(levels, HIDDEN[-len(pictures) :], strict=True):
         comparison = PairComparison(views, pairs)
         if judge is None or views[0].picture.intrinsics.width <= JUDGED:
@@ -111,34 +107,14 @@ def _coarse_to_fine(
     return Alignment(in_place(poses, given, _distance(pictures[-1])), before, after, pairs)
 
 
-def align_first(pictures: Sequence[Picture], poses: np.ndarray) -> np.ndarray:
-    """Return the pose with which the first frame agrees best with the others, (4, 4); those stay.
-
-    Args:
-        pictures: of n frames, with depth.
-        poses: ``world_from_cam``, (n, 4, 4).
-    """
-    others = range(1, len(pictures))
-    pairs = np.array([pair for j in others for pair in ((0, j), (j, 0))], dtype=np.int32)
-    levels = by_size([each.sizes(len(HIDDEN), LEAST_WIDTH) for each in pictures])
-    for level, hidden in zip(levels, HIDDEN[-len(levels) :], strict=True):
-        comparison = PairComparison(over_items(level, view_of), pairs)
-        poses = _descended(comparison, poses, hidden, moving=slice(1))
-    return poses[0]
-
-
 def _descended(
-    comparison: PairComparison,
-    poses: np.ndarray,
-    hidden: float,
-    threads: int = 0,
-    moving: slice = slice(None),
+    comparison: PairComparison, poses: np.ndarray, hidden: float, threads: int
 ) -> np.ndarray:
-    """Return the poses after Gauss-Newton steps of the cameras ``moving``."""
+    """Return the poses after Gauss-Newton steps."""
     sums = comparison.sums(poses, ANY_ERROR, hidden, threads)
     for _ in range(STEPS):
         sums = comparison.sums(poses, sums.scales, hidden, threads)
-        steps = solve(sums, comparison.pairs, len(poses), moving)
+        steps = solve(sums, comparison.pairs, len(poses))
         poses = stepped(poses, steps)
         if np.abs(steps).max() < SMALL:
             break

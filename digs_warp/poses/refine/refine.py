@@ -7,15 +7,26 @@ import numpy as np
 from digs_warp.checks import DigsError
 from digs_warp.data.frame import Frame, posed_at
 from digs_warp.data.layers import Layer
+from digs_warp.device.threads import over_items
 from digs_warp.geometry.rigid import turn_degrees
 from digs_warp.poses import thresholds
-from digs_warp.poses.agreement import got_worse, reduced
+from digs_warp.poses.agreement import (
+    correlation,
+    disagreement,
+    got_worse,
+    measured_pairs,
+    medians_of_frames,
+    reduced,
+)
+from digs_warp.poses.covisibility import overlapping_pairs
 from digs_warp.poses.outcome import PoseRefinement
 from digs_warp.poses.refine.bundle_adjustment import adjusted_where_better, in_likely_scale
 from digs_warp.poses.refine.photometric_alignment import align
-from digs_warp.poses.refine.relocalization import RelocatedFrames, relocated
-from digs_warp.poses.views import load_pictures
+from digs_warp.poses.views import Picture, load_pictures, view_of
 from digs_warp.words import counted, first_few
+
+# Standard deviations of normal errors in their median absolute one.
+SIGMAS = 1.4826
 
 
 def refine(
@@ -23,7 +34,7 @@ def refine(
 ) -> tuple[list[Frame], PoseRefinement]:
     """Return the frames with poses that fit their photographs and depth, if those fit much better.
 
-    A single frame in a wrong place is registered again, or left out if it agrees with no other.
+    A single frame that the others contradict even after the alignment is left out.
 
     Held-out frames belong to them as well: with poses that are off, their score would measure the poses. A
     frame's pose follows from what it has in common with its neighbors, as in structure from motion.
@@ -42,14 +53,16 @@ def refine(
         return _left(frames, "no frame has depth", needed)
     given = np.stack([frame.camera.world_from_cam for frame in frames])
     pictures = load_pictures(frames, readout_time)
-    relocation = relocated(pictures, given)
-    kept = [number for number in range(len(frames)) if number not in relocation.lost]
-    told = _said_of_outliers(frames, relocation)
-    frames, pictures = [frames[each] for each in kept], [pictures[each] for each in kept]
-    given = relocation.poses[kept]
-    if relocation.moved:
-        frames = posed_at(frames, given)
-    found = align(pictures, given, relocation.start[kept])
+    found, small, told = align(pictures, given), reduced(pictures), ""
+    lost = contradicted(small, given)
+    if lost and found is not None:
+        lost = sorted({*lost} & {*contradicted(small, found.poses)})
+    if lost:  # they have pulled at the others
+        told = f"; left out: {first_few([frames[each].name for each in lost])}"
+        kept = [number for number in range(len(frames)) if number not in lost]
+        frames, given = [frames[number] for number in kept], given[kept]
+        pictures, small = ([of[number] for number in kept] for of in (pictures, small))
+        found = align(pictures, given)
     if found is None:
         return _left(frames, f"no two frames with depth show the same surface{told}", needed)
     gain = 1 - found.error_after / max(found.error_before, 1e-12)
@@ -57,7 +70,6 @@ def refine(
     because = f"with refined poses the frames would differ {_less(gain)}{told}"
     if little and not estimated:
         return _left(frames, because, needed)
-    small = reduced(pictures)
     near = in_likely_scale(found.poses, given)
     moved = adjusted_where_better(pictures, small, found.pairs, near, given)
     if little and moved is near:  # then depth alone says so, and it does not say enough
@@ -77,14 +89,31 @@ def refine(
     return posed_at(frames, poses), refinement
 
 
-def _said_of_outliers(frames: Sequence[Frame], relocation: RelocatedFrames) -> str:
-    """Return what is said of misplaced frames."""
-    parts = (("registered again", relocation.moved), ("left out", relocation.lost))
-    return "".join(
-        f"; {what}: {first_few([frames[each].name for each in which])}"
-        for what, which in parts
-        if which
-    )
+def contradicted(pictures: Sequence[Picture], poses: np.ndarray) -> list[int]:
+    """Return the numbers of frames that agree far less with what they see in common than all others do.
+
+    None where most are few or many: then nothing tells which are right.
+
+    Args:
+        pictures: of n frames, `reduced`; some may have no depth.
+        poses: ``world_from_cam``, (n, 4, 4).
+    """
+    pairs, count = overlapping_pairs(pictures, poses), len(poses)
+    apart = measured_pairs(disagreement, pictures, poses, pairs)
+    apart = medians_of_frames(pairs, count, apart)
+    known = np.count_nonzero(np.isfinite(apart))
+    if known < thresholds.MIN_COMPARED_FRAMES:
+        return []
+    usual = np.nanmedian(apart)
+    spread = SIGMAS * np.nanmedian(np.abs(apart - usual))
+    more = max(thresholds.MIN_OUTLIER_DISAGREEMENT, thresholds.MIN_OUTLIER_DEVIATIONS * spread)
+    found = np.flatnonzero(apart > min(usual + more, thresholds.MAX_STEP_DISAGREEMENT))
+    if not 0 < len(found) <= thresholds.MAX_OUTLIER_SHARE * known:
+        return []
+    # Another exposure looks like a contradiction, but details match.
+    alike = measured_pairs(correlation, over_items(pictures, view_of), poses, pairs)
+    alike = medians_of_frames(pairs, count, alike)
+    return found[alike[found] < thresholds.MIN_ALIKE * np.nanmedian(alike)].tolist()
 
 
 def _left(

@@ -10,11 +10,17 @@ import numpy as np
 import pytest
 
 from digs_warp.check.check import check_capture
+from digs_warp.check.evidence import Evidence
+from digs_warp.check.findings import limit_of
+from digs_warp.check.motion import moved_share
+from digs_warp.check.recording import median_exposure_change, median_sharpness, widest_gap
+from digs_warp.cli import EXIT_BAD_INPUT, EXIT_OK, main
 from digs_warp.data.capture import Capture
 from digs_warp.data.capture_writer import CaptureWriter, FrameImages
 from digs_warp.data.frame import Frame
 from digs_warp.data.layers import Layer
 from digs_warp.geometry.camera import Camera, Intrinsics
+from digs_warp.geometry.rigid import matrix_from_rotation_vector
 from digs_warp.show.report.facts import describe
 from digs_warp.sim.config import SimulateConfig, Tier
 from digs_warp.sim.record.frame_maker import FrameMaker, RenderedFrame
@@ -25,6 +31,8 @@ from digs_warp.sim.sensor.tiers import depth_of, sense
 from reference import wrong_captures as wrong
 from reference.real_captures import recorded
 
+MARGIN = 1.5  # between each limit and what is good or wrong
+OTHER_ORDER = np.random.default_rng(1).permutation(18).tolist()
 CONFIG = SimulateConfig(frames=18, width=160, height=90)
 EVERY_EFFECT = tuple(Choice(effect.name, True, "", "", "") for effect in EFFECTS)
 
@@ -52,8 +60,17 @@ def said(capture: Capture, **parts: bool) -> list[str]:
 
 
 @pytest.fixture(scope="module")
-def good(rendered: list[RenderedFrame]) -> Capture:
-    return sensed(rendered, "guided")
+def good() -> Capture:
+    return simulate_in_memory(replace(CONFIG, samples_per_pixel=2))
+
+
+def share_that_moved(capture: Capture) -> float:
+    evidence = Evidence(capture)
+    return moved_share(evidence.frames, evidence.pairs)
+
+
+def test_a_good_capture_has_no_finding(good: Capture) -> None:
+    assert check_capture(good).findings == ()
 
 
 @pytest.mark.parametrize(
@@ -74,35 +91,36 @@ def test_a_rolling_shutter_at_twice_its_time_has_no_finding() -> None:
 
 
 WRONG: dict[str, tuple[Callable[[Capture], Capture], str]] = {
-    "x1000": (lambda c: wrong.scaled_depth(c, 1000), "the depth is in millimetres"),
-    "/5": (lambda c: wrong.scaled_depth(c, 0.2), "but was read in TUM's units, 5000 per metre"),
-    "/1000": (lambda c: wrong.scaled_depth(c, 1e-3), "the poses are in millimetres"),
-    "x100": (lambda c: wrong.scaled_depth(c, 100), "the depth is in centimetres"),
-    "x10": (lambda c: wrong.scaled_depth(c, 10), "the depth is in tenths of its unit"),
-    "/10": (lambda c: wrong.scaled_depth(c, 0.1), "the depth is 10 times too small"),
-    "inches": (lambda c: wrong.scaled_depth(c, 1 / 0.0254), "the depth is in inches"),
-    "unit of SfM": (lambda c: wrong.scaled_depth(c, 2.5), r"different units \(depth x 0.4 fits\)"),
-    "focal x10": (lambda c: wrong.other_focal(c, 10), r"focal length \(about 0.1 times"),
-    "focal x1.3": (lambda c: wrong.other_focal(c, 1.3), r"focal length \(about 0.77 times"),
-    "focal x1.15": (lambda c: wrong.other_focal(c, 1.15), r"focal length \(about 0.87 times"),
-    "focal x0.7": (lambda c: wrong.other_focal(c, 0.7), r"focal length \(about 1.43 times"),
-    "OpenCV axes": (wrong.opencv_axes, "the poses have OpenCV camera axes"),
-    "inverted": (wrong.inverted, r"the poses are inverted \(camera from world\)\. "),
-    "inverted, OpenCV": (wrong.inverted_opencv, "are inverted .* and have OpenCV camera axes"),
+    "x1000": (lambda c: wrong.scaled_depth(c, 1000), "depth unit: .* in millimetres"),
+    "/5": (lambda c: wrong.scaled_depth(c, 0.2), "depth unit: .*TUM's units, 5000 per metre"),
+    "/1000": (lambda c: wrong.scaled_depth(c, 1e-3), "depth unit: .*poses are in millimetres"),
+    "x10": (lambda c: wrong.scaled_depth(c, 10), "depth unit: .*in tenths of its unit"),
+    "inches": (lambda c: wrong.scaled_depth(c, 1 / 0.0254), "depth unit: .*in inches"),
+    "unit of SfM": (lambda c: wrong.scaled_depth(c, 2.5), r"scale: .*\(depth x 0.4 fits\)"),
+    "focal x10": (lambda c: wrong.other_focal(c, 10), r"focal length: .*about 0.1 times"),
+    "focal x1.15": (lambda c: wrong.other_focal(c, 1.15), r"focal length: .*about 0.87 times"),
+    "focal x0.7": (lambda c: wrong.other_focal(c, 0.7), r"focal length: .*about 1.43 times"),
+    "OpenCV axes": (wrong.opencv_axes, "pose convention: .*have OpenCV camera axes"),
+    "inverted": (wrong.inverted, r"pose convention: .*are inverted \(camera from world\)\. "),
+    "inverted, OpenCV": (wrong.inverted_opencv, "pose convention: .*have OpenCV camera axes"),
     "late poses": (lambda c: wrong.poses_of(c, [0, *range(17)]), "those 1 frame.s. later fit"),
-    "shuffled": (
-        lambda c: wrong.poses_of(c, np.random.default_rng(1).permutation(18).tolist()),
-        "images, depth and poses do not belong together|much better with the poses of other frames",
-    ),
-    "masks": (wrong.inverted_masks, "masks .* seem to be inverted"),
+    "shuffled": (lambda c: wrong.poses_of(c, OTHER_ORDER), "order: |time stamps: "),
+    "inverted masks": (wrong.inverted_masks, "masks inverted: "),
+    "masks of a pixel": (lambda c: wrong.masks_of(c, 1), "masks empty: "),
+    "masks of nothing": (lambda c: wrong.masks_of(c, 0), "masks empty: "),
+    "blur": (lambda c: wrong.blurred(c, 3.0), "blur: "),
+    "exposure": (lambda c: wrong.other_exposures(c, 2.0), "exposure: "),
+    "balls": (lambda c: wrong.with_passing_balls(c, 0.2), "moving things: "),
+    "3 views": (lambda c: replace(c, frames=c.frames[::6]), "few views: "),
+    "half a circle": (wrong.without_half_of_the_circle, "gap: "),
 }
 
 
 @pytest.mark.parametrize("name", WRONG)
-def test_what_is_wrong_is_named(good: Capture, name: str) -> None:
+def test_what_is_wrong_is_the_only_finding(good: Capture, name: str) -> None:
     spoil, cause = WRONG[name]
-    (finding,) = said(spoil(good))
-    assert re.search(cause, finding)
+    (finding,) = check_capture(spoil(good)).findings
+    assert re.search(cause, f"{finding.kind}: {finding}")
 
 
 def test_depth_along_the_ray_is_named_where_the_sensor_is_precise(
@@ -137,20 +155,21 @@ def test_images_of_any_shape_can_be_checked(shape: tuple[int, int]) -> None:
     assert said(Capture(None, frames, None)) == []
 
 
-def test_info_prints_one_line(good: Capture, tmp_path: Path) -> None:
-    writer = CaptureWriter(tmp_path, good.frames[0].camera.intrinsics)
-    for number, frame in enumerate(good.frames):
+def written(capture: Capture, folder: Path) -> Path:
+    writer = CaptureWriter(folder, capture.frames[0].camera.intrinsics)
+    for number, frame in enumerate(capture.frames):
         images = FrameImages(frame.load_image(), frame.load_depth(), frame.load_mask())
         writer.write_frame(number, images)
         writer.add_pose(number, frame.camera.world_from_cam, frame.time)
     writer.finish()
-    assert re.fullmatch(
-        r"\d+% between neighboring frames; no finding", describe(tmp_path)["agreement"]
-    )
-    index = json.loads((tmp_path / "transforms.json").read_text())
-    index["fl_x"], index["fl_y"] = 10 * index["fl_x"], 10 * index["fl_y"]
-    (tmp_path / "transforms.json").write_text(json.dumps(index))
-    assert "about 0.1 times the given one fits" in describe(tmp_path)["findings"]
+    return folder
+
+
+def test_info_prints_one_line(good: Capture, tmp_path: Path) -> None:
+    said_of = describe(written(good, tmp_path / "good"))
+    assert re.fullmatch(r"\d+% between neighboring frames; no finding", said_of["agreement"])
+    said_of = describe(written(wrong.other_focal(good, 10), tmp_path / "other"))
+    assert "about 0.1 times the given one fits" in said_of["findings"]
 
 
 def test_without_poses_the_range_of_the_depth_and_the_masks_are_checked(good: Capture) -> None:
@@ -176,16 +195,95 @@ def test_captures_with_nothing_to_compare_are_left_alone(good: Capture) -> None:
         assert said(replace(good, frames=good.frames[:1] * count)) == []
 
 
+TURNS = {
+    "z up": np.array([[0, 1, 0], [1, 0, 0], [0, 0, -1.0]]),
+    "a quarter": np.array([[0, -1, 0], [1, 0, 0], [0, 0, 1.0]]),
+    "any": matrix_from_rotation_vector(np.array([0.4, 0.9, -0.5])),
+    "millimetres": 1000 * np.eye(3),
+}
+
+
+@pytest.mark.parametrize("name", ["right", *TURNS])
+@pytest.mark.parametrize("has_depth", [True, False])
+def test_points_that_are_turned_against_the_cameras_are_found(
+    good: Capture, tmp_path: Path, name: str, has_depth: bool
+) -> None:
+    turned = wrong.with_points(good, tmp_path, TURNS.get(name, np.eye(3)))
+    if not has_depth:
+        turned = wrong.each_frame(turned, lambda frame: frame.without_layer(Layer.DEPTH))
+    findings = [each for each in check_capture(turned).findings if each.kind == "points"]
+    assert len(findings) == (name != "right")
+    if name in ("z up", "a quarter"):
+        assert "if they are turned by right angles" in findings[0].what
+
+
+def test_limits_keep_a_distance_from_the_good_and_the_damaged(good: Capture) -> None:
+    def spoilt(damage: str) -> Capture:
+        return WRONG[damage][0](good)
+
+    most_moved, steady, sharp = map(limit_of, ("moving things", "exposure", "blur"))
+    assert MARGIN * share_that_moved(good) < most_moved
+    assert share_that_moved(spoilt("balls")) > MARGIN * most_moved
+    here, there = (median_exposure_change(Evidence(c)) for c in (good, spoilt("exposure")))
+    assert here is not None and there is not None
+    assert MARGIN * here < steady and there > MARGIN * steady
+    clear, blurred = (median_sharpness(Evidence(c)) for c in (good, spoilt("blur")))
+    assert clear is not None and blurred is not None
+    fully_blurred = 0.25  # the least value of the measure
+    limit = sharp - fully_blurred
+    assert clear - fully_blurred > MARGIN * limit
+    assert MARGIN * (blurred - fully_blurred) < limit
+    gaps = [
+        widest_gap([frame.camera for frame in each.frames])
+        for each in (good, spoilt("half a circle"))
+    ]
+    assert gaps[0] is not None and gaps[1] is not None
+    assert MARGIN * gaps[0] < limit_of("gap") and gaps[1] > MARGIN * limit_of("gap")
+
+
 @pytest.mark.parametrize("kind", ["hololens_room_sequence", "tum_cabinet_orbit"])
 def test_real_recordings_have_no_finding_until_they_are_spoiled(
     sample_data: Path, kind: str
 ) -> None:
     capture = recorded(sample_data / "rgbd" / kind, kind)
-    assert said(capture) == []
+    assert check_capture(capture).findings == ()
+    assert MARGIN * share_that_moved(capture) < limit_of("moving things")
     for spoil, cause in (
-        (lambda c: wrong.scaled_depth(c, 1000), "the depth is in millimetres"),
+        *(WRONG[name] for name in ("x1000", "OpenCV axes", "blur", "exposure", "balls")),
         (lambda c: wrong.other_focal(c, 2), "about 0.5 times the given one fits"),
-        (wrong.opencv_axes, "the poses have OpenCV camera axes"),
         (lambda c: wrong.shifted_depth(c, 20), "depth and images do not have the same camera"),
     ):
-        assert cause in " ".join(said(spoil(capture)))
+        (finding,) = check_capture(spoil(capture)).findings
+        assert re.search(cause, f"{finding.kind}: {finding}")
+
+
+def test_the_command_ends_well_for_a_good_capture_and_badly_for_one_with_errors(
+    good: Capture, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    report = tmp_path / "check.json"
+    assert main(["check", str(written(good, tmp_path / "good"))]) == EXIT_OK
+    assert "nothing wrong was found" in capsys.readouterr().out
+    few = written(replace(good, frames=good.frames[::6]), tmp_path / "few")
+    assert main(["check", str(few), "--json", str(report)]) == EXIT_OK
+    printed = capsys.readouterr().out
+    assert "warning: few views: The recording has only 3 frames" in printed
+    (finding,) = json.loads(report.read_text())["findings"]
+    assert finding["kind"] == "few views" and not finding["is_error"]
+    assert f"to mend it: {finding['remedy']}" in printed
+    wrong_folder = written(wrong.opencv_axes(good), tmp_path / "wrong")
+    arguments = ["check", str(wrong_folder), "--json", str(report)]
+    assert main(arguments) == EXIT_BAD_INPUT
+    assert "the file exists" in capsys.readouterr().err
+    assert main([*arguments, "--overwrite"]) == EXIT_BAD_INPUT
+    assert "error: pose convention" in capsys.readouterr().err
+    assert json.loads(report.read_text())["findings"][0]["kind"] == "pose convention"
+
+
+def test_what_cannot_be_looked_at_is_said(good: Capture) -> None:
+    bare = wrong.each_frame(good, lambda f: f.without_layer(Layer.DEPTH).without_layer(Layer.MASK))
+    found = check_capture(bare)
+    assert found.findings == ()
+    assert [each.split(":")[1].strip() for each in found.not_checked] == [
+        "need depth",
+        "need masks",
+    ]

@@ -122,6 +122,15 @@ def test_a_model_of_a_rolling_shutter_gets_right(rolling: Any, frames: list[Fram
     np.testing.assert_array_equal(kept, measured)  # depth is looked up where features were measured
 
 
+def test_wrong_matches_do_not_pull(rolling: Any, frames: list[Frame]) -> None:
+    rng, before = np.random.default_rng(3), center_error(rolling, frames)
+    for image in rolling.images.values():
+        for number in rng.choice(POINTS, POINTS // 20, replace=False):
+            image.points2D[number].xy += rng.uniform(-30.0, 30.0, 2)
+    correct_rolling_shutter(rolling, frames, ImageSet.of(frames), READOUT)
+    assert center_error(rolling, frames) < 0.5 * before
+
+
 def test_times_that_do_not_rise_are_named(rolling: Any, frames: list[Frame]) -> None:
     frames[4] = replace(frames[4], time=frames[3].time)
     with pytest.raises(

@@ -19,7 +19,6 @@ from digs_warp.poses.refine.bundle_adjustment import adjusted, in_likely_scale
 from digs_warp.poses.refine.normal_equations import PairComparison, Scales
 from digs_warp.poses.refine.photometric_alignment import Alignment, align, in_place
 from digs_warp.poses.refine.refine import refine
-from digs_warp.poses.refine.relocalization import RelocatedFrames
 from digs_warp.poses.views import Picture, view_of
 from digs_warp.train.config import TrainConfig
 from reference.pair_twin import pair_equations
@@ -202,10 +201,7 @@ def test_frames_that_hold_nothing_together_keep_their_poses() -> None:
 def test_left_out_frames_are_named_where_the_others_keep_their_poses(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    def one_lost(_: Sequence[Picture], poses: np.ndarray) -> RelocatedFrames:
-        return RelocatedFrames(poses, poses, lost=(2,))
-
-    monkeypatch.setattr("digs_warp.poses.refine.refine.relocated", one_lost)
+    monkeypatch.setattr("digs_warp.poses.refine.refine.contradicted", lambda *_: [2])
     monkeypatch.setattr("digs_warp.poses.thresholds.MAX_REFINED_TURN_DEG", 0.0)
     frames = frames_at(perturbed())
     because = refine(frames, 0.0, needed=False)[1].because
