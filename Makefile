@@ -63,7 +63,7 @@ studies: setup ## Run the studies within their budgets and write docs/study; an 
 
 pages: setup demo ## Run all benchmarks and draw all pictures for the documentation; an hour on a quiet machine
 	$(BIN)/python -m studies page raster training surface trained masks usd sim realism sensor-fit \
-		demo starts sensor scenes randomization gallery real-recordings
+		demo sensor randomization gallery real-recordings
 
 # Threads of NumPy's matrix products, which wait by turning, would take the cores from the other process.
 PYTEST = OPENBLAS_NUM_THREADS=$${OPENBLAS_NUM_THREADS:-1} $(BIN)/python -m pytest --numprocesses $(WORKERS) --dist loadfile

@@ -1,4 +1,4 @@
-"""Measure the shape of the code: sizes, comments, parameters, annotations; the largest of each by name.
+"""Measure the shape of the code: sizes, comments, parameters, annotations; the longest by name.
 
 python scripts/code_shape.py                # this checkout
 python scripts/code_shape.py OTHER --top 10 # another one, for example before a change
@@ -14,8 +14,6 @@ from pathlib import Path
 from statistics import median
 
 SOURCES = ("digs_warp", "sim", "usd", "scripts", "studies", "examples")
-LONGEST_HOST_FUNCTION = 60
-MOST_KERNEL_PARAMETERS = 12
 FunctionNode = ast.FunctionDef | ast.AsyncFunctionDef
 
 
@@ -140,24 +138,16 @@ def table(shape: Shape, tests: Shape) -> str:
 
 
 def worst(shape: Shape, count: int) -> str:
-    """Return the longest files and functions and the longest parameter lists."""
-    host = [f for f in shape.functions if not f.is_device]
-    kernels = [f for f in shape.functions if f.is_kernel]
+    """Return the longest files and host functions."""
+    host = [(f.lines, f.place) for f in shape.functions if not f.is_device]
     groups = {
-        "longest files": sorted(((n, f) for f, n in shape.files.items()), reverse=True),
-        "longest host functions": sorted(((f.lines, f.place) for f in host), reverse=True),
-        "most parameters, host": sorted(((f.parameters, f.place) for f in host), reverse=True),
-        "most parameters, kernels": sorted(
-            ((f.parameters, f.place) for f in kernels), reverse=True
-        ),
+        "longest files": [(n, f) for f, n in shape.files.items()],
+        "longest host functions": host,
     }
     lines = []
     for title, rows in groups.items():
-        lines += ["", f"{title}:", *(f"  {number:5d}  {place}" for number, place in rows[:count])]
-    over = sum(f.lines > LONGEST_HOST_FUNCTION for f in host)
-    lines += ["", f"host functions above {LONGEST_HOST_FUNCTION} lines: {over}"]
-    wide = sum(f.parameters > MOST_KERNEL_PARAMETERS for f in kernels)
-    lines += [f"kernels with more than {MOST_KERNEL_PARAMETERS} parameters: {wide}"]
+        largest = sorted(rows, reverse=True)[:count]
+        lines += ["", f"{title}:", *(f"  {number:5d}  {place}" for number, place in largest)]
     return "\n".join(lines)
 
 

@@ -2,7 +2,6 @@
 
     python scripts/fuzz.py --count 100                       # 100 inputs of each kind
     python scripts/fuzz.py --kind "splats: PLY" --count 1000
-    python scripts/fuzz.py --again out/fuzz/splats-ply-0-17  # a kept input once more
     python scripts/fuzz.py --count 556 --page  # 10,000, and the totals in docs/research/stability.md
 
 A traceback, a crash, more than 1 GB beyond the start and more than 10 s of the processor are defects; their
@@ -15,14 +14,13 @@ import logging
 import math
 import sys
 import tempfile
-import threading
 import time
 from collections.abc import Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
+from itertools import product
 from pathlib import Path
 
-from fuzzing.inputs import Inputs, Kind, kept_job
+from fuzzing.inputs import Inputs, Kind
 from fuzzing.kinds import find_kinds
 from fuzzing.originals import Originals
 from fuzzing.worker import Outcome, Worker
@@ -44,68 +42,36 @@ Tallies = dict[str, list[Outcome]]
 
 
 def fuzz(
-    kinds: tuple[Kind, ...],
-    count: int,
-    seed: int,
-    keep: Path,
-    workers: int = 1,
-    minutes: float = math.inf,
+    kinds: tuple[Kind, ...], count: int, seed: int, keep: Path, minutes: float = math.inf
 ) -> Tallies:
     """Run ``count`` damaged inputs of each kind; write those that show a defect into ``keep``.
 
     After ``minutes`` no more are begun; the kinds take turns, so there are about as many of each.
     """
     tallies: Tallies = {kind.name: [] for kind in kinds}
-    with tempfile.TemporaryDirectory(prefix="fuzz-") as name:
+    by_name, end = {kind.name: kind for kind in kinds}, time.monotonic() + 60 * minutes
+    with (
+        tempfile.TemporaryDirectory(prefix="fuzz-") as name,
+        progress(count * len(kinds), "Fuzzing", "input") as bar,
+    ):
         inputs = Inputs(Originals(Path(name) / "originals"), Path(name), seed)
         inputs.originals.folder.mkdir()
         for folder in dict.fromkeys(each.folder for kind in kinds for each in kind.inputs):
             inputs.originals.make(folder)
-        pool = _Pool(inputs, {kind.name: kind for kind in kinds}, 60 * minutes)
-        jobs = [(kind, number) for number in range(count) for kind in kinds]
-        with progress(len(jobs), "Fuzzing", "input") as bar, ThreadPoolExecutor(workers) as threads:
-            for (kind, number), outcome in zip(jobs, threads.map(pool.run, jobs), strict=True):
-                if outcome is None:
-                    continue
-                tallies[kind.name].append(outcome)
-                if outcome.is_defect:
-                    last = (outcome.detail.strip().splitlines() or [""])[-1][:300]
-                    _say(f"{outcome.end}: {inputs.keep(kind, number, outcome, keep)}: {last}")
-                bar.update()
-        pool.stop()
-    return tallies
-
-
-class _Pool:
-    """One `Worker` per thread; it begins no input after some seconds."""
-
-    def __init__(self, inputs: Inputs, kinds: dict[str, Kind], seconds: float) -> None:
-        self._inputs, self._kinds = inputs, kinds
-        self._end = time.monotonic() + seconds
-        self._workers: dict[int, Worker] = {}
-
-    def run(self, job: tuple[Kind, int]) -> Outcome | None:
-        if time.monotonic() > self._end:
-            return None
-        new = Worker(lambda name: self._inputs.healthy(self._kinds[name]))
-        worker = self._workers.setdefault(threading.get_ident(), new)
-        written = self._inputs.write(*job)
-        outcome = worker.run(written)
-        self._inputs.remove(written)
-        return outcome
-
-    def stop(self) -> None:
-        for worker in self._workers.values():
-            worker.stop()
-
-
-def again(folder: Path) -> Outcome:
-    """Run a kept input once more."""
-    with tempfile.TemporaryDirectory(prefix="fuzz-") as copy:
-        worker = Worker(lambda _: [])
-        outcome = worker.run(kept_job(folder, Path(copy) / "input"))
+        worker = Worker(lambda name: inputs.healthy(by_name[name]))
+        for number, kind in product(range(count), kinds):
+            if time.monotonic() > end:
+                break
+            written = inputs.write(kind, number)
+            outcome = worker.run(written)
+            inputs.remove(written)
+            tallies[kind.name].append(outcome)
+            if outcome.is_defect:
+                last = (outcome.detail.strip().splitlines() or [""])[-1][:300]
+                _say(f"{outcome.end}: {inputs.keep(kind, number, outcome, keep)}: {last}")
+            bar.update()
         worker.stop()
-    return outcome
+    return tallies
 
 
 def table(tallies: Mapping[str, Sequence[Outcome]]) -> Table:
@@ -151,21 +117,15 @@ def main() -> int:
     add("--count", type=int, default=20, help="inputs of each kind")
     add("--minutes", type=float, default=math.inf, help="begin no input later")
     add("--seed", type=int, default=0)
-    add("--workers", type=int, default=1, help="inputs at the same time")
     add("--keep", type=Path, default=Path("out/fuzz"), help="folder for inputs with defects")
-    add("--again", type=Path, help="run one kept input once more")
     add("--page", action="store_true", help=f"write the totals into docs/{PAGE}")
     given = parser.parse_args()
-    if given.again:
-        found = again(given.again)
-        _say(f"{found.detail}\n{found.end}, {found.seconds:.1f} s, {found.megabytes:.0f} MB")
-        return int(found.is_defect)
     # A bar on a terminal, a line every half minute in a log.
     show_progress()
     logging.basicConfig(level=logging.ERROR, format="%(message)s")
     logging.getLogger("digs_warp.record.progress").setLevel(logging.INFO)
     kinds, keep = find_kinds(given.kind), given.keep.resolve()
-    tallies = fuzz(kinds, given.count, given.seed, keep, given.workers, given.minutes)
+    tallies = fuzz(kinds, given.count, given.seed, keep, given.minutes)
     _say(table(tallies).markdown())
     if given.page:
         publish(tallies, given.count, given.seed)

@@ -68,17 +68,6 @@ def unnoticed(found: dict[str, list[str]]) -> list[str]:
     ]
 
 
-def table(found: dict[str, list[str]]) -> str:
-    """Return the Markdown table: each fault, whether its test notices it, and how many others do."""
-    missed = unnoticed(found)
-    rows = []
-    for name, tests in found.items():
-        seen, others = ("**no**", len(tests)) if name in missed else ("yes", len(tests) - 1)
-        rows.append(f"| {find_mutation(name).what} | {seen} | {others} |")
-    head = "| fault | noticed | other tests that notice it |\n|---|---|--:|"
-    return "\n".join([head, *rows])
-
-
 def summary(found: dict[str, list[str]]) -> str:
     """Return the sentences of the page: how many faults are noticed, and which are not."""
     missed = unnoticed(found)
@@ -115,7 +104,7 @@ def main() -> int:
             found[name] = tests
             bar.update()
             _say(f"{name}: {len(tests)}\n" + "".join(f"    {test}\n" for test in tests))
-    _say(table(found))
+    _say(summary(found))
     if options.page:
         _say(str(fill(PAGE, "mutations", summary(found))))
     return int(bool(unnoticed(found)))

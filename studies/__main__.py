@@ -1,7 +1,7 @@
 """Measure the project, and write what was found into its documentation.
 
 python -m studies NAME [--only CASE ...] [--json FILE]   run a benchmark, print its tables
-python -m studies page NAME [--results FILE ...]         write figures or pictures into the documentation
+python -m studies page NAME                              write figures or pictures into the documentation
 python -m studies preference make|evaluate ...           ask people which reconstruction they prefer
 """
 
@@ -14,7 +14,7 @@ from digs_warp.checks import DigsError
 from digs_warp.record.progress import show_progress
 from studies import pages
 from studies.benchmarks import BENCHMARKS, find_benchmark
-from studies.results import format_tables, read_json_lines, write_json_lines
+from studies.results import format_tables, write_json_lines
 
 
 def main(words: Sequence[str]) -> None:
@@ -24,7 +24,7 @@ def main(words: Sequence[str]) -> None:
     if command == "page":
         _write_page(rest)
     elif command == "preference":
-        from studies.preference.command import main as preference
+        from studies.preference import main as preference
 
         preference(rest)
     else:
@@ -53,17 +53,13 @@ def _write_page(words: Sequence[str]) -> None:
     parser = argparse.ArgumentParser(prog="python -m studies page")
     names = [*(each.name for each in BENCHMARKS if each.pages), *pages.PAGES]
     parser.add_argument("names", nargs="+", choices=names, metavar="NAME", help=", ".join(names))
-    parser.add_argument(
-        "--results", nargs="+", type=Path, metavar="FILE", help="of one benchmark, measured before"
-    )
     given = parser.parse_args(words)
     for name in given.names:
         if name in pages.PAGES:
             pages.write(name)
             continue
         benchmark = find_benchmark(name)
-        parts = [each for path in given.results or () for each in read_json_lines(path)]
-        pages.publish(benchmark, benchmark.joined(parts) if parts else benchmark.run())
+        pages.publish(benchmark, benchmark.run())
 
 
 if __name__ == "__main__":

@@ -9,7 +9,6 @@ from digs_warp.checks import DigsError
 from digs_warp.words import did_you_mean
 
 if TYPE_CHECKING:
-    from digs_warp.study.charts import Chart
     from studies.results import Result
 
 
@@ -21,20 +20,13 @@ class Benchmark:
         name: as the command takes it.
         functions: each returns a list of `Result`; takes names out of ``cases`` where there are any.
         pages: files in docs/ that show its tables.
-        chart_function: takes the results and returns charts; empty: there are none.
-        picture: of the charts, in docs/images.
         cases: names of the cases, where one can measure some of them.
-        join_function: takes results that were measured in parts and returns those of all cases together;
-            empty: they stand one after the other.
     """
 
     name: str
     functions: tuple[str, ...]
     pages: tuple[str, ...]
-    chart_function: str = ""
-    picture: str = ""
     cases: tuple[str, ...] = ()
-    join_function: str = ""
 
     def run(self, only: Sequence[str] = ()) -> "list[Result]":
         """Measure all cases, or ``only`` some of `cases`."""
@@ -44,14 +36,6 @@ class Benchmark:
             )
         arguments = [only] if only else []
         return [result for name in self.functions for result in _load(name)(*arguments)]
-
-    def joined(self, results: "Sequence[Result]") -> "Sequence[Result]":
-        """Return the results of parts as if all cases had been measured at once."""
-        return _load(self.join_function)(results) if self.join_function else results
-
-    def charts(self, results: "Sequence[Result]") -> "Sequence[Chart]":
-        """Return what the results look like."""
-        return _load(self.chart_function)(results) if self.chart_function else []
 
 
 def _load(name: str) -> Any:
@@ -102,9 +86,8 @@ BENCHMARKS = (
             *("ycb_mustard_bottle", "avocado", "spot"),
             *("ycb_cracker_box", "armchair", "flight_helmet"),
         ),
-        join_function="surface.with_medians",
     ),
-    # Films at three sizes, meshes at four voxel sizes, files of every format.
+    # Meshes at four voxel sizes, files of every format.
     Benchmark("trained", ("trained.bench_trained",), ("results.md", "formats.md")),
     # Real recordings, poses as recorded and estimated: quality, depth error, what goes wrong.
     Benchmark(
@@ -120,14 +103,8 @@ BENCHMARKS = (
     Benchmark("masks", ("masks.bench_masks",), ("masks.md",)),
     # USD scenes of a million splats: write, read, validate; what each precision saves and loses.
     Benchmark("usd", ("usd_files.bench_usd",), ("usd.md",)),
-    # The simulated depth sensor: time and scores of every tier and effect; speed of recordings.
-    Benchmark(
-        "sim",
-        ("simulator.bench_sim",),
-        ("research/sensor-cost.md",),
-        chart_function="simulator.sim_charts",
-        picture="sim.png",
-    ),
+    # The simulated depth sensor: time and scores of every tier and effect.
+    Benchmark("sim", ("simulator.bench_sim",), ("research/sensor-cost.md",)),
     # Where the simulated sensor errs, against real matching.
     Benchmark("realism", ("realism.bench_realism",), ("research/sensor-cost.md",)),
     # Figures of real depth cameras beside those of the simulated ones.

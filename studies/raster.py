@@ -22,7 +22,7 @@ from digs_warp.splat.device import DeviceGaussians
 from digs_warp.splat.records import SPLAT_HALF_HEIGHT, SPLAT_HALF_WIDTH, SPLAT_U, SPLAT_V
 from digs_warp.splat.render import SplatRenderer
 from studies.results import Result
-from studies.timing import best_ms, clock_for, worth_of_threads
+from studies.timing import best_ms, clock_for
 
 # Additions and multiplications of one pixel and one splat; comparisons and selections not counted. Forward:
 # power 6, exponential 15, opacity 1, transmittance 2, weights 2, three colors 6. Backward: the same up to
@@ -100,10 +100,6 @@ def bench_raster(scenes: tuple[RasterScene, ...] = SCENES) -> list[Result]:
                 rates = _rates(renderer, times, count, matrix_rate)
                 results.append(Result(labels, rates, "rates"))
                 bar.update()
-    results += [
-        Result({"threads": count}, {"times the work of one": worth_of_threads(count)}, "threads")
-        for count in threads[1:]
-    ]
     return results
 
 

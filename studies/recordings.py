@@ -15,14 +15,11 @@ import numpy as np
 from digs_warp.check.check import check_capture
 from digs_warp.checks import DigsError
 from digs_warp.data.capture import Capture
-from digs_warp.data.frame import Frame
 from digs_warp.data.layers import Layer
 from digs_warp.data.posed_frames import PosedFrames
 from digs_warp.data.viewpoints import evenly
 from digs_warp.init.config import InitConfig
 from digs_warp.init.strategies import STRATEGIES, chosen_strategy
-from digs_warp.measure.color_gain import ColorGain
-from digs_warp.measure.metrics import psnr
 from digs_warp.pipeline.reconstruct import ReconstructConfig, reconstruct
 from digs_warp.pipeline.reconstruction import Reconstruction
 from digs_warp.poses.from_images.config import SfmConfig
@@ -32,7 +29,6 @@ from digs_warp.study.scenes import sample_data
 from digs_warp.study.timing import Stopwatch
 from digs_warp.train.adherence import adherence, load_measured_views
 from digs_warp.train.config import Density, Stop, TrainConfig
-from digs_warp.train.evaluate import load_test_views, photographed_gain, render_views, with_gain
 from studies.pose_errors import camera_errors
 from studies.real_recordings import RealRecording, convert, find_recordings
 from studies.results import Result
@@ -215,9 +211,6 @@ def _figures(
         "exposure fitted [dB]": result.scores.mean.psnr_object_aligned,
     }
     gaussians = DeviceGaussians.from_numpy(result.gaussians, "cpu")
-    values["exposure of neighbors [dB]"] = psnr_by_neighbors(
-        gaussians, result.frames.training, result.frames.held_out
-    )
     depth_error = adherence(gaussians, load_measured_views(result.frames.held_out))
     if depth_error is not None:
         values["depth error [cm]"] = 1e2 * depth_error
@@ -228,48 +221,6 @@ def _figures(
         "seconds": watch.seconds,
         "CPU [s]": watch.cpu_seconds,
     }
-
-
-def psnr_by_neighbors(
-    gaussians: DeviceGaussians, training: Sequence[Frame], held_out: Sequence[Frame]
-) -> float:
-    """Return the PSNR on the object, in the exposure between those of the neighbors in time [dB].
-
-    Args:
-        gaussians: trained on ``training``.
-        training: at least one frame; their renderings and photographs tell their exposures.
-        held_out: which are rendered and compared; the result is the mean over them.
-    """
-    views = load_test_views(training)
-    pairs = zip(render_views(gaussians, views), views, strict=True)
-    gains = [photographed_gain([rendering], [view]) for rendering, view in pairs]
-    times = np.array([frame.time for frame in training])
-    tests = load_test_views(held_out)
-    scores = [
-        psnr(
-            with_gain(rendering, interpolated(times, gains, frame.time)),
-            view.target_for(rendering.image),
-            view.object_pixels,
-        )
-        for frame, rendering, view in zip(
-            held_out, render_views(gaussians, tests), tests, strict=True
-        )
-    ]
-    return float(np.mean(scores))
-
-
-def interpolated(times: np.ndarray, gains: Sequence[ColorGain], moment: float) -> ColorGain:
-    """Return the gain at a moment, linear in time between the known ones; outside of them the nearest.
-
-    Args:
-        times: of n photographs [s], (n,), in any order.
-        gains: theirs.
-        moment: [s].
-    """
-    order = np.argsort(times, kind="stable")
-    known = np.stack([gains[n].log_factors for n in order])
-    factors = [np.interp(moment, times[order], values) for values in known.T]
-    return ColorGain(np.array(factors))
 
 
 def pose_error(frames: PosedFrames, capture: Capture) -> dict[str, float]:

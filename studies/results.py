@@ -70,12 +70,6 @@ def format_number(value: float) -> str:
     return f"{value:,.{decimals}f}"
 
 
-def read_json_lines(path: Path) -> list[Result]:
-    """Return what `write_json_lines` wrote."""
-    lines = path.read_text(encoding="utf-8").splitlines()
-    return [Result(**json.loads(line)) for line in lines]
-
-
 def write_json_lines(results: Sequence[Result], path: Path) -> None:
     """Write one JSON object per line: labels, values, table."""
     lines = [json.dumps(asdict(result), allow_nan=False) + "\n" for result in results]

@@ -2,8 +2,8 @@
 
 Every tier senses frames of sample meshes, or of the built-in object where there is no sample data, and a
 real pair with true disparity. The matcher is the yardstick: it searches the full range and is told
-nothing. The tables show, for each tier, time and errors; for each effect on matched depth, its time and what
-it changes; and how fast whole recordings are.
+nothing. The tables show, for each tier, time and errors, and for each effect on matched depth, its time and
+what it changes.
 """
 
 from collections.abc import Callable, Iterator, Sequence
@@ -22,11 +22,9 @@ from digs_warp.sim.sensor.facts import measure_facts
 from digs_warp.sim.sensor.frame import FrameTruth, Sensed
 from digs_warp.sim.sensor.planner import plan
 from digs_warp.sim.sensor.tiers import apply_effects, sense
-from digs_warp.study.charts import Chart, Curve
 from digs_warp.study.scenes import sample_data
 from studies.real_pair import load_motorcycle
 from studies.realism_scenes import Place
-from studies.recording_speed import WIDTHS, bench_recording
 from studies.results import Result
 from studies.stereo_scores import Scores, score
 from studies.timing import ms_side_by_side
@@ -46,12 +44,11 @@ TIERS: tuple[Tier, ...] = ("truth", "law", "guided", "matcher")
 
 TIME, ALONE = "time [ms/MP]", "alone [ms/MP]"
 
-# Scores in the tables and their headings; SHARES are those that the charts show.
+# Scores in the tables and their headings.
 COLUMNS = {
     **{"fill": "fill", "bad_1": "bad-1", "rms": "rms [px]"},
     **{"edge_bad_1": "edge bad-1", "occluded_holes": "occluded holes"},
 }
-SHARES = ("fill", "bad-1", "edge bad-1", "occluded holes")
 
 # Scores that the table of effects shows the change of.
 CHANGED = ("fill", "bad-1", "rms [px]")
@@ -87,7 +84,6 @@ def bench_sim(
     data: Path | None = None,
     meshes: Sequence[str] = MESHES,
     width: int = WIDTH,
-    recordings: Sequence[int] = WIDTHS,
 ) -> list[Result]:
     """Return times and scores of the tiers on every scene, and of effects in the mean.
 
@@ -95,7 +91,6 @@ def bench_sim(
         data: folder of the sample data; None: DIGS_WARP_SAMPLE_DATA or ../shared/data.
         meshes: names of sample meshes.
         width: of the rendered images [px].
-        recordings: widths of the recordings that are timed [px].
     """
     data = data or sample_data()
     results: list[Result] = []
@@ -109,8 +104,7 @@ def bench_sim(
             bar.update()
     if (data / REAL_PAIR).is_dir():
         results += _tier_results(_real(data / REAL_PAIR))
-    results += _effect_results(cases)
-    return results + bench_recording(recordings)
+    return results + _effect_results(cases)
 
 
 def _rendered(place: Place, width: int) -> Case:
@@ -164,23 +158,6 @@ def _effect_results(cases: Sequence[Case]) -> list[Result]:
 
 def _after(matched: Sensed, truth: FrameTruth, effect: str) -> Sensed:
     return apply_effects(matched.own(), truth.rig, [effect])
-
-
-def sim_charts(results: Sequence[Result]) -> list[Chart]:
-    """Return the tiers by time and distance to the matcher."""
-    tiers = [r for r in results if r.table == "tiers"]
-    yardstick = {r.labels["scene"]: r.values for r in tiers if r.labels["sensor"] == "matcher"}
-    curves = []
-    for tier in TIERS:
-        rows = [
-            (r.values, yardstick[r.labels["scene"]]) for r in tiers if r.labels["sensor"] == tier
-        ]
-        gaps = [float(np.mean([abs(a[n] - b[n]) for n in SHARES])) for a, b in rows]
-        curves.append(Curve(tier, [values[TIME] for values, _ in rows], gaps, line=False))
-    x_label = "time of the sensor [ms per megapixel]"
-    y_label = "mean gap to the matcher in fill, bad-1,\nbad-1 at edges, holes where hidden"
-    title = "Tiers: one point per scene"
-    return [Chart("sim_tiers", title, curves, x_label, y_label, log_x=True)]
 
 
 def _columns(scores: Scores) -> dict[str, float]:

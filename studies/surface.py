@@ -103,10 +103,9 @@ def bench_surface(only: Sequence[str] = (), scope: Scope | None = None) -> list[
 
 
 def with_medians(results: Sequence[Result]) -> list[Result]:
-    """Return the rows of all objects by sensor, and the medians over these; other medians are dropped."""
-    rows = [result for result in results if result.table == OF_OBJECTS]
-    sensors = list(dict.fromkeys(row.labels["sensor"] for row in rows))
-    by_sensor = sorted(rows, key=lambda row: sensors.index(row.labels["sensor"]))
+    """Return the rows of all objects by sensor, and the medians over these."""
+    sensors = list(dict.fromkeys(row.labels["sensor"] for row in results))
+    by_sensor = sorted(results, key=lambda row: sensors.index(row.labels["sensor"]))
     return [*by_sensor, *_medians(by_sensor)]
 
 

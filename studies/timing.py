@@ -1,12 +1,10 @@
-"""The shortest of several calls, several calls at once, memory, and what threads are worth here."""
+"""The shortest of several calls, several calls at once, and memory."""
 
 import time
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from pathlib import Path
-
-import numpy as np
 
 from digs_warp.study.timing import Stopwatch
 
@@ -87,35 +85,3 @@ def peak_memory() -> Iterator[PeakMemory]:
 
 def _bytes(name: str) -> int:
     return 1024 * int(_STATUS.read_text().split(f"{name}:")[1].split()[0])
-
-
-def worth_of_threads(threads: int, seconds: float = 2.0) -> float:
-    """Return how much more arithmetic ``threads`` threads get done than one thread.
-
-    This bounds the gain from threads for a program that only computes. Two logical processors of one core, as
-    on many rented machines, get a value near 1.
-
-    Args:
-        threads: at least 1.
-        seconds: measuring time for either number of threads.
-    """
-    from threadpoolctl import threadpool_limits
-
-    with threadpool_limits(1), ThreadPoolExecutor(threads) as pool:
-
-        def rate(count: int) -> float:
-            return sum(pool.map(_products_per_second, [seconds] * count))
-
-        alone = rate(1)
-        return rate(threads) / alone
-
-
-def _products_per_second(seconds: float) -> float:
-    """Multiply small matrices, which fit into the cache of one core, for a while."""
-    a = np.random.default_rng(0).normal(size=(192, 192)).astype(np.float32)
-    done, start = 0, time.perf_counter()
-    while (past := time.perf_counter() - start) < seconds:
-        for _ in range(10):
-            np.dot(a, a)
-        done += 10
-    return done / past

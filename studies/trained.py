@@ -1,8 +1,7 @@
 """`python -m studies trained`: what can be done with a trained object, and how well.
 
-The built-in object is recorded and trained for a short while (not timed). Then it is filmed on an orbit at
-several image sizes, turned into meshes at several voxel sizes, written in every file format, and drawn as
-other programs draw its files.
+The built-in object is recorded and trained for a short while (not timed). Then it is turned into meshes at
+several voxel sizes, written in every file format, and drawn as other programs draw its files.
 """
 
 import tempfile
@@ -14,7 +13,6 @@ import numpy as np
 
 from digs_warp.data.gaussians import ANTIALIASED, CLASSIC, Gaussians
 from digs_warp.data.triangle_mesh import TriangleMesh
-from digs_warp.device.threads import default_threads
 from digs_warp.formats.splats.files import AS_IT_IS, SplatWriting
 from digs_warp.geometry.camera import Camera, Intrinsics
 from digs_warp.init.config import InitConfig
@@ -26,7 +24,6 @@ from digs_warp.pipeline.reconstruction import Reconstruction
 from digs_warp.pipeline.scene_files import read_scene, write_scene_file
 from digs_warp.record.progress import progress
 from digs_warp.show.film.camera_path import find_subject, orbit
-from digs_warp.show.film.video import Clock, shoot
 from digs_warp.splat.device import DeviceGaussians
 from digs_warp.splat.render import render
 from digs_warp.study.engine.scores import psnr_with_one_gain
@@ -43,9 +40,6 @@ from studies.results import Result
 
 TRAINING_FRAMES, TRAINING_STEPS, SH_DEGREE = 48, 400, 3
 
-# Films: image sizes [px]; the first frame loads kernels and is not counted.
-FILM_SIZES = ((640, 360), (1280, 720), (1600, 900))
-FILM_FRAMES = 25
 FOV_DEG = 45.0
 
 # Meshes: voxel sizes [m] for an object half a metre high, and the distance [m] of the F-score.
@@ -131,36 +125,10 @@ def true_views(folder: Path) -> dict[str, Sequence[TestView]]:
 
 
 def bench_trained() -> list[Result]:
-    """Measure films, meshes and files of the trained object, and how others draw them."""
+    """Measure meshes and files of the trained object, and how others draw them."""
     trained = trained_object()
-    films, files = measure_films(trained.gaussians), measure_formats(trained.gaussians)
-    return [*films, *measure_meshes(trained), *files, *measure_viewers(trained)]
-
-
-def measure_films(
-    gaussians: Gaussians, sizes: tuple[tuple[int, int], ...] = FILM_SIZES, frames: int = FILM_FRAMES
-) -> list[Result]:
-    """Return the frame rate and the mean time of a frame by image size [px] and threads."""
-    subject = find_subject(gaussians)
-    threads = sorted({1, default_threads()})
-    results = []
-    with progress(len(sizes) * len(threads), "Measuring", "film") as bar:
-        for width, height in sizes:
-            cameras = orbit(subject, Intrinsics.from_fov(width, height, FOV_DEG), frames)
-            for count in threads:
-                clock = Clock()
-                for _ in shoot(gaussians, cameras, threads=count, clock=clock):
-                    pass
-                labels = {
-                    "image": f"{width}x{height}",
-                    "splats": len(gaussians),
-                    "sh_degree": gaussians.sh_degree,
-                    "threads": count,
-                }
-                values = {"frame rate [1/s]": clock.frame_rate, "frame [ms]": clock.milliseconds}
-                results.append(Result(labels, values, "films"))
-                bar.update()
-    return results
+    files = measure_formats(trained.gaussians)
+    return [*measure_meshes(trained), *files, *measure_viewers(trained)]
 
 
 def measure_meshes(

@@ -28,15 +28,12 @@ class Input:
         damaged: the file, relative to the folder.
         lines: what follows ``digs-warp`` on each command line; ``OUT`` is a new file or folder.
         only: patterns of the files and folders that are copied; empty: all.
-        listed_again: whether the manifest of the folder, which gives damage away, often has the sum of the
-            damaged file. COLMAP's own reader is not safe; the manifest protects it.
     """
 
     folder: str
     damaged: str
     lines: tuple[str, ...]
     only: tuple[str, ...] = ()
-    listed_again: bool = True
 
 
 @dataclass(frozen=True)
@@ -80,7 +77,7 @@ class Inputs:
         folder = self._place(chosen, self.folder / f"{slug(kind)}-{number}" / rng.choice(FOLDERS))
         file = folder / chosen.damaged
         file.write_bytes(damaged(file.read_bytes(), file.name, rng))
-        if chosen.listed_again and rng.random() < 0.7:
+        if rng.random() < 0.7:
             _list_again(file)
         return Job(kind.name, folder, chosen.lines)
 
@@ -117,13 +114,6 @@ def _list_again(file: Path) -> None:
     if manifest.lists(file):
         with manifest.replacing(file, Content.of_file(file)):
             pass
-
-
-def kept_job(folder: Path, copy: Path) -> Job:
-    """Return the job of an input that `Inputs.keep` wrote, in a copy: commands write beside their input."""
-    note = json.loads((folder / NOTE).read_text())
-    shutil.copytree(folder, copy)
-    return Job(note["kind"], copy, note["lines"])
 
 
 def slug(kind: Kind) -> str:

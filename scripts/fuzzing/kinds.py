@@ -98,13 +98,6 @@ KINDS = (
     Kind("recording: film", (
         Input("film", "walk.mp4", ("convert walk.mp4 --from video --frames 3 --out OUT",)),
     )),
-    Kind("COLMAP model", tuple(
-        Input("matched", f"reconstruction/sfm/{name}", (f"{RESUME} --poses sfm --strategy default",),
-              ("capture", "reconstruction/sfm", "reconstruction/files.jsonl"),
-              listed_again=False)
-        for name in ("model/cameras.bin", "model/images.bin", "model/points3D.bin", "model/rigs.bin",
-                     "model/frames.bin", "stages.json")
-    )),
     Kind("splats: PLY", _splats("a.ply", "text.ply", "a.compressed.ply")),
     Kind("splats: SOG", _splats("a.sog")),
     Kind("splats: glTF", _splats("a.glb")),
@@ -124,10 +117,9 @@ KINDS = (
         ),
         *map(_result, ("reconstruction/initial_points.npz", "reconstruction/gaussians.npz")),
     )),
-    Kind("settings, profiles, studies", (
+    Kind("settings, profiles", (
         *_settings("simulate", "--out", "x"), *_settings("reconstruct", "x", "--out", "x"),
         Input("settings", "camera.yaml", (PLAN,)),
-        Input("study", "results.jsonl", ("study report tradeoff --out .",)),
     )),
 )  # fmt: skip
 

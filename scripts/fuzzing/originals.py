@@ -19,9 +19,8 @@ from digs_warp.data.gaussians import Gaussians
 from digs_warp.data.images import write_image
 from digs_warp.formats.splats.files import SplatWriting, write_splat_file
 from digs_warp.show.film.video import write_video
-from fuzzing.recordings import WRITERS, millimetres, write_sparse_model
+from fuzzing.recordings import WRITERS, millimetres
 
-PUBLISHED_STUDY = Path(__file__).resolve().parents[2] / "docs/study/tradeoff/results.jsonl"
 RECONSTRUCT = ("--iterations", "4", "--test-every", "3", "--keep-course")
 
 # Folders that `digs-warp convert --to` writes.
@@ -124,11 +123,6 @@ class Originals:
         with at_once, patch.object(Trainer, "step", cut_off):
             self._reconstruction(folder, ends_with=130)
 
-    def _matched(self, folder: Path) -> None:
-        """A reconstruction that has its sparse model of structure from motion, and nothing behind it."""
-        shutil.copytree(self.make("reconstruction"), folder)
-        write_sparse_model(read_capture(folder / "capture"), folder / "reconstruction" / "sfm")
-
     def _splats(self, folder: Path) -> None:
         """Gaussians in every format."""
         folder.mkdir()
@@ -180,12 +174,6 @@ class Originals:
         }
         profile = {"base": "zed2-720", "title": "My camera", "figures": figures}
         (folder / "camera.yaml").write_text(yaml.safe_dump(profile))
-
-    def _study(self, folder: Path) -> None:
-        """Results of a study."""
-        folder.mkdir()
-        lines = PUBLISHED_STUDY.read_text().splitlines()[:6]
-        (folder / "results.jsonl").write_text("\n".join(lines) + "\n")
 
 
 def _digs_warp(*words: str | Path, ends_with: int = 0) -> None:

@@ -1,24 +1,15 @@
-"""A simulated capture as other programs leave one, and the model that structure from motion finds in it."""
+"""A simulated capture as other programs leave one."""
 
 import json
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
-from digs_warp.data.capture import Capture
 from digs_warp.data.frame import Frame
 from digs_warp.data.images import write_image
-from digs_warp.geometry.rigid import invert_rigid
-from digs_warp.poses.from_images.colmap import ImageSet, quiet_pycolmap
-from digs_warp.poses.from_images.config import SfmConfig
-from digs_warp.poses.from_images.model import write_model
-from digs_warp.poses.from_images.workspace import Workspace, stage_keys
-from digs_warp.record.manifest import recorded_files
 
 BASELINE = 0.1  # [m]
-POINTS = 60  # of a sparse model
 
 Frames = Sequence[Frame]
 
@@ -92,40 +83,3 @@ WRITERS: Mapping[str, Callable[[Frames, Path], None]] = {
     "zed": write_zed,
     "record3d": write_record3d,
 }
-
-
-def write_sparse_model(capture: Capture, folder: Path) -> None:
-    """Write a workspace with a finished model: the true cameras, and points of the true depth.
-
-    Images of a few pixels show too few features to match, so the points are projected instead.
-    """
-    config = SfmConfig(readout_time=capture.readout_time)
-    place = Workspace(folder, stage_keys(capture.frames, config))
-    with recorded_files(folder.parent, resume=True):
-        place.prepare()
-        write_model(_model(capture), place.model)
-        place.finish_model({"models": 1, "registered": [len(capture)]})
-
-
-def _model(capture: Capture) -> Any:
-    pycolmap = quiet_pycolmap()
-    model = pycolmap.Reconstruction()
-    k = capture.frames[0].camera.intrinsics
-    size = {"width": k.width, "height": k.height}
-    focal = {"model": "PINHOLE", "params": [k.fx, k.fy, k.cx, k.cy]}
-    model.add_camera_with_trivial_rig(pycolmap.Camera(camera_id=1, **size, **focal))
-    directions = np.random.default_rng(0).normal(size=(POINTS, 3))  # of points on the object
-    points = 0.2 * directions / np.linalg.norm(directions, axis=1, keepdims=True)
-    names = ImageSet.of(capture.frames).names
-    for number, (frame, name) in enumerate(zip(capture.frames, names, strict=True), start=1):
-        places = [pycolmap.Point2D(xy) for xy in frame.camera.project(points)[0]]
-        image = pycolmap.Image(name=name, camera_id=1, image_id=number, points2D=places)
-        pose = pycolmap.Rigid3d(invert_rigid(frame.camera.world_from_cam)[:3])
-        model.add_image_with_trivial_frame(image, pose)
-    for index, point in enumerate(points):
-        track = pycolmap.Track()
-        for number in range(1, len(capture) + 1):
-            track.add_element(number, index)
-        model.add_point3D(point, track, np.array([100, 120, 140], np.uint8))
-    model.update_point_3d_errors()
-    return model

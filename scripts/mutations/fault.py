@@ -58,106 +58,83 @@ def _replace_imported(patch: pytest.MonkeyPatch, name: str, old: Any, new: Any) 
             patch.setattr(module, name, new)
 
 
-def stronger(factor: float) -> Callable[[Any], Any]:
-    """Return what turns an effect on the images into a stronger one."""
-
-    def mutate(apply: Any) -> Any:
-        def mutated(self: Any, eyes: Any, rig: Any, rng: Any, strength: float = 1.0) -> Any:
-            return apply(self, eyes, rig, rng, factor * strength)
-
-        return mutated
-
-    return mutate
-
-
-def same_in_both_eyes(apply: Any) -> Any:
-    """Return an effect whose change of the left image is made to both."""
-
-    def mutated(self: Any, eyes: Any, *arguments: Any, **named: Any) -> Any:
-        changed = apply(self, eyes, *arguments, **named)
-        return replace(changed, right=eyes.right + (changed.left - eyes.left))
-
-    return mutated
-
-
-def blind_to_noise(matching: Any) -> Any:
-    """Return matching of the rendered instead of the recorded images."""
-
-    def mutated(truth: Any, recorded: Any = None, *arguments: Any, **named: Any) -> Any:
-        return matching(truth, None, *arguments, **named)
-
-    return mutated
-
-
-def with_default(**defaults: Any) -> Callable[[Any], Any]:
-    """Return what gives a function other values for arguments that callers leave out."""
-
-    def mutate(function: Any) -> Any:
-        def mutated(*arguments: Any, **named: Any) -> Any:
-            return function(*arguments, **(defaults | named))
-
-        return mutated
-
-    return mutate
-
-
-def nothing_far(coarse_half_blocks: Any) -> Any:
-    """Return a coarse search that never prefers anything."""
-
-    def mutated(*arguments: Any, **named: Any) -> Any:
-        return np.full_like(coarse_half_blocks(*arguments, **named), -1)
-
-    return mutated
-
-
-def drifting_farther(draw: Any) -> Any:
-    """Return a draw of a stronger drift."""
-
-    def mutated(self: Any, rig: Any, seed: int, strength: float = 1.0) -> Any:
-        return draw(self, rig, seed, 1.3 * strength)
-
-    return mutated
-
-
-def brighter_dots(dot_pattern: Any) -> Any:
-    """Return a projector with dots 1.3 times as bright."""
-
-    def mutated() -> Any:
-        pattern = dot_pattern()
-        return replace(pattern, dots=pattern.dots * np.array([1, 1, 1.3], np.float32))
-
-    return mutated
-
-
-def baseline_flipped(reported_disparity: Any) -> Any:
-    """Return a camera whose depth grows with the baseline."""
-    return lambda self, matched: matched / np.float32(1 + self.baseline)
-
-
-def no_effect(apply: Any) -> Any:
-    """Return an effect on depth that changes nothing."""
-    return lambda self, sensed, *arguments, **named: sensed
-
-
-def white_field(octave_normal: Any) -> Any:
-    """Return white noise instead of octaves."""
-
-    def mutated(rng: Any, shape: Any, correlation: float) -> Any:
-        return rng.standard_normal(shape, dtype=np.float32)
-
-    return mutated
-
-
-def never_lasting(lasting: Any) -> Any:
-    """Return a field that is another one each time."""
-    drawn = count()
-
-    def mutated(seed: int, *arguments: Any) -> Any:
-        return lasting(seed + 1000 * next(drawn), *arguments)
-
-    return mutated
+def around(change: Callable[..., Any]) -> Callable[[Any], Any]:
+    """Return what replaces a function by ``change``, which gets the function and its arguments."""
+    return lambda old: lambda *given, **named: change(old, *given, **named)
 
 
 def value(new: Any) -> Callable[[Any], Any]:
     """Return what replaces a constant."""
     return lambda old: new
+
+
+def stronger(factor: float) -> Callable[[Any], Any]:
+    """Return what turns an effect on the images into a stronger one."""
+
+    def change(apply: Any, self: Any, eyes: Any, rig: Any, rng: Any, strength: float = 1.0) -> Any:
+        return apply(self, eyes, rig, rng, factor * strength)
+
+    return around(change)
+
+
+@around
+def same_in_both_eyes(apply: Any, self: Any, eyes: Any, *given: Any, **named: Any) -> Any:
+    """The change of the left image is made to both."""
+    changed = apply(self, eyes, *given, **named)
+    return replace(changed, right=eyes.right + (changed.left - eyes.left))
+
+
+@around
+def blind_to_noise(
+    matching: Any, truth: Any, recorded: Any = None, *given: Any, **named: Any
+) -> Any:
+    """The rendered instead of the recorded images are matched."""
+    return matching(truth, None, *given, **named)
+
+
+def with_default(**defaults: Any) -> Callable[[Any], Any]:
+    """Return what gives a function other values for arguments that callers leave out."""
+    return around(lambda function, *given, **named: function(*given, **(defaults | named)))
+
+
+@around
+def nothing_far(coarse_half_blocks: Any, *given: Any, **named: Any) -> Any:
+    """The coarse search never prefers anything."""
+    return np.full_like(coarse_half_blocks(*given, **named), -1)
+
+
+@around
+def drifting_farther(draw: Any, self: Any, rig: Any, seed: int, strength: float = 1.0) -> Any:
+    """A stronger drift is drawn."""
+    return draw(self, rig, seed, 1.3 * strength)
+
+
+@around
+def brighter_dots(dot_pattern: Any) -> Any:
+    """The dots of the projector are 1.3 times as bright."""
+    pattern = dot_pattern()
+    return replace(pattern, dots=pattern.dots * np.array([1, 1, 1.3], np.float32))
+
+
+@around
+def baseline_flipped(reported_disparity: Any, self: Any, matched: Any) -> Any:
+    """Depth grows with the baseline."""
+    return matched / np.float32(1 + self.baseline)
+
+
+@around
+def no_effect(apply: Any, self: Any, sensed: Any, *given: Any, **named: Any) -> Any:
+    """An effect on depth changes nothing."""
+    return sensed
+
+
+@around
+def white_field(octave_normal: Any, rng: Any, shape: Any, correlation: float) -> Any:
+    """White noise instead of octaves."""
+    return rng.standard_normal(shape, dtype=np.float32)
+
+
+def never_lasting(lasting: Any) -> Any:
+    """Return a field that is another one each time."""
+    drawn = count()
+    return lambda seed, *given: lasting(seed + 1000 * next(drawn), *given)

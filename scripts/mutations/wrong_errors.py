@@ -13,6 +13,7 @@ import numpy as np
 
 from digs_warp.sim.sensor.error_attribution import WRONG, attribute_errors
 from digs_warp.sim.sensor.frame import MATCHABLE_SNR, FrameTruth, Sensed
+from mutations.fault import around
 
 BLOCK = 20  # [px], as in `studies.realism_scores`
 
@@ -23,34 +24,27 @@ Change = Callable[[np.ndarray, FrameTruth, np.random.Generator], np.ndarray]
 def disparity(change: Change) -> Callable[[Any], Any]:
     """Return what turns the matching of a frame into one whose disparity is changed."""
 
-    def mutate(matching: Any) -> Any:
-        def mutated(truth: FrameTruth, *arguments: Any, **named: Any) -> Sensed:
-            sensed = matching(truth, *arguments, **named)
-            found = change(sensed.disparity.copy(), truth, _generator(sensed))
-            found = (np.rint(16 * found) / 16).astype(np.float32)
-            confidence = np.where(sensed.known, sensed.confidence, np.float32(0.9))
-            confidence[np.isnan(found)] = 0
-            return replace(
-                sensed, disparity=found, confidence=confidence, cause=attribute_errors(found, truth)
-            )
+    def changed(matching: Any, truth: FrameTruth, *given: Any, **named: Any) -> Sensed:
+        sensed = matching(truth, *given, **named)
+        found = change(sensed.disparity.copy(), truth, _generator(sensed))
+        found = (np.rint(16 * found) / 16).astype(np.float32)
+        confidence = np.where(sensed.known, sensed.confidence, np.float32(0.9))
+        confidence[np.isnan(found)] = 0
+        cause = attribute_errors(found, truth)
+        return replace(sensed, disparity=found, confidence=confidence, cause=cause)
 
-        return mutated
-
-    return mutate
+    return around(changed)
 
 
 def confidence(change: Callable[[Sensed, FrameTruth], np.ndarray]) -> Callable[[Any], Any]:
     """Return what turns the matching of a frame into one whose confidence is changed."""
 
-    def mutate(matching: Any) -> Any:
-        def mutated(truth: FrameTruth, *arguments: Any, **named: Any) -> Sensed:
-            sensed = matching(truth, *arguments, **named)
-            changed = np.where(sensed.known, change(sensed, truth), 0)
-            return replace(sensed, confidence=changed.astype(np.float32))
+    def changed(matching: Any, truth: FrameTruth, *given: Any, **named: Any) -> Sensed:
+        sensed = matching(truth, *given, **named)
+        found = np.where(sensed.known, change(sensed, truth), 0)
+        return replace(sensed, confidence=found.astype(np.float32))
 
-        return mutated
-
-    return mutate
+    return around(changed)
 
 
 def _generator(sensed: Sensed) -> np.random.Generator:

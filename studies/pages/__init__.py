@@ -9,9 +9,8 @@ from typing import TYPE_CHECKING
 
 from digs_warp.record.files import write_atomically
 from digs_warp.record.run_log import versions
-from digs_warp.study.charts import side_by_side
 from digs_warp.study.timing import processor
-from scripts.page_marks import DOCS, fill, marks
+from scripts.page_marks import fill, marks
 from studies.benchmarks import Benchmark
 from studies.results import Result, tables
 
@@ -21,10 +20,8 @@ if TYPE_CHECKING:
 # What is no table of a benchmark: the name of a page, and the module here that writes it.
 PAGES = {
     "demo": "demo",
-    "starts": "starts",
     "gallery": "gallery",
     "sensor": "sensor",
-    "scenes": "scenes",
     "randomization": "randomization",
     "what-is-read": "what_is_read",
     "real-recordings": "real_recordings",
@@ -42,8 +39,6 @@ def publish(benchmark: Benchmark, results: Sequence[Result]) -> None:
 
     The mark of a table is the name of the benchmark, followed by that of the table where it has one.
     """
-    if charts := benchmark.charts(results):
-        write_atomically(DOCS / "images" / benchmark.picture, side_by_side(charts))
     texts = {f"{benchmark.name} {t.name}".strip(): t.markdown() for t in tables(results)}
     texts["machine"] = measured_on()
     for page in benchmark.pages:

@@ -4,6 +4,7 @@ Needs Chromium: apt-get install chromium.
 """
 
 import tempfile
+from itertools import product
 from pathlib import Path
 
 import numpy as np
@@ -14,6 +15,7 @@ from digs_warp.data.capture import Capture, read_capture
 from digs_warp.data.frame import Frame
 from digs_warp.data.images import encode_jpeg, read_image
 from digs_warp.data.point_cloud import PointCloud
+from digs_warp.geometry.camera import Camera
 from digs_warp.pipeline.reconstruction import Reconstruction
 from digs_warp.record.files import write_atomically
 from digs_warp.record.layout import INITIAL_POINTS
@@ -22,13 +24,15 @@ from digs_warp.show.view.server import started
 from scripts.headless_browser import Browser, browser
 from scripts.page_marks import DOCS
 from studies.pages import save_figure
-from studies.pages.starts import points_picture
 
 IMAGES = DOCS / "images"
 
 FRAME, ROWS, COLUMNS = 32, slice(20, 350), slice(120, 520)
 NECK = NECK_ROWS, NECK_COLUMNS = slice(20, 170), slice(280, 440)
 SIZES = {"half the size": 0.5, "as trained": 1.0, "twice the size": 2.0}
+
+# A point this far [m] behind what the camera truly sees is hidden, and one covers so many pixels around.
+HIDDEN, DOT = 0.03, 1
 
 # A browser without a graphics card takes this long at most for the first picture [s].
 LONGEST = 120
@@ -53,7 +57,7 @@ def draw_stages(run: Path) -> None:
     panels = {
         "what the camera sees": frame.load_image(),
         "what its depth sensor reports": depth_picture(capture, frame),
-        "points from the depth": points_picture(points, frame.camera, 1, frame.load_depth_true()),
+        "points from the depth": points_picture(points, frame.camera, frame.load_depth_true()),
         "Gaussians, a view held out": read_image(run / f"reconstruction/renders/{frame.name}.png"),
     }
     figure = Figure(figsize=(16, 3.75), dpi=110)
@@ -92,6 +96,24 @@ def depth_picture(capture: Capture, frame: Frame) -> np.ndarray:
     reach = capture.about.object_radius or 0.0
     shade = (distance + reach - frame.load_depth()) / (2 * reach)
     return colormaps["viridis"](np.clip(np.nan_to_num(shade), 0, 1))[..., :3]
+
+
+def points_picture(points: PointCloud, camera: Camera, depth_true: np.ndarray) -> np.ndarray:
+    """Draw the points that the camera truly sees, near ones over far ones, on white."""
+    width, height = camera.intrinsics.width, camera.intrinsics.height
+    picture = np.ones((height, width, 3))
+    px, depth = camera.project(points.points_world)
+    order = np.argsort(-depth)
+    order = order[depth[order] > 0]
+    columns, rows = np.floor(px[order]).astype(np.int64).T
+    seen = depth_true[rows.clip(0, height - 1), columns.clip(0, width - 1)]
+    visible = ~(depth[order] > seen + HIDDEN)  # where nothing is, nothing hides
+    order, columns, rows = order[visible], columns[visible], rows[visible]
+    for down, right in product(range(-DOT, DOT + 1), repeat=2):
+        u, v = columns + right, rows + down
+        inside = (u >= 0) & (u < width) & (v >= 0) & (v < height)
+        picture[v[inside], u[inside]] = points.colors[order][inside]
+    return picture
 
 
 def photograph_report(run: Path) -> None:

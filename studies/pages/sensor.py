@@ -41,7 +41,7 @@ def section(effect: SensorEffect, facts: SceneFacts, studio: SensorStudio) -> st
     )
     choice: Choice = effect.choose(facts, studio.rig)
     text = f"### {effect.name}\n\n{what}\n\n{rule(choice)}\n"
-    if effect.name in WITHOUT_PICTURE:
+    if effect in COLOR_EFFECTS or effect.name in WITHOUT_PICTURE:
         return text
     return f"{text}\n![{effect.name}, off and on]({PICTURES}/{effect.name}.jpg)\n"
 

@@ -1,57 +1,32 @@
 """Pictures of what each effect of the sensor does alone: off and on, side by side."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
-from functools import cached_property
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from digs_warp.geometry.camera import Camera
-from digs_warp.geometry.rigid import rigid
-from digs_warp.sim.camera.profiles import load_profile
-from digs_warp.sim.camera.shutter import Shutter, ShutteredEye
 from digs_warp.sim.config import Tier
 from digs_warp.sim.render.raycast import RaycastRenderer
-from digs_warp.sim.render.views import Projected
-from digs_warp.sim.sensor.color import (
-    CALIBRATION_DRIFT,
-    IMAGE_BLUR,
-    PIXEL_EFFECTS,
-    PROJECTOR,
-    ROLLING_SHUTTER,
-)
-from digs_warp.sim.sensor.color.adaptation import Adaptation, targets
-from digs_warp.sim.sensor.color.encoding import decode, encode
 from digs_warp.sim.sensor.color.image_noise import ReadNoise, ShotNoise
-from digs_warp.sim.sensor.color.protocol import EyeImages, PixelEffect
 from digs_warp.sim.sensor.color.recorded import recorded_images
-from digs_warp.sim.sensor.color.rendering import ImageBlur, RollingShutter
 from digs_warp.sim.sensor.effects import AFTER_MATCHING, SECOND_SURFACES
 from digs_warp.sim.sensor.effects.protocol import Choice, DepthEffect, SensorEffect
 from digs_warp.sim.sensor.facts import measure_facts
 from digs_warp.sim.sensor.frame import FrameTruth, Sensed
-from digs_warp.sim.sensor.infrared.pair import infrared_image, stands_out, with_dots
 from digs_warp.sim.sensor.tiers import effect_rng, sense
 from studies.pages import save_figure
 from studies.pages.still_life import (
-    RIGHT_SEED,
-    SAMPLES,
     photograph,
-    pose_at,
     still_life,
-    still_life_camera,
     still_life_rig,
 )
 
 SEED = 0
 
-# A drift of common size does not show in a picture; this many times as much does.
-SHOWN_DRIFT = 20.0
-
 # What other cameras than that of the pictures do with their matches.
-WITHOUT_PICTURE = ("rejection", "smoothing", "speckle", "lens-blur")
+WITHOUT_PICTURE = ("rejection", "smoothing", "speckle")
 
 # Of the picture of the tiers: its name, and the full scale of its errors [px].
 TIERS_PICTURE = "tiers"
@@ -106,7 +81,7 @@ class SensorStudio:
         self._renderer = RaycastRenderer(self._scene, environment)
         self.rig = still_life_rig()
         self.truth = photograph(self._renderer, self._scene, self.rig)
-        self.facts = measure_facts([replace(self.truth, dots_show=self._dots_show())], self.rig)
+        self.facts = measure_facts([self.truth], self.rig)
 
     def depth_figure(self, effect: DepthEffect) -> DepthFigure:
         """Return the result of an effect alone."""
@@ -129,54 +104,6 @@ class SensorStudio:
         recorded = recorded_images(self.truth, (ShotNoise(), ReadNoise()), SEED)
         plan = [Choice(name, True, "", "", "") for name in effects]
         return sense(self.truth, tier, plan, SEED, recorded=recorded)
-
-    def shuttered(self, effect: RollingShutter | ImageBlur) -> np.ndarray:
-        """Return the left image through a shutter that has an effect alone."""
-        facts = self.facts
-        if isinstance(effect, RollingShutter):
-            shutter = Shutter(
-                bands=effect.bands(facts, self.rig), readout_time=self.rig.readout_time
-            )
-        else:
-            shutter = Shutter(views=effect.views(facts), exposure_time=self.rig.exposure_time)
-        eye = ShutteredEye(self._renderer, shutter, self.rig.intrinsics, pose_at)
-        return eye.photograph(SAMPLES, np.random.SeedSequence(SEED)).image
-
-    def colored(self, effect: PixelEffect) -> np.ndarray:
-        """Return the left image after an effect alone."""
-        left, right = decode(self.truth.image), decode(self.truth.right)
-        metered = targets(left.mean(axis=(0, 1), dtype=np.float64)[None], self.rig)
-        settled = Adaptation(*metered[0].tolist())
-        eyes = EyeImages(self.rig.intrinsics, left, right, settled)
-        return encode(effect.apply(eyes, self.rig, effect_rng(SEED, 0, effect.name)).left)
-
-    def infrared(self) -> tuple[np.ndarray, np.ndarray]:
-        """Return the left infrared image of a rig with the D435's projector, off and on."""
-        off = infrared_image(self.truth.image)
-        gain, projected = self._projected
-        return off, with_dots(off, gain * projected.light)
-
-    def _dots_show(self) -> np.ndarray:
-        gain, projected = self._projected
-        return stands_out(infrared_image(self.truth.image), gain * projected.peak, self.rig)
-
-    @cached_property
-    def _projected(self) -> tuple[np.float32, Projected]:
-        """The brightness of the D435's dots, and where they are."""
-        figures = load_profile("d435").figures
-        camera = still_life_camera(self.rig)
-        place = camera.shifted_right(figures["projector_offset"].value).world_from_cam
-        gain = np.float32(figures["projector_power"].value * self._renderer.exposure)
-        return gain, self._renderer.project_dots(camera, place)
-
-    def drifted(self) -> np.ndarray:
-        """Return the right image of a rig whose calibration has drifted."""
-        rig = self.rig
-        drift = CALIBRATION_DRIFT.draw(rig, SEED, SHOWN_DRIFT)
-        believed = still_life_camera(rig).shifted_right(rig.baseline).world_from_cam
-        pose = believed @ rigid(drift.believed_from_turned, np.zeros(3))
-        camera = Camera(drift.right_intrinsics(rig.intrinsics), pose)
-        return self._renderer.render_image(camera, SAMPLES, RIGHT_SEED)[0]
 
 
 def depth_strip(figure: DepthFigure, path: Path) -> None:
@@ -215,16 +142,6 @@ def tiers_strip(studio: SensorStudio, path: Path) -> None:
     draw_panels(panels, path)
 
 
-def color_strip(before: np.ndarray, after: np.ndarray, path: Path, eye: str = "left") -> None:
-    """Draw an image of an eye off and on, and the difference, as one JPEG."""
-    difference = after.astype(np.float32) - before
-    gain = max(1, round(100 / max(1.0, float(np.percentile(np.abs(difference), 99)))))
-    shown = np.clip(128 + gain * difference, 0, 255).astype(np.uint8)
-    titles = (f"{eye} image, off", f"{eye} image, on", f"difference x {gain}")
-    pictures = zip(titles, (before, after, shown), strict=True)
-    draw_panels([(title, pixels, {}) for title, pixels in pictures], path)
-
-
 def draw_all(studio: SensorStudio, folder: Path) -> None:
     """Draw the strip of every effect into ``folder``."""
     for effect in AFTER_MATCHING:
@@ -234,17 +151,6 @@ def draw_all(studio: SensorStudio, folder: Path) -> None:
     for effect in SECOND_SURFACES:
         studio.surface_strip(effect, folder / f"{effect.name}.jpg")
     tiers_strip(studio, folder / f"{TIERS_PICTURE}.jpg")
-    images = {effect.name: studio.shuttered(effect) for effect in (ROLLING_SHUTTER, IMAGE_BLUR)}
-    images |= {
-        effect.name: studio.colored(effect)
-        for effect in PIXEL_EFFECTS
-        if effect.name not in WITHOUT_PICTURE
-    }
-    for name, image in images.items():
-        color_strip(studio.truth.image, image, folder / f"{name}.jpg")
-    color_strip(*studio.infrared(), folder / f"{PROJECTOR.name}.jpg", "left infrared")
-    path = folder / f"{CALIBRATION_DRIFT.name}.jpg"
-    color_strip(studio.truth.right, studio.drifted(), path, "right")
 
 
 def window_of(changed: np.ndarray) -> tuple[slice, slice]:

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from digs_warp.geometry.camera import Camera
-from digs_warp.geometry.rigid import look_at, rigid
+from digs_warp.geometry.rigid import look_at
 from digs_warp.sim.camera.profiles import load_profile
 from digs_warp.sim.camera.rig import StereoRig
 from digs_warp.sim.render.raycast import RaycastRenderer
@@ -67,23 +67,9 @@ def still_life_rig() -> StereoRig:
     return load_profile("zed2-720").rig(WIDTH, HEIGHT, FOV_DEG)
 
 
-def pose_at(moment: float) -> np.ndarray:
-    """Return ``world_from_cam`` of the left eye, ``moment`` seconds after the frame, under MOTION."""
-    from scipy.spatial.transform import Rotation
-
-    turn = Rotation.from_rotvec(np.array(MOTION.angular_velocity_cam) * moment).as_matrix()
-    start = look_at(EYE, TARGET, np.array([0.0, 0.0, 1.0]))
-    return start @ rigid(turn, np.array(MOTION.velocity_cam) * moment)
-
-
-def still_life_camera(rig: StereoRig) -> Camera:
-    """Return the left eye."""
-    return Camera(rig.intrinsics, pose_at(0.0))
-
-
 def photograph(renderer: RaycastRenderer, scene: Scene, rig: StereoRig) -> FrameTruth:
     """Return what the rig sees of the scene, before the sensor."""
-    camera = still_life_camera(rig)
+    camera = Camera(rig.intrinsics, look_at(EYE, TARGET, np.array([0.0, 0.0, 1.0])))
     image, _ = renderer.render_image(camera, SAMPLES, seed=1)
     view = renderer.render_geometry(camera)
     right, _ = renderer.render_image(camera.shifted_right(rig.baseline), SAMPLES, RIGHT_SEED)

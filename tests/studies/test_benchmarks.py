@@ -11,7 +11,7 @@ from digs_warp.checks import DigsError
 from scripts.page_marks import DOCS
 from studies.benchmarks import BENCHMARKS, Benchmark, find_benchmark
 from studies.pages import PAGES
-from studies.results import Result, format_number, format_tables, read_json_lines, write_json_lines
+from studies.results import Result, format_number, format_tables, write_json_lines
 
 RESULTS = [
     Result({"splats": 1000, "stage": "forward"}, {"time [ms]": 12.345678, "passes": 3}),
@@ -21,9 +21,8 @@ RESULTS = [
 
 def test_json_lines_hold_exactly_the_results(tmp_path: Path) -> None:
     write_json_lines(RESULTS, tmp_path / "results.jsonl")
-    assert read_json_lines(tmp_path / "results.jsonl") == RESULTS
     lines = (tmp_path / "results.jsonl").read_text().splitlines()
-    assert list(json.loads(lines[0])) == ["labels", "values", "table"]
+    assert [Result(**json.loads(line)) for line in lines] == RESULTS
 
 
 def test_the_table_names_shared_settings_once_and_aligns_its_columns() -> None:
@@ -51,12 +50,11 @@ def test_numbers_keep_about_four_digits(value: float, text: str) -> None:
 
 @pytest.mark.parametrize("benchmark", BENCHMARKS, ids=lambda benchmark: benchmark.name)
 def test_every_benchmark_names_functions_and_pages_that_exist(benchmark: Benchmark) -> None:
-    names = (*benchmark.functions, benchmark.chart_function, benchmark.join_function)
-    for module, _, name in (each.rpartition(".") for each in names if each):
+    names = benchmark.functions
+    for module, _, name in (each.rpartition(".") for each in names):
         assert callable(getattr(importlib.import_module(f"studies.{module}"), name))
     for page in benchmark.pages:
         assert f"<!-- {benchmark.name}" in (DOCS / page).read_text(encoding="utf-8")
-    assert bool(benchmark.chart_function) == (DOCS / "images" / benchmark.picture).is_file()
 
 
 def test_every_mark_of_a_page_is_filled_by_something_that_exists() -> None:

@@ -111,13 +111,10 @@ def test_every_surface_stands_beside_the_fused_depth_and_parts_have_medians(
         labels = {"sensor": sensor, "object": name, "surface": FUSED}
         return Result(labels, {MILLIMETERS: millimeters}, "objects")
 
-    parts = (
-        [row("law", "mug", 1.0), row("guided", "mug", 4.0)],
-        [row("law", "cup", 3.0), row("guided", "cup", 8.0)],
-    )
-    joined = find_benchmark("surface").joined([r for each in parts for r in with_medians(each)])
-    assert [r.labels.get("object") for r in joined] == ["mug", "cup", "mug", "cup", None, None]
-    assert [r.values[MILLIMETERS] for r in joined] == [1.0, 3.0, 4.0, 8.0, 2.0, 6.0]
+    two = [row("law", "mug", 1.0), row("guided", "mug", 4.0), row("law", "cup", 3.0)]
+    every = with_medians([*two, row("guided", "cup", 8.0)])
+    assert [r.labels.get("object") for r in every] == ["mug", "cup", "mug", "cup", None, None]
+    assert [r.values[MILLIMETERS] for r in every] == [1.0, 3.0, 4.0, 8.0, 2.0, 6.0]
 
 
 def test_recordings_have_figures_and_a_failure_is_a_row_with_its_error(tmp_path: Path) -> None:
@@ -180,7 +177,7 @@ def test_realism_is_compared_on_the_built_in_object_where_there_is_no_data(tmp_p
 
 
 def test_every_tier_and_effect_of_the_sensor_is_told(tmp_path: Path) -> None:
-    found = bench_sim(tmp_path, width=160, recordings=())
+    found = bench_sim(tmp_path, width=160)
     tiers = {r.labels["sensor"]: r.values for r in found if "sensor" in r.labels}
     assert set(tiers) == set(TIERS)
     for told in tiers.values():

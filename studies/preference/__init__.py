@@ -1,1 +1,0 @@
-"""Which reconstruction people prefer: videos side by side, answer sheets, and their evaluation."""
