@@ -59,7 +59,7 @@ LINE_BUDGETS = {
     "sim.sensor": 6_160,
     "sim.testing": 980,
     "splat": 5_110,
-    "study": 2_330,
+    "study": 2_131,
     "surface": 604,
     "torch": 195,
     "train": 3_800,

@@ -105,7 +105,6 @@ class _Run:
         self._engine = engine
         self._end = math.inf if budget is None else time.monotonic() + budget
         self._seconds = 0.0
-        self._effort = 0.0
 
     def collect(self, task: Task) -> None:
         """Write the line of a result that a worker left, of which an earlier run did not hear."""
@@ -122,7 +121,7 @@ class _Run:
         while queue or running:
             while queue and len(running) < self._engine.slots:
                 attempt = queue.pop(0)
-                if self._has_time(attempt.task):
+                if self._has_time():
                     running[self._submit(attempt.task)] = attempt
             if not running:
                 return  # the budget is used up
@@ -141,9 +140,9 @@ class _Run:
         place = finished_file(self._folder, task.key)
         return self._engine.submit(perform, place, task.function, task.arguments, needs=task.needs)
 
-    def _has_time(self, task: Task) -> bool:
-        """Whether the task would end in time, at the speed of the tasks so far."""
-        expected = task.effort * self._seconds / self._effort if self._effort else 0.0
+    def _has_time(self) -> bool:
+        """Whether one more task would end in time, if it takes as long as those so far."""
+        expected = self._seconds / self.done if self.done else 0.0
         return time.monotonic() + expected <= self._end
 
     def _settle(self, attempt: _Attempt, future: "Future[Any]") -> _Attempt | None:
@@ -166,7 +165,6 @@ class _Run:
         finished_file(self._folder, task.key).unlink(missing_ok=True)
         self.done += 1
         self._seconds += result["case_seconds"]
-        self._effort += task.effort
         return None
 
     def _add(self, task: Task, result: dict[str, Any]) -> None:

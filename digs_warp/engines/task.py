@@ -30,7 +30,6 @@ class Task:
         function: at module level; returns a mapping that can be written as JSON.
         arguments: of the function, which can be pickled.
         needs: what it may use.
-        effort: estimated time relative to the other cases, for a time budget.
         facts: what the line of the case says beside its result.
     """
 
@@ -39,7 +38,6 @@ class Task:
     function: Callable[..., Mapping[str, Any]]
     arguments: tuple[Any, ...]
     needs: Needs = ONE_THREAD
-    effort: float = 1.0
     facts: Mapping[str, Any] = field(default_factory=dict)
 
 

@@ -27,7 +27,6 @@ class Study:
         title: of the report.
         summary: one line for help and report.
         objects, iterations: defaults of the command line.
-        first: sample objects that come before the others.
     """
 
     name: str
@@ -35,7 +34,6 @@ class Study:
     summary: str
     objects: int
     iterations: int
-    first: Sequence[str] = ()
 
     @property
     def folder(self) -> Path:
@@ -48,7 +46,7 @@ class Study:
         """Return the cases for that many objects: sample objects, or ``meshes``, files of one's own."""
         from digs_warp.study.scenes import objects as named
 
-        return self._module().cases(named(objects, self.first, meshes), seeds, iterations)
+        return self._module().cases(named(objects, meshes), seeds, iterations)
 
     def run(
         self,

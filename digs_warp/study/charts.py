@@ -1,4 +1,4 @@
-"""Charts of benchmarks and studies: the same drawing as PNG and SVG files, and inside a page."""
+"""Charts of studies, as PNG."""
 
 import io
 from collections.abc import Sequence
@@ -61,13 +61,15 @@ class Chart:
 
     def png(self) -> bytes:
         """Return the picture as PNG."""
-        return side_by_side([self])
+        from matplotlib.figure import Figure
 
-    def svg(self) -> bytes:
-        """Return the picture as SVG; the same values give the same bytes."""
-        return side_by_side([self], "svg")
+        figure = Figure(figsize=(7.2, 4.4), layout="constrained")
+        self._draw(figure.subplots())
+        file = io.BytesIO()
+        figure.savefig(file, format="png", dpi=120)
+        return file.getvalue()
 
-    def draw(self, axes: Any) -> None:
+    def _draw(self, axes: Any) -> None:
         """Draw into the axes of a figure."""
         for number, curve in enumerate(self.curves):
             color = COLORS[number % len(COLORS)]
@@ -106,20 +108,3 @@ def _scale(axes: Any, values: set[float]) -> None:
     )
     axes.xaxis.set_major_formatter("{x:g}")
     axes.xaxis.set_minor_formatter(NullFormatter())
-
-
-def side_by_side(charts: Sequence[Chart], form: str = "png") -> bytes:
-    """Return charts as one picture, "png" or "svg"."""
-    import matplotlib
-    from matplotlib.figure import Figure
-
-    with matplotlib.rc_context({"svg.hashsalt": "digs-warp", "svg.fonttype": "none"}):
-        figure = Figure(figsize=(7.2 * len(charts), 4.4), layout="constrained")
-        for chart, axes in zip(
-            charts, figure.subplots(1, len(charts), squeeze=False)[0], strict=True
-        ):
-            chart.draw(axes)
-        file = io.BytesIO()
-        metadata = {"Date": None} if form == "svg" else None
-        figure.savefig(file, format=form, dpi=120, metadata=metadata)
-    return file.getvalue()

@@ -34,7 +34,6 @@ def write_pages(title: str, intro: str, sections: Sequence[Section], folder: Pat
             write_atomically(folder / "tables" / f"{table.name}.csv", table.csv())
         for chart in section.charts:
             write_atomically(folder / "plots" / f"{chart.name}.png", chart.png())
-            write_atomically(folder / "plots" / f"{chart.name}.svg", chart.svg())
     write_atomically(folder / MARKDOWN, _markdown(title, intro, sections).encode())
     write_atomically(folder / PAGE, html_page(title, intro, sections).encode())
     return folder / PAGE

@@ -40,14 +40,13 @@ def voxel_size(strategy: str) -> float:
     return COARSE_VOXEL if strategy == "depth" else VOXEL
 
 
-def objects(count: int, first: Sequence[str] = (), meshes: Sequence[Path] = ()) -> Objects:
+def objects(count: int, meshes: Sequence[Path] = ()) -> Objects:
     """Return up to ``count`` objects by name, as settings of a recording.
 
     Without meshes these are sample objects, the built-in object last; without sample data it is alone.
 
     Args:
         count: how many.
-        first: sample objects that come before the others.
         meshes: files of one's own; then these are the objects.
 
     Raises:
@@ -60,7 +59,7 @@ def objects(count: int, first: Sequence[str] = (), meshes: Sequence[Path] = ()) 
         raise DigsError("--meshes: two files with the same name; results are told apart by it")
     files = list(meshes) or [
         mesh
-        for name in dict.fromkeys((*first, *SAMPLE_OBJECTS))
+        for name in SAMPLE_OBJECTS
         if (mesh := data / "meshes" / name / f"{name}.glb").is_file()
     ]
     found: dict[str, dict[str, Any]] = {

@@ -22,7 +22,7 @@ from studies.pages.demo import shown
 
 PAGE, PICTURES = "results.md", "images/gallery"
 FOLDER = Path("out/gallery")
-WINDOW = (1280, 800)  # [px] holds verdict, view and figures
+WINDOW, SHOWN = (1280, 800), 645  # [px] height of verdict and view in it
 
 
 @dataclass(frozen=True)
@@ -56,6 +56,13 @@ EXAMPLES = (
         "A tea set on a table, from a mesh",
         "--mesh DATA/meshes/tea_set/tea_set.glb",
         'Mesh: "tea_set_01", Poly Haven, posed by Toyota Research Institute, '
+        "[CC0 1.0](https://creativecommons.org/publicdomain/zero/1.0/)",
+    ),
+    Example(
+        "helmet",
+        "A leather flight helmet: glass, metal, fur",
+        "--mesh DATA/meshes/flight_helmet/flight_helmet.glb --object-size 0.45",
+        'Mesh: "FlightHelmet", Khronos glTF samples, Microsoft, '
         "[CC0 1.0](https://creativecommons.org/publicdomain/zero/1.0/)",
     ),
     Example(
@@ -100,7 +107,7 @@ def photograph(report: Path) -> np.ndarray:
     with tempfile.TemporaryDirectory() as folder, browser(Path(folder), WINDOW) as tab:
         tab.resize(*WINDOW)
         tab.visit(report.resolve().as_uri())
-        return np.ascontiguousarray(shown(tab))
+        return np.ascontiguousarray(shown(tab)[:SHOWN])
 
 
 def figures(run: Path) -> str:

@@ -20,13 +20,11 @@ class Case:
         labels: what the study varies, for its tables: ``{"object": "avocado", "strategy": "fusion"}``.
         recording: settings of `digs_warp.sim.config.SimulateConfig` that differ from the default.
         reconstruction: dotted settings of `digs_warp.pipeline.reconstruct.ReconstructConfig` that differ.
-        effort: estimated time relative to the other cases of the study, for the time budget.
     """
 
     labels: Mapping[str, Any]
     recording: Mapping[str, Any] = field(default_factory=dict)
     reconstruction: Mapping[str, Any] = field(default_factory=dict)
-    effort: float = 1.0
 
     @property
     def key(self) -> str:

@@ -58,4 +58,4 @@ def _task(case: Case, measure: Measure, folder: Path, needs: Needs) -> Task:
         "reconstruction": plain(case.reconstruction),
         "threads": needs.threads,
     }
-    return Task(case.key, case.name, measure, (case, folder), needs, case.effort, facts)
+    return Task(case.key, case.name, measure, (case, folder), needs, facts)

@@ -4,7 +4,7 @@ The paper: Meglioraldi et al., J. Imaging 2026, 12, 183; 200 views of 1600 px pe
 12,000 iterations; PSNR in dB by iteration.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from functools import partial
 from typing import Any
 
@@ -37,17 +37,6 @@ PAPER_PSNR: dict[str, dict[int, float]] = {
     "fusion": {100: 22.885, 500: 24.711, 1000: 25.130, 3000: 25.963, 7000: 26.811, 12000: 27.552},
     "random": {100: 8.466, 500: 16.542, 1000: 22.088, 3000: 25.207, 7000: 26.563, 12000: 27.392},
 }
-PAPER_SSIM: dict[str, dict[int, float]] = {
-    "default": {100: 0.9027, 500: 0.9300, 1000: 0.9419, 3000: 0.9525, 7000: 0.9590, 12000: 0.9632},
-    "depth": {100: 0.9275, 500: 0.9400, 1000: 0.9450, 3000: 0.9527, 7000: 0.9587, 12000: 0.9626},
-    "highdepth": {
-        **{100: 0.9363, 500: 0.9462, 1000: 0.9490},
-        **{3000: 0.9544, 7000: 0.9602, 12000: 0.9636},
-    },
-    "fusion": {100: 0.9308, 500: 0.9438, 1000: 0.9477, 3000: 0.9540, 7000: 0.9597, 12000: 0.9633},
-    "random": {100: 0.8019, 500: 0.8977, 1000: 0.9229, 3000: 0.9476, 7000: 0.9572, 12000: 0.9617},
-}
-
 # Table 3: PSNR of Highdepth less that of Default, on its rendered objects (ShapeNet) and its photographed
 # ones (Moschino).
 LEAD_SYNTHETIC = {
@@ -81,51 +70,25 @@ RECONSTRUCTION: dict[str, Any] = {
     "train.density.strategy": "adaptive",
 }
 
-# The paper trains 12,000 steps: this many times the usual number. Long runs use the first object and come
-# last, in case the time budget has room for them; the strategies that the paper compares most come first.
-LONG = 12
-LONG_STRATEGIES = ("highdepth", "default", "depth", "fusion", "random")
-
 
 def cases(objects: Objects, seeds: int = 1, iterations: int = 1000) -> list[Case]:
     """Return the cases seed by seed; the five strategies of an object are consecutive."""
-    short = [
-        _case(name, scene, strategy, seed, iterations)
+    return [
+        Case(
+            labels={"object": name, "strategy": strategy, "iterations": iterations, "seed": seed},
+            recording={**scene, **RECORDING, "seed": seed},
+            reconstruction=RECONSTRUCTION
+            | {"init.strategy": strategy, "train.stop.iterations": iterations, "train.seed": seed},
+        )
         for seed in range(seeds)
         for name, scene in objects.items()
         for strategy in STRATEGIES
     ]
-    name, scene = next(iter(objects.items()))
-    long = [_case(name, scene, s, 0, LONG * iterations, effort=LONG) for s in LONG_STRATEGIES]
-    return [*short, *long]
-
-
-def _case(
-    name: str,
-    scene: Mapping[str, Any],
-    strategy: str,
-    seed: int,
-    iterations: int,
-    effort: float = 1.0,
-) -> Case:
-    return Case(
-        labels={"object": name, "strategy": strategy, "iterations": iterations, "seed": seed},
-        recording={**scene, **RECORDING, "seed": seed},
-        reconstruction=RECONSTRUCTION
-        | {"init.strategy": strategy, "train.stop.iterations": iterations, "train.seed": seed},
-        effort=effort,
-    )
 
 
 def sections(records: Sequence[Record]) -> list[Section]:
     """Return quality along the iterations, the geometry of the points, and the times."""
-    usual = min(record["labels"]["iterations"] for record in records)
-    short = [record for record in records if record["labels"]["iterations"] == usual]
-    long = [record for record in records if record["labels"]["iterations"] != usual]
-    found = [_lead(short), _quality(short), _end(short), _geometry(short), _times(short)]
-    if long:
-        found.insert(2, _long_runs(long))
-    return found
+    return [part(records) for part in (_lead, _quality, _end, _geometry, _times)]
 
 
 def _lead(records: Sequence[Record]) -> Section:
@@ -165,63 +128,33 @@ def _signed(value: float | None) -> str:
 
 
 def _quality(records: Sequence[Record]) -> Section:
-    tables = [
-        _compared("psnr", "psnr_frame", 2, records, PAPER_PSNR),
-        _compared("ssim", "ssim_frame", 4, records, PAPER_SSIM),
-    ]
-    chart = _course_chart("psnr", "Held-out quality along the iterations", records)
+    """Return PSNR along the iterations: a row per strategy, and the paper's below it; and its chart."""
+    reached = _reached(records)
+    columns = [Column(str(i), 2, at_iteration(i, "psnr_frame")) for i in reached]
+    rows, curves = [], []
+    for (strategy,), found in group_by(records, "strategy").items():
+        rows.append([strategy, *(column.text(found) for column in columns)])
+        figures = PAPER_PSNR.get(strategy, {})
+        row = [f"{figures[i]:.2f}" if i in figures else "" for i in reached]
+        rows.append([f"{strategy}, paper", *row])
+        known = {i: spread(found, at_iteration(i, "psnr_frame")) for i in reached}
+        points = {i: value for i, value in known.items() if value}
+        means, deviations = zip(*((v.mean, v.deviation) for v in points.values()), strict=True)
+        curves.append(Curve(strategy, list(points), means, spread=deviations))
+    title = "Held-out quality along the iterations"
+    chart = Chart("psnr", title, curves, "iterations", "PSNR [dB]", log_x=True)
     text = (
         "Mean and standard deviation over objects and seeds, on held-out views over white. The paper's "
         "figures (its table 2) are from other objects, at 1600 px and also over white: compare the order and "
-        "the differences, not the level. Starts from depth use our defaults, which also remove points that "
-        "other views saw through; the ablation study measures what that gains. In the paper all strategies "
-        "are nearly equal after 12,000 steps: a start from depth saves the time until then."
+        "the differences, not the level. In the paper all strategies are nearly equal after 12,000 steps: a "
+        "start from depth saves the time until then."
     )
-    return Section("Quality along the iterations", text, tables, [chart])
-
-
-def _long_runs(records: Sequence[Record]) -> Section:
-    table = _compared("psnr_long", "psnr_frame", 2, records, PAPER_PSNR)
-    chart = _course_chart("psnr_long", "Held-out quality along a long run", records)
-    text = (
-        "Runs as long as the paper's, on one object. The learning rates fall along the whole run, so the "
-        "first thousand steps differ from those of a short run."
-    )
-    return Section("Long runs", text, [table], [chart])
+    table = Table("psnr", ["PSNR of the frame after", *map(str, reached)], rows)
+    return Section("Quality along the iterations", text, [table], [chart])
 
 
 def _reached(records: Sequence[Record]) -> list[int]:
     return [i for i in ITERATIONS if any(map(at_iteration(i, "psnr_frame"), records))]
-
-
-def _compared(
-    name: str,
-    metric: str,
-    decimals: int,
-    records: Sequence[Record],
-    published: Mapping[str, Mapping[int, float]],
-) -> Table:
-    """Return a metric along the iterations: a row per strategy, and the paper's below it."""
-    reached = _reached(records)
-    columns = [Column(str(i), decimals, at_iteration(i, metric)) for i in reached]
-    rows = []
-    for (strategy,), found in group_by(records, "strategy").items():
-        figures = published.get(strategy, {})
-        rows.append([strategy, *(column.text(found) for column in columns)])
-        row = [f"{figures[i]:.{decimals}f}" if i in figures else "" for i in reached]
-        rows.append([f"{strategy}, paper", *row])
-    title = metric.removesuffix("_frame").upper()
-    return Table(name, [f"{title} of the frame after", *map(str, reached)], rows)
-
-
-def _course_chart(name: str, title: str, records: Sequence[Record]) -> Chart:
-    curves = []
-    for (strategy,), found in group_by(records, "strategy").items():
-        column = [(i, spread(found, at_iteration(i, "psnr_frame"))) for i in _reached(records)]
-        known = [(i, value) for i, value in column if value]
-        means, deviations = [v.mean for _, v in known], [v.deviation for _, v in known]
-        curves.append(Curve(strategy, [i for i, _ in known], means, spread=deviations))
-    return Chart(name, title, curves, "iterations", "PSNR [dB]", log_x=True)
 
 
 def _end(records: Sequence[Record]) -> Section:

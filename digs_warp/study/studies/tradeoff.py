@@ -17,7 +17,6 @@ from digs_warp.study.engine.records import (
 )
 from digs_warp.study.page import Section
 from digs_warp.study.scenes import VOXEL, Objects, voxel_size
-from digs_warp.study.studies import held_surface
 from digs_warp.study.table import Table
 
 # The point that every knob starts from.
@@ -37,7 +36,11 @@ KNOBS: dict[str, tuple[str, str, Sequence[Any]]] = {
     "sensor tier": ("recording", "tier", ("truth", "law", "matcher")),
     "samples per pixel": ("recording", "samples_per_pixel", (1, 16)),
     "SH degree": ("reconstruction", "train.sh_degree", (0, 1, 2, 3)),
-    held_surface.KNOB: ("reconstruction", held_surface.SETTING, held_surface.WEIGHTS),
+    "weight of depth": (
+        "reconstruction",
+        "train.depth_weight",
+        (0.0, 0.001, 0.002, 0.015, 0.05, 0.2),
+    ),
     "poses": ("reconstruction", "sfm.poses", ("sfm",)),
     "features per image": ("reconstruction", "sfm.features", (1000, 6000)),
     "pairs of images": ("reconstruction", "sfm.pairing", ("sequential",)),
@@ -47,23 +50,6 @@ OF_SFM = ("features per image", "pairs of images")
 
 # Realism of the recording: shown, but not a setting to choose for its quality.
 REALISM = ("sensor tier",)
-
-# What the seconds buy, a sentence per knob.
-BUYS = {
-    "iterations": "Training steps: the knob to turn first. The gain per second falls quickly.",
-    "frames": "More views cover more of the object; they take longer to record, but not to train.",
-    "image width": "Finer images: recording and training pay per pixel, and training needs more steps.",
-    "voxel size [mm]": "Finer initial points: more Gaussians, slower steps, and more steps needed.",
-    "initialization": "Where the Gaussians start: seconds spent once and saved again in the training.",
-    "density control": "Adding and removing Gaussians during training; a dense start hardly needs it.",
-    "sensor tier": "How depth is simulated: from no error to a real matcher. It buys realism, not quality.",
-    "samples per pixel": "Rays of the simulated photograph: less grain in the images, more time to record.",
-    "SH degree": "View-dependent color: glossy surfaces need it; more numbers per Gaussian.",
-    held_surface.KNOB: "How strongly the measured depth holds the surface while the images are fitted.",
-    "poses": "Estimated instead of recorded poses, which a real recording needs.",
-    "features per image": "In structure from motion: more points and matches, more time.",
-    "pairs of images": "In structure from motion: fewer pairs save time in long recordings.",
-}
 
 
 def cases(objects: Objects, seeds: int = 1, iterations: int = 500) -> list[Case]:
@@ -103,12 +89,11 @@ def _case(
 
 
 def sections(records: Sequence[Record]) -> list[Section]:
-    """Return the front over all cases, and a table per knob."""
+    """Return the front over all cases, and every setting beside the usual one."""
     measured = _measured(records)
     if (USUAL, "") not in measured:
         return [Section("Nothing to compare", "The case with the usual settings is missing.")]
-    shown = [_front(_choices(measured)), *_knob_sections(measured)]
-    return [*shown, *held_surface.surface_sections(records)]
+    return [_front(_choices(measured)), _knobs(measured)]
 
 
 def total_seconds(record: Record) -> float:
@@ -220,47 +205,26 @@ def _front(measured: Measured) -> Section:
     return Section("What is worth its time", text, [table], [chart])
 
 
-def _knob_sections(measured: Measured) -> list[Section]:
-    found = []
+def _knobs(measured: Measured) -> Section:
+    """Return every setting turned alone, and what it costs and gains."""
+    rows = []
     for knob in KNOBS:
         turned = {key: value for key, value in measured.items() if key[0] == knob}
-        base_key = ("poses", "sfm") if knob in OF_SFM else (USUAL, "")
-        if not turned or base_key not in measured:
+        base = measured.get(("poses", "sfm") if knob in OF_SFM else (USUAL, ""))
+        if not turned or base is None:
             continue
-        base = measured[base_key]
-        rows = [
-            [str(key[1]), *worth.cells(), *_price(worth, base)] for key, worth in turned.items()
-        ]
-        rows.append([f"{USUAL} ({_usual_value(knob)})", *base.cells(), "", ""])
-        headings = [knob, "seconds", "PSNR [dB]", f"{AT_TWICE} [dB]", "seconds more", "dB more"]
-        name = f"knob_{knob.split(' [')[0].replace(' ', '_')}"
-        text = f"{BUYS[knob]} {_sentence(turned, base)}"
-        found.append(Section(knob[0].upper() + knob[1:], text, [Table(name, headings, rows)]))
-    return found
-
-
-def _sentence(turned: Measured, usual: Worth) -> str:
-    """Describe what the best and the fastest value of a knob gain over the usual one."""
-    best = max(turned, key=lambda key: turned[key].quality.mean)
-    fastest = min(turned, key=lambda key: turned[key].seconds.mean)
-    words = []
-    first = "Best" if turned[best].quality.mean > usual.quality.mean else "None is better; nearest"
-    for title, key in ((first, best), ("Fastest", fastest)):
-        seconds, quality = _difference(turned[key], usual)
-        words.append(f"{title}: {key[1]}, {quality:+.2f} dB for {seconds:+.1f} s")
-    return (
-        "; ".join(words if best != fastest else words[:1]) + ", compared with the usual settings."
+        rows.append([knob, f"{_usual_value(knob)} ({USUAL})", *base.cells(), "", ""])
+        for key, worth in turned.items():
+            seconds = worth.seconds.mean - base.seconds.mean
+            quality = worth.quality.mean - base.quality.mean
+            rows.append([knob, str(key[1]), *worth.cells(), f"{seconds:+.1f}", f"{quality:+.2f}"])
+    text = (
+        "One setting at a time, the most important first, compared with the usual settings; those of "
+        "structure from motion with estimated poses. The sensor tier buys realism, not quality."
     )
-
-
-def _price(worth: Worth, usual: Worth) -> tuple[str, str]:
-    more_seconds, more_quality = _difference(worth, usual)
-    return f"{more_seconds:+.1f}", f"{more_quality:+.2f}"
-
-
-def _difference(worth: Worth, usual: Worth) -> tuple[float, float]:
-    seconds = worth.seconds.mean - usual.seconds.mean
-    return seconds, worth.quality.mean - usual.quality.mean
+    headings = ["setting", "value", "seconds", "PSNR [dB]", f"{AT_TWICE} [dB]"]
+    headings += ["seconds more", "dB more"]
+    return Section("Each setting alone", text, [Table("knobs", headings, rows)])
 
 
 def _usual_value(knob: str) -> Any:
