@@ -1,7 +1,6 @@
 """Ten tasks of a newcomer: runs the commands of each, and says what they take.
 
-    python scripts/newcomer.py            # some minutes; prints the rows
-    python scripts/newcomer.py --page     # also writes it into docs/tutorial.md
+    python scripts/newcomer.py --page     # some minutes; without --page it only prints the rows
 
 CPU seconds of all threads, with compiled kernels: they hardly depend on what else the machine does.
 """
@@ -19,7 +18,6 @@ from digs_warp.data.capture import read_capture
 from digs_warp.show.film.video import write_video
 from digs_warp.study.table import Table
 
-ROOT = Path(__file__).resolve().parents[1]
 DEMO = "digs-warp run --out demo"
 TASKS = {
     "see all of it": (DEMO,),
@@ -63,18 +61,18 @@ def cpu_seconds(command: str, folder: Path) -> float:
 
 def prepare(folder: Path) -> None:
     """Make what other tasks start from."""
-    frames = read_capture(folder / "demo/capture").frames
-    write_video(folder / "walk.mp4", (frame.load_image() for frame in frames), 10)
+    images = (frame.load_image() for frame in read_capture(folder / "demo/capture").frames)
+    write_video(folder / "walk.mp4", images, 10)
     cpu_seconds("digs-warp convert demo/capture --to tum --out tum", folder)
     cpu_seconds("digs-warp mesh demo --out bottle.glb", folder)
 
 
 def main() -> None:
     """Run all tasks; print a row for each."""
-    rows = []
+    rows, examples = [], Path(__file__).resolve().parents[1] / "examples"
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        shutil.copytree(ROOT / "examples", folder / "examples")
+        shutil.copytree(examples, folder / "examples")
         for task, commands in TASKS.items():
             seconds = sum(cpu_seconds(command, folder) for command in commands)
             shown = "<br>".join(f"`{command}`" for command in commands)

@@ -2,12 +2,11 @@
 
 Usage: python scripts/release.py   (`make release`)
 
-From the last commit, into dist/: the source package, the wheel that is built from it, notes-VERSION.md (its
-section of CHANGELOG.md) and SHA256SUMS. In between, the wheel is installed with all its dependencies into a
+From the last commit, into dist/: the source package, the wheel that is built from it, and notes-VERSION.md
+(its section of CHANGELOG.md). In between, the wheel is installed with all its dependencies into a
 fresh environment, which makes a small recording into a USD scene and validates it.
 """
 
-import hashlib
 import re
 import shutil
 import subprocess
@@ -47,7 +46,6 @@ def main() -> int:
         return 1
     made = BUILD / "dist"
     write_atomically(made / f"notes-{version}.md", notes.encode())
-    write_atomically(made / "SHA256SUMS", sums(sorted(made.iterdir())).encode())
     shutil.rmtree(DIST, ignore_errors=True)
     copy_folder(made, DIST)
     say(f"{version} is in '{DIST}'; its notes are the section [{title}] of CHANGELOG.md")
@@ -83,11 +81,6 @@ def require_clean(repository: Path) -> None:
         raise DigsError(
             f"'{changed[0][3:]}' is not as in the last commit; commit it or put it back"
         )
-
-
-def sums(files: list[Path]) -> str:
-    """Return a line for each file that `sha256sum --check` reads."""
-    return "".join(f"{hashlib.sha256(f.read_bytes()).hexdigest()}  {f.name}\n" for f in files)
 
 
 def cloned() -> Path:

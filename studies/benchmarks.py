@@ -99,11 +99,9 @@ BENCHMARKS = (
             "zed2i_stereo_pair",
         ),
     ),
-    # Object masks without a network, compared with the true ones.
-    Benchmark("masks", ("masks.bench_masks",), ("masks.md",)),
     # USD scenes of a million splats: write, read, validate; what each precision saves and loses.
     Benchmark("usd", ("usd_files.bench_usd",), ("usd.md",)),
-    # The simulated depth sensor: time and scores of every tier and effect.
+    # The simulated depth sensor: time and scores of every tier.
     Benchmark("sim", ("simulator.bench_sim",), ("research/sensor-cost.md",)),
     # Where the simulated sensor errs, against real matching.
     Benchmark("realism", ("realism.bench_realism",), ("research/sensor-cost.md",)),

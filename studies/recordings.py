@@ -1,4 +1,4 @@
-"""`digs-warp bench recordings`: how well real recordings are reconstructed, and what goes wrong.
+"""`python -m studies recordings`: how well real recordings are reconstructed, and what goes wrong.
 
 With the poses as recorded and as estimated from the images, where a recording has both. A recording that
 cannot be reconstructed is a row without figures, and its error is among the findings.
@@ -40,11 +40,8 @@ SHOWN = 2
 
 FIGURES, FINDINGS = "figures", "findings"
 
-Poses = Literal["capture", "sfm", "rgbd", "auto"]
-POSES: dict[Poses, str] = {
-    **{"capture": "recorded", "sfm": "estimated"},
-    **{"rgbd": "color and depth", "auto": "auto"},
-}
+Poses = Literal["capture", "sfm", "rgbd"]
+POSES: dict[Poses, str] = {"capture": "recorded", "sfm": "estimated", "rgbd": "color and depth"}
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,41 +97,37 @@ def measure(recording: RealRecording, source: Path, iterations: int = ITERATIONS
         source: its folder.
         iterations: training steps.
     """
+    results: list[Result] = []
+    picture = None
     with tempfile.TemporaryDirectory() as scratch:
         folder = Path(scratch)
-        notes = Notes(recording.name, folder, iterations)
+
+        def found(stage: str, words: str) -> None:
+            words = words.replace(f"{folder}/", "")  # paths of the temporary folder say nothing
+            labels = {"recording": recording.name, "stage": stage, "what was found": words}
+            results.append(Result(labels, {}, FINDINGS))
+
         try:
             capture = convert(recording, source, folder / "capture")
-            notes.check(capture)
         # Files may be missing, or not belong together.
         except (DigsError, OSError, ValueError) as error:
-            notes.failed("conversion", error)
-            return Measured(recording, tuple(notes.results), None)
-        picture = None
-        for result in reconstructions(capture, _ways(recording, capture), notes):
-            picture = _picture(result) if picture is None else picture
-        return Measured(recording, tuple(notes.results), picture)
-
-
-def reconstructions(
-    capture: Capture, ways: Sequence[Poses], notes: "Notes"
-) -> Iterator[Reconstruction]:
-    """Reconstruct a capture with each kind of poses, note the figures or the error, and yield what came out.
-
-    Args:
-        capture: the recording.
-        ways: kinds of poses.
-        notes: which recording, how many training steps, and where results go.
-    """
-    for poses in ways:
-        try:
-            result, values = reconstructed(capture, poses, notes.iterations, notes.folder)
-        except DigsError as error:
-            notes.figures(capture, poses, {})
-            notes.failed(f"{POSES[poses]} poses", error)
-            continue
-        notes.figures(capture, poses, values)
-        yield result
+            found("conversion", str(error))
+            return Measured(recording, tuple(results), None)
+        findings = check_capture(capture).findings
+        for each in findings:
+            found("check", f"{each.kind}: {each.what}")
+        if not findings:
+            found("check", "nothing wrong was found")
+        for poses in _ways(recording, capture):
+            values: dict[str, float] = {}
+            try:
+                result, values = reconstructed(capture, poses, iterations, folder)
+                picture = _picture(result) if picture is None else picture
+            except DigsError as error:
+                found(f"{POSES[poses]} poses", str(error))
+            labels = {"recording": recording.name, "poses": POSES[poses], "iterations": iterations}
+            results.append(Result(labels, {"frames": len(capture)} | values, FIGURES))
+    return Measured(recording, tuple(results), picture)
 
 
 def _ways(recording: RealRecording, capture: Capture) -> list[Poses]:
@@ -142,35 +135,6 @@ def _ways(recording: RealRecording, capture: Capture) -> list[Poses]:
     ways: list[Poses] = ["capture"] if recording.has_poses else []
     with_depth = all(frame.has(Layer.DEPTH) for frame in capture.frames)
     return [*ways, "sfm", "rgbd"] if with_depth else [*ways, "sfm"]
-
-
-class Notes:
-    """The rows of one recording; paths of the temporary folder say nothing and are left out."""
-
-    def __init__(self, name: str, folder: Path, iterations: int) -> None:
-        self.results: list[Result] = []
-        self.folder, self.iterations, self._name = folder, iterations, name
-
-    def check(self, capture: Capture) -> None:
-        """Add what `digs-warp check` finds."""
-        findings = check_capture(capture).findings
-        for each in findings:
-            self._found("check", f"{each.kind}: {each.what}")
-        if not findings:
-            self._found("check", "nothing wrong was found")
-
-    def failed(self, stage: str, error: Exception) -> None:
-        """Add why a stage failed."""
-        self._found(stage, str(error).replace(f"{self.folder}/", ""))
-
-    def figures(self, capture: Capture, poses: Poses, values: dict[str, float]) -> None:
-        """Add what was measured; nothing for a reconstruction that failed."""
-        labels = {"recording": self._name, "poses": POSES[poses], "iterations": self.iterations}
-        self.results.append(Result(labels, {"frames": len(capture)} | values, FIGURES))
-
-    def _found(self, stage: str, words: str) -> None:
-        labels = {"recording": self._name, "stage": stage, "what was found": words}
-        self.results.append(Result(labels, {}, FINDINGS))
 
 
 def reconstructed(

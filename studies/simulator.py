@@ -1,14 +1,12 @@
-"""`python -m studies sim`: time and realism of each tier and effect of the simulated depth sensor.
+"""`python -m studies sim`: time and realism of each tier of the simulated depth sensor.
 
 Every tier senses frames of sample meshes, or of the built-in object where there is no sample data, and a
 real pair with true disparity. The matcher is the yardstick: it searches the full range and is told
-nothing. The tables show, for each tier, time and errors, and for each effect on matched depth, its time and
-what it changes.
+nothing. The table shows the time and the errors of each tier.
 """
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -16,12 +14,11 @@ import numpy as np
 from digs_warp.record.progress import progress
 from digs_warp.sim.config import Tier
 from digs_warp.sim.record.record import frames_at_once
-from digs_warp.sim.sensor.effects import AFTER_MATCHING
 from digs_warp.sim.sensor.effects.protocol import Choice
 from digs_warp.sim.sensor.facts import measure_facts
-from digs_warp.sim.sensor.frame import FrameTruth, Sensed
+from digs_warp.sim.sensor.frame import FrameTruth
 from digs_warp.sim.sensor.planner import plan
-from digs_warp.sim.sensor.tiers import apply_effects, sense
+from digs_warp.sim.sensor.tiers import sense
 from digs_warp.study.scenes import sample_data
 from studies.real_pair import load_motorcycle
 from studies.realism_scenes import Place
@@ -42,16 +39,13 @@ FRAMES = 7  # of the walk; the third one is taken: from half above
 ROUNDS = 5
 TIERS: tuple[Tier, ...] = ("truth", "law", "guided", "matcher")
 
-TIME, ALONE = "time [ms/MP]", "alone [ms/MP]"
+TIME = "time [ms/MP]"
 
 # Scores in the tables and their headings.
 COLUMNS = {
     **{"fill": "fill", "bad_1": "bad-1", "rms": "rms [px]"},
     **{"edge_bad_1": "edge bad-1", "occluded_holes": "occluded holes"},
 }
-
-# Scores that the table of effects shows the change of.
-CHANGED = ("fill", "bad-1", "rms [px]")
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,11 +64,6 @@ class Case:
     choices: tuple[Choice, ...]
     recorded: tuple[np.ndarray, np.ndarray] | None = None
 
-    @property
-    def effects(self) -> list[str]:
-        """Names of the effects that are on."""
-        return [choice.effect for choice in self.choices if choice.on]
-
     def sense(self, tier: Tier) -> np.ndarray:
         """Return the disparity that a tier reports."""
         return sense(self.fresh(), tier, self.choices, recorded=self.recorded).disparity
@@ -85,7 +74,7 @@ def bench_sim(
     meshes: Sequence[str] = MESHES,
     width: int = WIDTH,
 ) -> list[Result]:
-    """Return times and scores of the tiers on every scene, and of effects in the mean.
+    """Return times and scores of the tiers on every scene.
 
     Args:
         data: folder of the sample data; None: DIGS_WARP_SAMPLE_DATA or ../shared/data.
@@ -104,7 +93,7 @@ def bench_sim(
             bar.update()
     if (data / REAL_PAIR).is_dir():
         results += _tier_results(_real(data / REAL_PAIR))
-    return results + _effect_results(cases)
+    return results
 
 
 def _rendered(place: Place, width: int) -> Case:
@@ -130,34 +119,6 @@ def _tier_results(case: Case) -> Iterator[Result]:
         values = {TIME: wall / megapixels, "CPU [ms/MP]": cpu / megapixels}
         values |= _columns(score(case.sense(tier), truth))
         yield Result({"scene": case.name, "sensor": tier}, values, "tiers")
-
-
-def _effect_results(cases: Sequence[Case]) -> list[Result]:
-    """Return time alone and change of each effect on matched depth that is on anywhere; means over scenes."""
-    measured: dict[str, list[dict[str, float]]] = {}
-    for case in cases:
-        truth = case.fresh()
-        matched = sense(truth, "guided", recorded=case.recorded)
-        usual = _columns(score(matched.disparity, truth))
-        for effect in AFTER_MATCHING:
-            if effect.name not in case.effects:
-                continue
-            apply = partial(_after, matched, truth, effect.name)
-            after = _columns(score(apply().disparity, truth))
-            row = {ALONE: _timed(apply)[0] / (truth.depth.size / 1e6)}
-            row |= {f"changes {name}": after[name] - usual[name] for name in CHANGED}
-            measured.setdefault(effect.name, []).append(row)
-    results = []
-    for effect, rows in measured.items():
-        means = {name: float(np.mean([row[name] for row in rows])) for name in rows[0]}
-        # To four decimals, never -0.0: smaller shares are noise.
-        rounded = {name: round(mean, 4) + 0.0 for name, mean in means.items()}
-        results.append(Result({"effect": effect}, rounded, "effects"))
-    return results
-
-
-def _after(matched: Sensed, truth: FrameTruth, effect: str) -> Sensed:
-    return apply_effects(matched.own(), truth.rig, [effect])
 
 
 def _columns(scores: Scores) -> dict[str, float]:

@@ -13,7 +13,6 @@ from pathlib import Path
 
 from digs_warp.usd.files import write_package
 
-PNG_SIGNATURE = b"\x89PNG\r\n\x1a\n"
 BROKEN = (ValueError, IndexError, OSError, struct.error, zipfile.BadZipFile, zlib.error, EOFError)
 
 
@@ -90,42 +89,9 @@ def _usdz(members: Mapping[str, bytes]) -> bytes:
         return target.read_bytes()
 
 
-def _open_png(data: bytes, rng: random.Random) -> Container:
-    """One chunk with the right checksum, half of the time that with the size."""
-    chunks, at = [], len(PNG_SIGNATURE)
-    while at < len(data):
-        length = struct.unpack_from(">I", data, at)[0]
-        chunks.append((data[at + 4 : at + 8], data[at + 8 : at + 8 + length]))
-        at += 12 + length
-    chosen = 0 if rng.random() < 0.5 else rng.randrange(len(chunks))
-
-    def packed(new: bytes) -> bytes:
-        file = PNG_SIGNATURE
-        for number, (kind, old) in enumerate(chunks):
-            content = new if number == chosen else old
-            file += struct.pack(">I", len(content)) + kind + content
-            file += struct.pack(">I", zlib.crc32(kind + content))
-        return file
-
-    return Container("chunk.bin", chunks[chosen][1], packed)
-
-
-def _open_npy(data: bytes, rng: random.Random) -> Container:
-    """The header of an array, with the right length."""
-    length = struct.unpack_from("<H", data, 8)[0]
-    header, values = data[10 : 10 + length], data[10 + length :]
-
-    def packed(new: bytes) -> bytes:
-        return data[:8] + struct.pack("<H", len(new) % 2**16) + new + values
-
-    return Container("header.txt", header.rstrip() + b"\n", packed)
-
-
 _OPENERS: dict[str, Callable[[bytes, random.Random], Container]] = {
     ".glb": _open_glb,
     ".spz": _open_gzip,
     ".npz": lambda data, rng: _open_zip(data, rng, _npz),
-    ".npy": _open_npy,
     ".usdz": lambda data, rng: _open_zip(data, rng, _usdz),
-    ".png": _open_png,
 }

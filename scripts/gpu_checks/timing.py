@@ -1,7 +1,6 @@
 """How long the stages of a step take."""
 
 import time
-from collections import defaultdict
 from collections.abc import Callable
 
 import numpy as np
@@ -47,8 +46,6 @@ def _time_training(run: Run, count: int, findings: Findings) -> None:
     if run.has_gpu:
         used = wp.get_mempool_used_mem_high(run.device)
         findings.note(f"{label}: most memory [GB]", used / 1e9)
-        for name, (milliseconds, launches) in by_kernel(job.step).items():
-            findings.note(f"{label}, kernel {name} [ms, launches a step]", (milliseconds, launches))
 
 
 def _stages(job: Training) -> dict[str, Callable[[], object]]:
@@ -75,16 +72,3 @@ def median_seconds(work: Callable[[], object]) -> float:
         if time.perf_counter() - begin > MOST_SECONDS:
             break
     return float(np.median(found))
-
-
-def by_kernel(step: Callable[[], object], steps: int = 5) -> dict[str, tuple[float, float]]:
-    """Return the time [ms] and the launches of each kernel in a step, the longest first."""
-    step()
-    wp.timing_begin(cuda_filter=wp.TIMING_ALL)
-    for _ in range(steps):
-        step()
-    spent: dict[str, list[float]] = defaultdict(list)
-    for each in wp.timing_end():
-        spent[each.name].append(each.elapsed)
-    rows = {name: (round(sum(all_) / steps, 4), len(all_) / steps) for name, all_ in spent.items()}
-    return dict(sorted(rows.items(), key=lambda row: -row[1][0])[:25])

@@ -1,13 +1,12 @@
 """Photographs every effect of the depth camera, off and on; pictures and numbers of docs/sensor.md."""
 
-import sys
+from collections.abc import Sequence
 from inspect import getdoc
 
 from digs_warp.sim.camera.profiles import IMAGE_FIGURES, RIG_FIGURES, load_profile
 from digs_warp.sim.sensor.color import COLOR_EFFECTS
 from digs_warp.sim.sensor.effects import EFFECTS
 from digs_warp.sim.sensor.effects.protocol import Choice, SensorEffect
-from digs_warp.sim.sensor.facts import SceneFacts
 from digs_warp.sim.sensor.frame import Cause
 from digs_warp.study.table import Table
 from scripts.page_marks import DOCS, fill
@@ -23,8 +22,8 @@ def main() -> None:
     studio = SensorStudio()
     draw_all(studio, DOCS / PICTURES)
     texts = {
-        "depth": "\n".join(section(effect, studio.facts, studio) for effect in EFFECTS),
-        "color": "\n".join(section(effect, studio.facts, studio) for effect in COLOR_EFFECTS),
+        "depth": f"{effects_table(EFFECTS, studio)}\n\n{pictures()}",
+        "color": effects_table(COLOR_EFFECTS, studio),
         "causes": Table("causes", ["number", "cause", "meaning"], cause_rows()).markdown(),
         "figures": Table(
             "figures", ["figure", "value", "origin", "note"], figure_rows()
@@ -34,28 +33,28 @@ def main() -> None:
         fill(PAGE, mark, text)
 
 
-def section(effect: SensorEffect, facts: SceneFacts, studio: SensorStudio) -> str:
-    """Return heading, explanation, rule and picture of an effect."""
-    what = (
-        f"{first_paragraph(sys.modules[type(effect).__module__])} {first_paragraph(type(effect))}"
-    )
-    choice: Choice = effect.choose(facts, studio.rig)
-    text = f"### {effect.name}\n\n{what}\n\n{rule(choice)}\n"
-    if effect in COLOR_EFFECTS or effect.name in WITHOUT_PICTURE:
-        return text
-    return f"{text}\n![{effect.name}, off and on]({PICTURES}/{effect.name}.jpg)\n"
+def effects_table(effects: Sequence[SensorEffect], studio: SensorStudio) -> str:
+    """Return what each effect does, and where it is on."""
+    rows = [
+        [f"`{e.name}`", first_paragraph(type(e)), limits(e.choose(studio.facts, studio.rig))]
+        for e in effects
+    ]
+    return Table("effects", ["effect", "what it does", "on where"], rows).markdown()
 
 
-def rule(choice: Choice) -> str:
-    """Return when an effect is on, and whether it is here; each limit beside the quantity that it is for."""
-    limits, here = choice.threshold, choice.statistic
-    measured = [part.partition(" = ") for part in here.split(", ")]
-    bounds = limits.split(", ")
-    if len(bounds) == len(measured) and all(bound.startswith(">") for bound in bounds):
-        names = [name for name, _, _ in measured]
-        limits = ", ".join(f"{n} {bound}" for n, bound in zip(names, bounds, strict=True))
-        here = ", ".join(value for _, _, value in measured)
-    return f"On where {limits}; here {here}: {'on' if choice.on else 'off'}."
+def pictures() -> str:
+    """Return the pictures of the effects on depth."""
+    names = [effect.name for effect in EFFECTS if effect.name not in WITHOUT_PICTURE]
+    return "\n\n".join(f"![{name}, off and on]({PICTURES}/{name}.jpg)" for name in names)
+
+
+def limits(choice: Choice) -> str:
+    """Return when an effect is on; each limit beside the quantity that it is for."""
+    names = [part.partition(" = ")[0] for part in choice.statistic.split(", ")]
+    bounds = choice.threshold.split(", ")
+    if len(bounds) == len(names) and all(bound.startswith(">") for bound in bounds):
+        return ", ".join(f"{name} {bound}" for name, bound in zip(names, bounds, strict=True))
+    return choice.threshold
 
 
 def first_paragraph(thing: object) -> str:

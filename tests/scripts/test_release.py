@@ -1,10 +1,9 @@
-"""What `make release` does before and after the long part: notes, a clean tree, sums."""
+"""What `make release` does before and after the long part: notes, a clean tree."""
 
-import subprocess
 from pathlib import Path
 
 import pytest
-from release import git, notes_of, require_clean, sums
+from release import git, notes_of, require_clean
 
 from digs_warp.checks import DigsError
 
@@ -41,13 +40,3 @@ def test_files_that_differ_from_the_last_commit_are_named(tmp_path: Path) -> Non
     (tmp_path / "forgotten.py").touch()
     with pytest.raises(DigsError, match=r"'forgotten\.py' is not as in the last commit"):
         require_clean(tmp_path)
-
-
-def test_sha256sum_reads_the_sums(tmp_path: Path) -> None:
-    (tmp_path / "a.whl").write_bytes(b"wheel")
-    (tmp_path / "b.tar.gz").write_bytes(b"source")
-    (tmp_path / "SHA256SUMS").write_text(sums([tmp_path / "a.whl", tmp_path / "b.tar.gz"]))
-    check = ["sha256sum", "--check", "--strict", "SHA256SUMS"]
-    assert subprocess.run(check, cwd=tmp_path, check=False).returncode == 0
-    (tmp_path / "a.whl").write_bytes(b"other")
-    assert subprocess.run(check, cwd=tmp_path, check=False).returncode != 0

@@ -176,7 +176,7 @@ def test_realism_is_compared_on_the_built_in_object_where_there_is_no_data(tmp_p
     assert summary["guided"]["rank correlation of failures"] > 0.9 < summary["guided"]["of RMS"]
 
 
-def test_every_tier_and_effect_of_the_sensor_is_told(tmp_path: Path) -> None:
+def test_every_tier_of_the_sensor_is_told(tmp_path: Path) -> None:
     found = bench_sim(tmp_path, width=160)
     tiers = {r.labels["sensor"]: r.values for r in found if "sensor" in r.labels}
     assert set(tiers) == set(TIERS)
@@ -185,6 +185,3 @@ def test_every_tier_and_effect_of_the_sensor_is_told(tmp_path: Path) -> None:
         assert told["time [ms/MP]"] > 0 and told["CPU [ms/MP]"] > 0
     truth = tiers["truth"]
     assert (truth["fill"], truth["bad-1"], truth["rms [px]"]) == (1, 0, 0)
-    effects = {r.labels["effect"]: r.values for r in found if "effect" in r.labels}
-    assert effects["static-field"]["changes rms [px]"] > 0.005
-    assert effects["quantum"]["changes fill"] == 0

@@ -16,7 +16,7 @@ from digs_warp.pipeline.front_end import front_end, load_front_end
 from digs_warp.record.run_log import RunLog
 from digs_warp.sim.config import SimulateConfig
 from digs_warp.sim.record.record import simulate_in_memory
-from studies.masks import intersection_over_union
+from reference.overlap import intersection_over_union
 
 WRONG = {2: "empty", 5: "cut", 7: "neighbor", 11: "empty"}
 

@@ -9,8 +9,8 @@ from digs_warp.masks.config import SegmentConfig
 from digs_warp.masks.masks import segment
 from digs_warp.masks.network import mask_in_foreground
 from reference.ball_capture import ball_view, ball_views, write_capture
+from reference.overlap import intersection_over_union
 from reference.tiny_network import write_network
-from studies.masks import intersection_over_union
 
 IMAGES = ball_view(0.3)[1]
 IMAGE, DEPTH, TRUTH = IMAGES.image, IMAGES.depth, IMAGES.mask

@@ -10,7 +10,7 @@ from digs_warp.masks.from_depth import (
     without_enclosed_holes,
 )
 from digs_warp.masks.planes import far_edge, on_or_behind_main_plane
-from studies.masks import intersection_over_union
+from reference.overlap import intersection_over_union
 
 HEIGHT, WIDTH = 120, 160
 V, U = np.mgrid[:HEIGHT, :WIDTH].astype(np.float64)

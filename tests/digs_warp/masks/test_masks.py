@@ -20,9 +20,9 @@ from digs_warp.masks.network import (
     mask_from_output,
     network_input,
 )
+from reference.overlap import intersection_over_union
 from reference.tiny_capture import HEIGHT, WIDTH, write_tiny_capture
 from reference.tiny_network import write_network
-from studies.masks import intersection_over_union
 
 
 @pytest.fixture(scope="module")
