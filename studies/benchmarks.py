@@ -102,7 +102,7 @@ BENCHMARKS = (
     # USD scenes of a million splats: write, read, validate; what each precision saves and loses.
     Benchmark("usd", ("usd_files.bench_usd",), ("usd.md",)),
     # The simulated depth sensor: time and scores of every tier.
-    Benchmark("sim", ("simulator.bench_sim",), ("research/sensor-cost.md",)),
+    Benchmark("sim", ("simulator.bench_sim",), ()),
     # Where the simulated sensor errs, against real matching.
     Benchmark("realism", ("realism.bench_realism",), ("research/sensor-cost.md",)),
     # Figures of real depth cameras beside those of the simulated ones.
