@@ -17,7 +17,7 @@ from digs_warp.sim.config import SimulateConfig
 from digs_warp.sim.record.inputs import Inputs
 from digs_warp.sim.scene.appearance import with_table_top
 from digs_warp.sim.scene.distractors import add_distractors
-from digs_warp.sim.scene.environment import Environment, Ground, set_up, warn_if_soft
+from digs_warp.sim.scene.environment import Environment, Ground, set_up
 from digs_warp.sim.scene.scene import Scene
 from digs_warp.sim.sensor.drift import NO_DRIFT, Drift
 from digs_warp.sim.sensor.frame import FrameTruth, Motion
@@ -227,12 +227,9 @@ def prepare_session(config: SimulateConfig, inputs: Inputs) -> Session:
     things = add_distractors(inputs.scene, *beside, config.seed, walk.nearest)
     setting = set_up(things, inputs.environment, config.chosen_ground, walk.farthest)
     scene = with_table_top(setting.scene, config.look, config.seed)
-    surround, rig = setting.environment, inputs.rig
-    if config.environment is not None:  # nobody can take a finer picture of the built-in room
-        warn_if_soft(surround, rig, walk.nearest)
-    renderer = _make_renderer(config, scene, surround)
-    ground = setting.ground
-    return Session(config, scene, surround, inputs.profile, rig, walk, renderer, ground)
+    renderer = _make_renderer(config, scene, setting.environment)
+    placed = (scene, setting.environment, inputs.profile, inputs.rig, walk)
+    return Session(config, *placed, renderer, setting.ground)
 
 
 def _walk(config: SimulateConfig, inputs: Inputs) -> Walk:

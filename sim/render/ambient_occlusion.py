@@ -2,6 +2,9 @@
 
 Between these nodes it is a quadratic over each triangle (the six-node triangle of Zienkiewicz, "The Finite
 Element Method"): the middle of a large face stays bright even if all its corners lie in dark ones.
+
+A scan of a million faces has more nodes than an image has pixels. Openness hardly changes over some
+thousandths of an object: one node of each small cell is measured, and the others are means of those around.
 """
 
 # Warp's stubs do not type device code.
@@ -16,7 +19,6 @@ import warp as wp
 
 from digs_warp.device.kernel_options import ray_module_options
 from digs_warp.device.parallel import launch_parallel
-from digs_warp.sim.render.ambient_occlusion_samples import choose_samples, fill_between
 from digs_warp.sim.render.surface import Surface, is_blocked
 from digs_warp.sim.render.surround import openness_on, plane_distance
 from digs_warp.sim.scene.scene import Scene
@@ -34,9 +36,18 @@ RAYS = 64
 RAY_BUDGET = 2_000_000
 MIN_RAYS = 8
 
-# Of meshes with more nodes, a part is measured, with more rays: `choose_samples`.
+# Of meshes with more nodes, one is measured in each cell of about this part of the surface, with more rays.
 MOST_NODES = 400_000
-SAMPLES_BUDGET = 4_000_000
+CELLS = 60_000
+CELLS_BUDGET = 4_000_000
+
+# Surfaces this far above each other have cells of their own (leather under a buckle), and so have nodes of
+# faces with a longer side than this. In widths of a cell.
+LAYER, LAYERS = 0.3, 16
+LONG_SIDE = 3.0
+
+# How often the values of cells are averaged along edges: a cell of a scan is about six edges wide.
+SMOOTHINGS = 10
 
 # Occluders farther away than this share of the scene's radius do not darken a surface.
 REACH = 0.7
@@ -57,12 +68,14 @@ class OpennessNodes:
         inward: vector from there to the middle of their largest face, (n + e, 3), float32.
         normals: on the side of the vertex normals, (n + e, 3), float32; length 0: no direction.
         edges: node of each edge of each face, (m, 3), int32.
+        ends: vertices of each edge, (e, 2), int64.
     """
 
     points: np.ndarray
     inward: np.ndarray
     normals: np.ndarray
     edges: np.ndarray
+    ends: np.ndarray
 
 
 def openness_nodes(scene: Scene) -> OpennessNodes:
@@ -90,7 +103,7 @@ def openness_nodes(scene: Scene) -> OpennessNodes:
     normals = np.where(length > 1e-6, normals / np.maximum(length, 1e-6), 0.0)
     normals = np.concatenate([scene.normals, normals])
     points, inward, normals = (a.astype(np.float32) for a in (points, inward, normals))
-    return OpennessNodes(points, inward, normals, edges)
+    return OpennessNodes(points, inward, normals, edges, ends)
 
 
 @wp.func
@@ -167,12 +180,49 @@ def measure_openness(scene: Scene, surface: Surface, threads: int = 0) -> None:
     if len(nodes.points) <= MOST_NODES:
         openness = _measured(nodes, slice(None), surface, reach, RAY_BUDGET, threads)
     else:
-        of_faces = np.concatenate([scene.faces, nodes.edges], axis=1)
-        samples = choose_samples(scene, nodes.points, nodes.normals, of_faces)
-        known = _measured(nodes, samples.measured, surface, reach, SAMPLES_BUDGET, threads)
-        openness = fill_between(samples, nodes.points, nodes.normals, known, threads)
+        chosen, cell_of = _cells(scene, nodes)
+        known = _measured(nodes, chosen, surface, reach, CELLS_BUDGET, threads)
+        openness = _filled(known[cell_of], nodes, chosen)
     surface.openness = wp.array(openness, dtype=wp.vec2, device="cpu")
     surface.edges = wp.array(nodes.edges.reshape(-1), dtype=int, device="cpu")
+
+
+def _cells(scene: Scene, nodes: OpennessNodes) -> tuple[np.ndarray, np.ndarray]:
+    """Return the node that is measured in each cell, (c,), and the cell of each node, (n + e,).
+
+    A cell holds nodes that are near each other, in the same layer, and whose normals are in the same octant.
+    """
+    corners = scene.vertices[scene.faces].astype(np.float64)
+    sides = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2)
+    across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    width = np.sqrt(np.linalg.norm(across, axis=1).sum() / 2 / CELLS)
+    place = np.floor((nodes.points - nodes.points.min(axis=0)) / width).astype(np.int64)
+    signs = np.where(nodes.normals > 0, 1, -1)
+    height = (nodes.points * signs).sum(axis=1) / np.sqrt(3)
+    layer = np.floor(height / (LAYER * width)).astype(np.int64) % LAYERS
+    key = np.ravel_multi_index(
+        (*place.T, *(signs.T > 0), layer), (*place.max(axis=0) + 1, 2, 2, 2, LAYERS)
+    )
+    is_long = sides.max(axis=1) > LONG_SIDE * width
+    alone = np.unique([scene.faces[is_long], nodes.edges[is_long]])
+    key[alone] = -1 - alone
+    _, chosen, cell_of = np.unique(key, return_index=True, return_inverse=True)
+    return chosen, cell_of
+
+
+def _filled(values: np.ndarray, nodes: OpennessNodes, known: np.ndarray) -> np.ndarray:
+    """Return values of the nodes, (n + e, 2), averaged along the edges but for those that are known."""
+    ends, count = nodes.ends, len(nodes.points) - len(nodes.ends)
+    degree = np.maximum(np.bincount(ends.reshape(-1), minlength=count), 1)
+    smooth = values.copy()
+    for _ in range(SMOOTHINGS):
+        for side in range(2):
+            around = np.repeat(smooth[count:, side], 2)
+            smooth[:count, side] = np.bincount(ends.reshape(-1), around, count) / degree
+        smooth[known] = values[known]
+        smooth[count:] = smooth[ends].mean(axis=1)
+        smooth[known] = values[known]
+    return smooth
 
 
 def _measured(

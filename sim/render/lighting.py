@@ -11,8 +11,6 @@ along the reflected ray.
 # pyright: reportGeneralTypeIssues=false, reportInvalidTypeForm=false, reportOperatorIssue=false
 # pyright: reportIndexIssue=false
 
-from dataclasses import dataclass
-
 import numpy as np
 import warp as wp
 
@@ -98,18 +96,8 @@ def take_out_spots(radiance: np.ndarray) -> tuple[np.ndarray, KeyLights]:
     return np.maximum(smooth, 0.0).astype(np.float32), keys
 
 
-@dataclass(frozen=True, eq=False)
-class Spot:
-    """Direction of the vector irradiance (3,), color (3,), points (SPOT_POINTS, 3), rim (RIM_POINTS, 3)."""
-
-    vector: np.ndarray
-    color: np.ndarray
-    points: np.ndarray
-    rim: np.ndarray
-
-
-def _spot(directions: np.ndarray, flux: np.ndarray, texel: float) -> Spot:
-    """Return one spot.
+def _spot(directions: np.ndarray, flux: np.ndarray, texel: float) -> tuple[np.ndarray, ...]:
+    """Return vector (3,), color (3,), points (SPOT_POINTS, 3) and rim (RIM_POINTS, 3) of one spot.
 
     Args:
         directions: of its pixels, shape (n, 3).
@@ -127,7 +115,7 @@ def _spot(directions: np.ndarray, flux: np.ndarray, texel: float) -> Spot:
     shares = (np.arange(SPOT_POINTS) + 0.5) / SPOT_POINTS * weight.sum()
     chosen = order[np.searchsorted(np.cumsum(weight[order]), shares).clip(0, len(weight) - 1)]
     points = _within_texels(directions[chosen], texel)
-    return Spot(vector, color, points, points[_rim(points @ axes.T)])
+    return vector, color, points, points[_rim(points @ axes.T)]
 
 
 def _place_on_curve(places: np.ndarray) -> np.ndarray:
@@ -162,13 +150,12 @@ def _rim(places: np.ndarray) -> np.ndarray:
     return np.append((places @ outward).argmax(axis=0), middle)
 
 
-def _pack(spots: list[Spot]) -> KeyLights:
+def _pack(spots: list[tuple[np.ndarray, ...]]) -> KeyLights:
     keys = KeyLights()
     keys.count = len(spots)
     if spots:
         vectors, colors, points, rims = (
-            np.stack([getattr(spot, part) for spot in spots]).astype(np.float32)
-            for part in ("vector", "color", "points", "rim")
+            np.stack(part).astype(np.float32) for part in zip(*spots, strict=True)
         )
         keys.vectors = wp.array(vectors, dtype=wp.vec3, device="cpu")
         keys.colors = wp.array(colors, dtype=wp.vec3, device="cpu")

@@ -2,9 +2,8 @@
 
 import hashlib
 import math
-from dataclasses import fields, is_dataclass
+import pickle
 from threading import Lock
-from typing import Any
 
 import numpy as np
 import warp as wp
@@ -23,13 +22,7 @@ from digs_warp.sim.render.reprojection import follow
 from digs_warp.sim.render.shadows import prepare_shadows
 from digs_warp.sim.render.upload import upload_scene
 from digs_warp.sim.render.view import make_track, make_view, srgb_encoding
-from digs_warp.sim.render.views import (
-    CameraTrack,
-    Followed,
-    Geometry,
-    Photograph,
-    Projected,
-)
+from digs_warp.sim.render.views import CameraTrack, Followed, Geometry, Photograph, Projected
 from digs_warp.sim.scene.environment import Environment
 from digs_warp.sim.scene.scene import Scene
 from digs_warp.sim.sensor.highlights import Highlights
@@ -191,50 +184,19 @@ _kept: dict[bytes, tuple[RaycastRenderer, int]] = {}
 
 def renderer_of(scene: Scene, environment: Environment) -> RaycastRenderer:
     """Return a renderer; one that this process used lately, if that was of an equal scene and surround."""
-    size = _size((scene, environment))
+    arrays: list[pickle.PickleBuffer] = []
+    digest = hashlib.blake2b(pickle.dumps((scene, environment), 5, buffer_callback=arrays.append))
+    size = sum(array.raw().nbytes for array in arrays)
     if size > LARGEST:
         return RaycastRenderer(scene, environment)
-    digest = hashlib.blake2b()
-    _read((scene, environment), digest.update)
+    for array in arrays:
+        digest.update(array)
     key = digest.digest()
     with _lock:
         if key in _kept:
             _kept[key] = _kept.pop(key)
         else:
-            _make_room(size)
+            while _kept and size + sum(kept for _, kept in _kept.values()) > LARGEST:
+                del _kept[next(iter(_kept))]  # the one not used for the longest time
             _kept[key] = (RaycastRenderer(scene, environment), size)
         return _kept[key][0]
-
-
-def _make_room(size: int) -> None:
-    """Let go of those that were not used for the longest time."""
-    while _kept and size + sum(kept for _, kept in _kept.values()) > LARGEST:
-        del _kept[next(iter(_kept))]
-
-
-def _size(value: Any) -> int:
-    """Return how many bytes the arrays of nested dataclasses and tuples have."""
-    if isinstance(value, np.ndarray):
-        return value.nbytes
-    return sum(map(_size, _parts(value)))
-
-
-def _read(value: Any, update: Any) -> None:
-    """Feed everything that tells nested dataclasses and tuples apart to a digest."""
-    if isinstance(value, np.ndarray):
-        update(f"{value.dtype}{value.shape}".encode())
-        update(np.ascontiguousarray(value).data)
-        return
-    parts = _parts(value)
-    update(f"{type(value).__name__}{len(parts)}".encode())
-    if not parts:
-        update(repr(value).encode())
-    for part in parts:
-        _read(part, update)
-
-
-def _parts(value: Any) -> list[Any]:
-    """Return what a dataclass or tuple consists of."""
-    if is_dataclass(value):
-        return [getattr(value, each.name) for each in fields(value)]
-    return list(value) if isinstance(value, tuple) else []

@@ -27,7 +27,6 @@ from digs_warp.sim.scene.mesh.resting import (
     AXES,
     SAME_POSE,
     better_up_axis,
-    looks_inward,
     resting_turn,
 )
 from digs_warp.sim.scene.scene import Material, Scene, SceneObject
@@ -68,13 +67,6 @@ def read_mesh(
     _check_settings(size, up, unit)
     triangles, materials = read_triangles(path)
     placement = _placement(path, triangles, size, up, unit)
-    if looks_inward(triangles):
-        logger.warning(
-            "mesh '%s': its outer faces look inward, as in a room modeled from inside, but the camera walks "
-            "around it and sees the walls from behind. Delete its ceiling and two walls in a modeling "
-            "program; if it is an object, turn its faces outward there (flip normals)",
-            path.name,
-        )
     return MeshFile(path, triangles, materials, placement)
 
 

@@ -1,4 +1,4 @@
-"""The pose in which a mesh rests: its hull, stable poses, and whether it is a room seen from inside.
+"""The pose in which a mesh rests: its hull and stable poses.
 
 A pose is judged by the convex hull: the faces that look down carry the object if its center of mass is above
 them. How far it must tilt until it is not, is the angle of tipping: 20 degrees for a bottle that stands. A
@@ -11,9 +11,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from digs_warp.geometry.rigid import matrix_from_rotation_vector
-from digs_warp.sim.scene.mesh.normalize import used_vertices
-from digs_warp.sim.scene.mesh.normals import batches, face_normals
-from digs_warp.sim.scene.mesh.parts import Triangles
 
 AXES = {"y": np.array([0.0, 1.0, 0.0]), "z": np.array([0.0, 0.0, 1.0])}
 
@@ -209,28 +206,3 @@ def _turn_to_z(up: np.ndarray) -> np.ndarray:
     if length < SMALLEST_TURN:
         return np.diag([1.0, 1.0, 1.0] if up[2] > 0 else [1.0, -1.0, -1.0])
     return matrix_from_rotation_vector(axis * (np.arctan2(length, up[2]) / length))
-
-
-# Faces that look inward enclose at least this share of the hull: four walls and a floor enclose four fifths
-# of it, a floor and two walls, where a camera can look in, half of it. What objects enclose is behind their
-# faces, not before them.
-ENCLOSED = 0.65
-
-
-def looks_inward(triangles: Triangles) -> bool:
-    """Whether the outer faces show their front to what they enclose, not to a camera around them.
-
-    Where the mesh has normals, they tell the front of a face, else its winding.
-    """
-    hull = hull_of(used_vertices(triangles.vertices, triangles.faces))
-    if hull is None:
-        return False
-    enclosed = 0.0  # signed: of the tetrahedra between the faces and a point inside, times 6
-    for rows in batches(len(triangles.faces)):
-        faces = triangles.faces[rows]
-        fronts = face_normals(triangles.vertices, faces)
-        told = np.einsum("ij,ij->i", fronts, triangles.normals[faces].sum(axis=1))
-        away = triangles.vertices[faces[:, 0]] - hull.center
-        volumes = np.einsum("ij,ij->i", fronts, away)
-        enclosed += float(np.where(told < 0, -volumes, volumes).sum())
-    return enclosed < -ENCLOSED * 6 * hull.volume
