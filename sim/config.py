@@ -113,8 +113,7 @@ class SimulateConfig(Settings):
 
     up: Annotated[Literal["auto", "y", "z"], arg(name="mesh-up")] = "auto"
     """Which axis of the mesh file points up. auto: that of the format, y for GLB, glTF and OBJ, z for PLY and
-    STL, with a warning if the object then lies where it could stand; one that would fall is turned so that it
-    rests. An axis that is named here keeps the object's pose."""
+    STL; an object that would fall is turned so that it rests. An axis that is named here keeps its pose."""
 
     seed: Annotated[int, SEED] = 0
     """Seed of the hand, pixel sampling and everything random in the sensor."""

@@ -53,9 +53,9 @@ LINE_BUDGETS = {
     "show": 3_610,
     "sim.camera": 1_459,
     "sim.fit": 2_310,
-    "sim.record": 2_063,
-    "sim.render": 5_165,
-    "sim.scene": 4_480,
+    "sim.record": 2_060,
+    "sim.render": 4_788,
+    "sim.scene": 4_319,
     "sim.sensor": 6_160,
     "sim.testing": 980,
     "splat": 5_110,
@@ -65,7 +65,7 @@ LINE_BUDGETS = {
     "train": 3_800,
     "usd": 2_765,
 }
-MOST_FILES = 520  # of the product; 65,000 lines in 500 files are the goal
+MOST_FILES = 514  # of the product; 65,000 lines in 500 files are the goal
 # A shorter file with a single client in its folder belongs into that client.
 CRUMB = 60
 

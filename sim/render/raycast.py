@@ -135,18 +135,15 @@ class RaycastRenderer:
         """Return the rays for the sensor's effects; they are cast on request."""
         return SurfaceRays(self._scene, camera, baseline, self.surround, self.threads)
 
-    def follow(
-        self, source: CameraTrack, depth: np.ndarray, material_ids: np.ndarray, target: CameraTrack
-    ) -> Followed:
+    def follow(self, source: CameraTrack, depth: np.ndarray, target: CameraTrack) -> Followed:
         """Return where another eye sees the points of an image, and whether it does.
 
         Args:
             source: the eye that sees them; one moment for each band of rows.
             depth: planar z at its pixel centers [m], (height, width), float32; NaN: nothing.
-            material_ids: the same for materials, int32; -1: the surround.
             target: the other eye, likewise.
         """
-        return follow(self._scene, source, depth, material_ids, target, self.threads)
+        return follow(self._scene, source, depth, target, self.threads)
 
     def _measure_openness(self) -> None:
         """Measure the light on the ground, which lights the objects from below, and then on them."""

@@ -34,7 +34,6 @@ class Sight:
     origin: wp.vec3  # of that eye
     direction: wp.vec3  # unit, toward the point
     distance: float  # [m]
-    on_object: bool  # else on the surround
 
 
 @wp.func
@@ -50,19 +49,12 @@ def is_same_side(surface: Surface, sight: Sight, toward: wp.vec3) -> bool:
 
 @wp.func
 def is_clear(
-    surface: Surface,
-    solid: Surface,
-    sight: Sight,
-    eye: wp.vec3,
-    toward: wp.vec3,
-    reach: float,
-    cone: float,
+    surface: Surface, sight: Sight, eye: wp.vec3, toward: wp.vec3, reach: float, cone: float
 ) -> bool:
     """Whether another eye sees the point, too: one ray, two among see-through things.
 
     Args:
         surface: the scene.
-        solid: the same without what rays pass anyway.
         sight: the point.
         eye: center of the other eye.
         toward: unit direction from there to the point.
@@ -71,12 +63,8 @@ def is_clear(
     """
     near = reach * (1.0 - SAME_POINT)
     if surface.see_through == 1:
-        if trace(solid, eye, toward, near, cone, OPAQUE) >= 0.0:
-            return False
-        return (not sight.on_object) or is_same_side(surface, sight, toward)
-    if not sight.on_object:
-        # Nothing lies behind the surround, and it has one side.
-        return not wp.mesh_query_ray_anyhit(surface.mesh, eye, toward, near)
+        clear = trace(surface, eye, toward, near, cone, OPAQUE) < 0.0
+        return clear and is_same_side(surface, sight, toward)
     hit = wp.mesh_query_ray(surface.mesh, eye, toward, reach * (1.0 + SAME_POINT))
     if not hit.result:
         return True
@@ -91,7 +79,6 @@ def right_visibility_kernel(
     view: View,
     pixels: wp.array[int],
     surface: Surface,
-    solid: Surface,
     right_center: wp.vec3,
     depth: wp.array[float],  # [height * width] planar z of what the left eye sees [m]
     # outputs
@@ -107,9 +94,7 @@ def right_visibility_kernel(
     sight.distance = depth[pixel] / direction_cam[2]
     toward = view.center + sight.distance * sight.direction - right_center
     reach = wp.length(toward)
-    end = boundary_distance(view.boundary, view.center, sight.direction)
-    sight.on_object = sight.distance <= end * (1.0 - SAME_POINT)
-    clear = is_clear(surface, solid, sight, right_center, toward / reach, reach, view.pixel_cone)
+    clear = is_clear(surface, sight, right_center, toward / reach, reach, view.pixel_cone)
     visible[index] = wp.uint8(wp.where(clear, 1, 0))
 
 
@@ -150,7 +135,7 @@ def depth_behind_kernel(
     first: int,
     view: View,
     pixels: wp.array[int],
-    solid: Surface,  # without what rays pass anyway
+    surface: Surface,
     # outputs
     depth: wp.array[float],  # [pixels] planar z [m]
 ):
@@ -159,7 +144,7 @@ def depth_behind_kernel(
     pixel = pixels[index]
     direction_cam = center_ray(view, pixel)
     direction = view.world_from_cam * direction_cam
-    distance = trace(solid, view.center, direction, FAR, view.pixel_cone, OPAQUE)
+    distance = trace(surface, view.center, direction, FAR, view.pixel_cone, OPAQUE)
     if distance < 0.0:
         distance = boundary_distance(view.boundary, view.center, direction)
     depth[index] = distance * direction_cam[2]
@@ -197,8 +182,7 @@ class SurfaceRays:
         bool. ``depth``: planar z of the points [m], (height, width), float32.
         """
         known = wp.array(depth.reshape(-1), dtype=float, device="cpu", copy=False)
-        scenes = self._scene.surface, self._scene.solid.surface
-        inputs = [*scenes, wp.vec3(*self._right), known]
+        inputs = [self._scene.surface, wp.vec3(*self._right), known]
         return (
             self._cast(right_visibility_kernel, where, inputs, np.ones(where.shape, np.uint8)) > 0
         )
@@ -219,7 +203,7 @@ class SurfaceRays:
         NaN outside ``where``, (height, width), bool.
         """
         unknown = np.full(where.shape, np.nan, np.float32)
-        return self._cast(depth_behind_kernel, where, [self._scene.solid.surface], unknown)
+        return self._cast(depth_behind_kernel, where, [self._scene.surface], unknown)
 
     def _cast(
         self, kernel: Any, where: np.ndarray, inputs: list[Any], image: np.ndarray

@@ -71,9 +71,7 @@ def follow_kernel(
     source: Eye,
     target: Eye,
     surface: Surface,
-    solid: Surface,  # without what rays pass anyway
     depth: wp.array[float],  # [height * width] planar z of what the source sees [m]
-    materials: wp.array[int],  # [height * width] -1: the surround
     cone: float,  # spread of a pixel [rad]
     # outputs
     shifts: wp.array[wp.vec2],  # [height * width] to the right and down [px]
@@ -118,10 +116,9 @@ def follow_kernel(
         sight.origin = wp.vec3(origin)
         sight.direction = wp.vec3(wp.normalize(point - origin))
         sight.distance = float(wp.length(point - origin))
-        sight.on_object = materials[pixel] >= 0
         toward = wp.vec3(wp.normalize(point - away))
         reach = float(wp.length(point - away))
-        clear = is_clear(surface, solid, sight, wp.vec3(away), toward, reach, cone)
+        clear = is_clear(surface, sight, wp.vec3(away), toward, reach, cone)
         states[pixel] = wp.where(clear, SEEN, HIDDEN)
 
 
@@ -129,7 +126,6 @@ def follow(
     scene: DeviceScene,
     source: CameraTrack,
     depth: np.ndarray,
-    material_ids: np.ndarray,
     target: CameraTrack,
     threads: int = 0,
 ) -> Followed:
@@ -139,17 +135,11 @@ def follow(
     shifts = wp.empty(pixels, dtype=wp.vec2, device="cpu")
     depths = wp.empty(pixels, dtype=float, device="cpu")
     states = wp.empty(pixels, dtype=wp.uint8, device="cpu")
-    seen = [
-        wp.from_numpy(
-            np.ascontiguousarray(depth, np.float32).reshape(-1), dtype=float, device="cpu"
-        ),
-        wp.from_numpy(
-            np.ascontiguousarray(material_ids, np.int32).reshape(-1), dtype=int, device="cpu"
-        ),
-    ]
+    seen = np.ascontiguousarray(depth, np.float32).reshape(-1)
+    known = wp.from_numpy(seen, dtype=float, device="cpu")
     cone = 1.0 / min(source.intrinsics.fx, source.intrinsics.fy)
-    surfaces = scene.surface, scene.solid.surface
-    inputs = [_eye(source), _eye(target), *surfaces, *seen, cone, shifts, depths, states]
+    eyes = _eye(source), _eye(target)
+    inputs = [*eyes, scene.surface, known, cone, shifts, depths, states]
     launch_parallel(follow_kernel, pixels, inputs, threads=threads)
     return Followed(
         shifts.numpy().reshape(*shape, 2),

@@ -252,17 +252,9 @@ def word_of_corner(
     surface: Surface, place: Place, spot: int, level: int, i: int, j: int, asks_rim: int
 ) -> Word:
     """Look up a corner of the lattice of that level, or what the rim says there."""
-    group = place.face
-    row = i >> 2
-    column = j >> 2
-    within = ((i & 3) << 2) | (j & 3)
-    # Small triangles share a block.
-    if level == 1:
-        group = place.face >> 1
-        row = 0
-        within = ((place.face & 1) << 3) | (i + 3 * j)
     kind = (((level << 3) | spot) << 2) | (place.side << 1) | asks_rim
-    return kept_word(surface, group, kind, row, column, within)
+    within = ((i & 3) << 2) | (j & 3)
+    return kept_word(surface, place.face, kind, i >> 2, j >> 2, within)
 
 
 @wp.func

@@ -1,7 +1,6 @@
-"""A `Scene` copied to the device, with the BVH of its faces that are not passed in any case."""
+"""A `Scene` copied to the device, with the BVH of its faces."""
 
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 import warp as wp
@@ -10,61 +9,7 @@ from digs_warp.device.warp_start import start_warp
 from digs_warp.sim.render.hit_material import sheen_shares
 from digs_warp.sim.render.surface import MaterialData, Surface
 from digs_warp.sim.render.textures import LINEAR, SRGB, TextureImage, pack_textures
-from digs_warp.sim.scene.scene import OPAQUE_SHARE, Material, Scene
-
-# Textures are compared in this many cells along each side. A face is judged by the cells that it touches and
-# those around them: filtered texels reach that far unless a pixel is wider than a cell.
-CELLS = 64
-
-
-def stopping_faces(scene: Scene) -> np.ndarray:
-    """Return which faces may hide more than a transparent surface does, (m,), bool."""
-    stops = np.zeros(len(scene.faces), bool)
-    for number, material in enumerate(scene.materials):
-        own = np.flatnonzero(scene.face_materials == number)
-        hiding = _hiding_cells(material)
-        if hiding.all() or not hiding.any():
-            stops[own] = hiding.all()
-        else:
-            stops[own] = _touches(scene.uvs[scene.faces[own]], hiding)
-    return stops
-
-
-def _hiding_cells(material: Material) -> np.ndarray:
-    """Return in which cells the material may hide more than a transparent one, (CELLS, CELLS), bool."""
-    shape = (CELLS, CELLS)
-    opacity = np.full(shape, material.opacity, np.float32)
-    transmission = np.full(shape, material.transmission, np.float32)
-    if material.opacity_texture is not None:
-        opacity = _largest_around(material.opacity_texture / np.float32(255))
-    if material.transmission_texture is not None:
-        transmission = -_largest_around(material.transmission_texture / np.float32(-255))
-    is_hole = (opacity == 0) | (opacity < np.float32(material.alpha_cutoff))
-    return ~is_hole & (opacity * (1 - transmission) >= np.float32(OPAQUE_SHARE))
-
-
-def _largest_around(texture: np.ndarray) -> np.ndarray:
-    """Return the largest texel of each cell and those around it, (CELLS, CELLS), float32; row 0 on top."""
-    import cv2
-
-    rows, columns = (np.arange(CELLS) * size // CELLS for size in texture.shape)
-    cells = np.maximum.reduceat(np.maximum.reduceat(texture, rows, axis=0), columns, axis=1)
-    grown = cv2.dilate(np.pad(cells, 1, mode="wrap"), np.ones((3, 3), np.uint8))
-    return grown[1:-1, 1:-1]
-
-
-def _touches(uvs: np.ndarray, cells: np.ndarray) -> np.ndarray:
-    """Return which triangles, (n, 3, 2), touch a marked cell with the box around them; textures repeat."""
-    # Twice the texture along each side: boxes of less than its size need not be cut at its border.
-    counts = np.zeros((2 * CELLS + 1, 2 * CELLS + 1), np.int64)
-    counts[1:, 1:] = np.tile(cells[::-1], (2, 2)).cumsum(axis=0).cumsum(axis=1)  # v points up
-    first = np.floor(uvs.min(axis=1) * CELLS).astype(np.int64)
-    size = np.floor(uvs.max(axis=1) * CELLS).astype(np.int64) - first + 1
-    (left, low), (width, height) = (first % CELLS).T, np.minimum(size, CELLS).T
-    right, high = left + width, low + height
-    inside = counts[high, right] - counts[low, right] - counts[high, left] + counts[low, left]
-    return inside > 0
-
+from digs_warp.sim.scene.scene import Material, Scene
 
 # Warp's type hints take the dtype of an array for a value, and structs for functions.
 # pyright: reportArgumentType=false, reportGeneralTypeIssues=false, reportAttributeAccessIssue=false
@@ -89,9 +34,6 @@ TEXTURE_FIELDS = {
     "normal_texture": LINEAR,
 }
 
-# What the surfaces that stop rays share with the whole scene, as far as `trace` needs it.
-SHARED_FIELDS = ("uvs", "data", "textures", "step", "lift", "radius")
-
 
 @dataclass(frozen=True, eq=False)
 class DeviceScene:
@@ -99,34 +41,14 @@ class DeviceScene:
 
     surface: Surface
     mesh: wp.Mesh
-    source: Scene
-
-    @cached_property
-    def solid(self) -> "DeviceScene":
-        """The scene without the faces that `trace` passes anyway when it looks for opaque surfaces."""
-        stops = stopping_faces(self.source)
-        if stops.all():
-            return self
-        # A triangle without area, which no ray meets, where nothing stops one.
-        faces = self.source.faces[stops] if stops.any() else np.zeros((1, 3), np.int32)
-        kept = np.flatnonzero(stops) if stops.any() else np.zeros(1, int)
-        mesh = _mesh(self.source.vertices, faces)
-        surface, materials = Surface(), self.source.face_materials[kept]
-        for name in SHARED_FIELDS:
-            setattr(surface, name, getattr(self.surface, name))
-        surface.mesh = mesh.id
-        surface.corners = wp.array(faces.reshape(-1), dtype=int, device="cpu")
-        surface.materials = wp.array(materials, dtype=int, device="cpu")
-        levels = self.surface.uv_levels.numpy()[kept]
-        surface.uv_levels = wp.array(levels, dtype=float, device="cpu")
-        used = (self.source.materials[number] for number in np.unique(materials))
-        surface.see_through = int(any(map(is_see_through, used)))
-        return DeviceScene(surface, mesh, self.source)
 
 
 def upload_scene(scene: Scene) -> DeviceScene:
     """Copy a scene to the device, without its openness."""
-    mesh = _mesh(scene.vertices, scene.faces)
+    mesh = wp.Mesh(
+        wp.array(scene.vertices, dtype=wp.vec3, device="cpu"),
+        wp.array(scene.faces.reshape(-1), dtype=int, device="cpu"),
+    )
     slots, images = _texture_slots(scene.materials)
     surface = Surface()
     surface.mesh = mesh.id
@@ -151,15 +73,7 @@ def upload_scene(scene: Scene) -> DeviceScene:
     surface.step = STEP_SHARE * scene.radius
     surface.lift = LIFT_SHARE * scene.radius
     surface.radius = scene.radius
-    return DeviceScene(surface, mesh, scene)
-
-
-def _mesh(vertices: np.ndarray, faces: np.ndarray) -> wp.Mesh:
-    """Return the BVH of some triangles."""
-    return wp.Mesh(
-        wp.array(vertices, dtype=wp.vec3, device="cpu"),
-        wp.array(faces.reshape(-1), dtype=int, device="cpu"),
-    )
+    return DeviceScene(surface, mesh)
 
 
 def _texture_slots(

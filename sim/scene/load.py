@@ -7,14 +7,11 @@ from pathlib import Path
 
 import numpy as np
 
-from digs_warp.checks import MeshError, check_positive
 from digs_warp.geometry.rigid import transform_points
 from digs_warp.sim.scene.mesh.normalize import box_of, drop_unused_vertices, in_world, used_vertices
 from digs_warp.sim.scene.mesh.normals import fill_normals
 from digs_warp.sim.scene.mesh.parts import Triangles
 from digs_warp.sim.scene.mesh.placement import (
-    METRES_PER_UNIT,
-    ROTATION_BY_UP_AXIS,
     Placement,
     Scale,
     guessed_scale,
@@ -23,12 +20,7 @@ from digs_warp.sim.scene.mesh.placement import (
     stated_scale,
 )
 from digs_warp.sim.scene.mesh.read import GLTF_SUFFIXES, UP_AXIS_BY_SUFFIX, read_triangles
-from digs_warp.sim.scene.mesh.resting import (
-    AXES,
-    SAME_POSE,
-    better_up_axis,
-    resting_turn,
-)
+from digs_warp.sim.scene.mesh.resting import SAME_POSE, resting_turn
 from digs_warp.sim.scene.scene import Material, Scene, SceneObject
 
 logger = logging.getLogger(__name__)
@@ -64,7 +56,6 @@ def read_mesh(
 ) -> "MeshFile":
     """Read a file that may still go somewhere else; see `load_scene`."""
     path = Path(path)
-    _check_settings(size, up, unit)
     triangles, materials = read_triangles(path)
     placement = _placement(path, triangles, size, up, unit)
     return MeshFile(path, triangles, materials, placement)
@@ -131,15 +122,6 @@ def load_scene_at(path: Path, world_from_mesh: np.ndarray) -> Scene:
     return _scene(Path(path), *read_triangles(Path(path)), world_from_mesh)
 
 
-def _check_settings(size: float | None, up: str, unit: str) -> None:
-    if size is not None:
-        check_positive("size of the object [m]", size)
-    if up != "auto" and up not in ROTATION_BY_UP_AXIS:
-        raise MeshError(f"up axis '{up}': expected 'auto', 'x', 'y' or 'z'")
-    if unit != "auto" and unit not in METRES_PER_UNIT:
-        raise MeshError(f"unit '{unit}': expected 'auto', {', '.join(METRES_PER_UNIT)}")
-
-
 def _placement(
     path: Path, triangles: Triangles, size: float | None, up: str, unit: str
 ) -> Placement:
@@ -153,18 +135,17 @@ def _placement(
         return place(low, high, up, scale)
     vertices = used_vertices(triangles.vertices, triangles.faces)
     usual = place(low, high, UP_AXIS_BY_SUFFIX[suffix], scale)
-    placement = _at_rest(vertices, usual)
-    better = better_up_axis(vertices, usual.up)
-    _say_pose(path, placement, None if _stands(placement, better) else better)
+    turn = resting_turn(transform_points(usual.world_from_mesh, vertices))
+    if (turn == np.eye(3)).all():
+        return usual
+    placement = place_turned(vertices, usual.up, scale, turn)
+    logger.log(
+        logging.INFO if placement.turned < SAME_POSE else logging.WARNING,
+        "mesh '%s': does not rest with %s up; turned by %.1f degrees, so that it does. "
+        "--mesh-up %s keeps it as it is",
+        *(path.name, placement.up, placement.turned, placement.up),
+    )
     return placement
-
-
-def _stands(placement: Placement, axis: str | None) -> bool:
-    """Whether an axis of the file points up after the object was turned to rest."""
-    if axis is None:
-        return False
-    upward = placement.world_from_mesh[2, :3] @ AXES[axis] / placement.scale.metres_per_unit
-    return bool(upward > np.cos(np.deg2rad(SAME_POSE)))
 
 
 def _guessed_scale(path: Path, extent: np.ndarray) -> Scale:
@@ -175,33 +156,6 @@ def _guessed_scale(path: Path, extent: np.ndarray) -> Scale:
     level = logging.INFO if is_likely else logging.WARNING
     logger.log(level, "mesh '%s': %s m; %s", path.name, in_metres, guess.origin)
     return guess
-
-
-def _at_rest(vertices: np.ndarray, placement: Placement) -> Placement:
-    """Return the placement in which an object of these vertices, in the file, rests."""
-    turn = resting_turn(transform_points(placement.world_from_mesh, vertices))
-    if (turn == np.eye(3)).all():
-        return placement
-    return place_turned(vertices, placement.up, placement.scale, turn)
-
-
-def _say_pose(path: Path, placement: Placement, better: str | None) -> None:
-    """Say in one line how the object was turned, and that it would stand with ``better`` up."""
-    up, turned = placement.up, placement.turned
-    if better is not None:
-        how = f"; turned by {turned:.1f} degrees, so that it rests" if turned else ""
-        logger.warning(
-            "mesh '%s': lies on its side with %s up, as is usual for %s%s. It would stand with %s up: turn "
-            "it with --mesh-up %s, or keep it as it is with --mesh-up %s",
-            *(path.name, up, path.suffix[1:].upper(), how, better, better, up),
-        )
-    elif turned:
-        logger.log(
-            logging.INFO if turned < SAME_POSE else logging.WARNING,
-            "mesh '%s': does not rest with %s up; turned by %.1f degrees, so that it does. "
-            "--mesh-up %s keeps it as it is",
-            *(path.name, up, turned, up),
-        )
 
 
 def _scene(

@@ -58,8 +58,8 @@ class LabeledFrame:
         if "disparity" in wanted:
             renderer = session.renderer_at(truth.number)
             eyes = left_eye.middle_track, right_eye.middle_track
-            to_right = renderer.follow(eyes[0], truth.depth, truth.material_ids, eyes[1])
-            to_left = renderer.follow(eyes[1], right.depth, right.material_ids, eyes[0])
+            to_right = renderer.follow(eyes[0], truth.depth, eyes[1])
+            to_left = renderer.follow(eyes[1], right.depth, eyes[0])
             images |= {
                 # Columns in the left image minus those in the right one; NaN: nothing there.
                 Layer.DISPARITY: -to_right.shift[..., 0],
@@ -79,7 +79,7 @@ class LabeledFrame:
         view = self.truth if self.color is None else self.color
         now = session.image_eye(number, self.shutter).middle_track
         later = session.image_eye(number + 1, next_shutter).middle_track
-        moved = session.renderer.follow(now, view.depth, view.material_ids, later)
+        moved = session.renderer.follow(now, view.depth, later)
         focal_baseline = now.intrinsics.fx * session.rig.baseline
         change = focal_baseline / moved.depth.astype(np.float64) - focal_baseline / view.depth
         field = np.concatenate([moved.shift, change[..., None].astype(np.float32)], axis=-1)

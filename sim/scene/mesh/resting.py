@@ -1,8 +1,8 @@
 """The pose in which a mesh rests: its hull and stable poses.
 
-A pose is judged by the convex hull: the faces that look down carry the object if its center of mass is above
-them. How far it must tilt until it is not, is the angle of tipping: 20 degrees for a bottle that stands. A
-bottle that lies rests on a narrow strip, or rolls: faces that look only nearly down widen what carries it.
+A pose is judged by the convex hull: the points that touch the ground carry the object if its center of mass
+is above them. How far it must tilt until it is not, is the angle of tipping: 20 degrees for a bottle that
+stands.
 """
 
 import warnings
@@ -12,16 +12,8 @@ import numpy as np
 
 from digs_warp.geometry.rigid import matrix_from_rotation_vector
 
-AXES = {"y": np.array([0.0, 1.0, 0.0]), "z": np.array([0.0, 0.0, 1.0])}
-
-# A face looks down if it is within this angle of it [degrees]; scanned bases are uneven.
-LEVEL = 2.0
-# Faces within this angle widen the support of what rolls.
-ROUND = 12.0
-# What tips at less than this, and rolls, lies; what tips at more than the second stands [degrees]. Scanned
-# boxes on their uneven sides tip at 5.
-LIES_BELOW, STANDS_ABOVE = 3.0, 8.0
-ROLLS_FROM = 2.0  # the angle grows by this factor with the wider support
+# What tips at less than this does not rest [degrees]; scanned boxes on their uneven sides tip at 5.
+LEAST_TIPPING = 3.0
 
 # More vertices than this make the hull slow; those of them that reach out are enough.
 MOST_VERTICES = 100_000
@@ -30,28 +22,10 @@ DIRECTIONS = 64  # along a side of a cube, from whose middle they reach out
 
 @dataclass(frozen=True, eq=False)
 class Hull:
-    """Of the mesh: corners of the faces, (m, 3, 3), their outer normals, the center of mass, the volume."""
+    """Of the mesh: corners of the faces, (m, 3, 3), and the center of mass, (3,)."""
 
     corners: np.ndarray
-    normals: np.ndarray
     center: np.ndarray
-    volume: float
-
-
-def better_up_axis(vertices: np.ndarray, up: str) -> str | None:
-    """Return the axis, "y" or "z", on which a mesh stands while it lies with ``up`` up; None: it is right.
-
-    Args:
-        vertices: those that the faces use, shape (n, 3), finite.
-        up: "y" or "z".
-    """
-    hull = hull_of(vertices)
-    other = "z" if up == "y" else "y"
-    if hull is None or tipping_angle(hull, AXES[other], LEVEL) < STANDS_ABOVE:
-        return None
-    angle = tipping_angle(hull, AXES[up], LEVEL)
-    rolls = tipping_angle(hull, AXES[up], ROUND) > ROLLS_FROM * angle
-    return other if angle == 0.0 or (angle < LIES_BELOW and rolls) else None
 
 
 def hull_of(vertices: np.ndarray) -> Hull | None:
@@ -69,8 +43,7 @@ def hull_of(vertices: np.ndarray) -> Hull | None:
     # Tetrahedra between the faces and a point inside.
     volumes = np.abs(np.linalg.det(corners - inside))
     centers = (corners.sum(axis=1) + inside) / 4
-    center = np.average(centers, axis=0, weights=volumes)
-    return Hull(corners, hull.equations[:, :3], center, float(volumes.sum() / 6))
+    return Hull(corners, np.average(centers, axis=0, weights=volumes))
 
 
 def reaching_out(points: np.ndarray, directions: int) -> np.ndarray:
@@ -99,20 +72,14 @@ def reaching_out(points: np.ndarray, directions: int) -> np.ndarray:
     return points[np.sort(order[is_last])]
 
 
-def tipping_angle(hull: Hull, up: np.ndarray, level: float) -> float:
+def tips_over_at(hull: Hull, up: np.ndarray, carrying: np.ndarray) -> float:
     """Return how far the object must tilt to tip over [degrees]; 0 if it does not stand at all.
 
     Args:
         hull: of the mesh.
         up: unit vector, shape (3,).
-        level: a face within this angle of the horizontal carries [degrees].
+        carrying: the points that carry it, shape (k, 3), k >= 1.
     """
-    carrying = hull.corners[hull.normals @ -up > np.cos(np.deg2rad(level))].reshape(-1, 3)
-    return tips_over_at(hull, up, carrying) if len(carrying) else 0.0
-
-
-def tips_over_at(hull: Hull, up: np.ndarray, carrying: np.ndarray) -> float:
-    """Return the angle of `tipping_angle` for the points that carry the object, shape (k, 3), k >= 1."""
     from scipy.spatial import ConvexHull, QhullError
 
     sides = np.linalg.svd(up[None])[2][1:]  # two axes in the plane
@@ -164,7 +131,7 @@ def contact_points(vertices: np.ndarray, up: np.ndarray = UP) -> np.ndarray:
 
 
 def _rests(hull: Hull, up: np.ndarray) -> bool:
-    return tips_over_at(hull, up, contact_points(hull.corners.reshape(-1, 3), up)) >= LIES_BELOW
+    return tips_over_at(hull, up, contact_points(hull.corners.reshape(-1, 3), up)) >= LEAST_TIPPING
 
 
 def _up_of_rest(hull: Hull) -> np.ndarray:

@@ -67,8 +67,7 @@ def followed(scene: Scene, pair: tuple[CameraTrack, CameraTrack]) -> tuple[Follo
     renderer = RaycastRenderer(scene, SKY)
     parts = [renderer.render_geometry(camera) for (camera,) in source.bands()]
     depth = np.concatenate([part.depth for part in parts])
-    materials = np.concatenate([part.material_ids for part in parts])
-    return renderer.follow(source, depth, materials, target), depth
+    return renderer.follow(source, depth, target), depth
 
 
 @pytest.mark.parametrize("name", PAIRS)
@@ -107,7 +106,7 @@ def test_pixels_without_depth_have_no_place() -> None:
     depth = np.full((K.height, K.width), np.nan, np.float32)
     depth[5, 7] = 1.0
     renderer = RaycastRenderer(sheets(), SKY)
-    found = renderer.follow(still(POSE), depth, np.zeros(depth.shape, np.int32), still(POSE))
+    found = renderer.follow(still(POSE), depth, still(POSE))
     assert np.isfinite(found.shift).all(axis=-1).sum() == 1
     np.testing.assert_allclose(found.shift[5, 7], 0, atol=1e-5)
 

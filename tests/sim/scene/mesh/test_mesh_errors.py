@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 import trimesh
 
-from digs_warp.checks import DigsError, MeshError
+from digs_warp.checks import MeshError
 from digs_warp.sim.scene.load import load_scene
 from digs_warp.sim.scene.mesh.read import mesh_files
 from reference.mesh_files import (
@@ -249,17 +249,6 @@ def test_a_damaged_texture_is_an_error(tmp_path: Path) -> None:
     image = tmp_path / "paint on wood.png"
     image.write_bytes(image.read_bytes()[:60])
     expect_error(path, "paint")
-
-
-def test_a_wrong_size_or_axis_is_an_error(tmp_path: Path) -> None:
-    path = save(tmp_path / "a.stl", lopsided())
-    for size in (0.0, -1.0, float("nan"), float("inf")):
-        with pytest.raises(DigsError, match="size of the object"):
-            load_scene(path, size=size)
-    with pytest.raises(MeshError, match="'auto', 'x', 'y' or 'z'"):
-        load_scene(path, up="w")
-    with pytest.raises(MeshError, match="unit 'ft': expected 'auto', m, cm, mm, in"):
-        load_scene(path, unit="ft")
 
 
 @pytest.mark.parametrize(

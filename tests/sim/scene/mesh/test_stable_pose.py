@@ -8,7 +8,14 @@ import trimesh
 
 from digs_warp.sim.scene.builtin import builtin_scene
 from digs_warp.sim.scene.load import load_scene
-from digs_warp.sim.scene.mesh.resting import MOST_FACES, hull_of, resting_turn, stable_ups
+from digs_warp.sim.scene.mesh.resting import (
+    MOST_FACES,
+    MOST_VERTICES,
+    hull_of,
+    reaching_out,
+    resting_turn,
+    stable_ups,
+)
 from reference.mesh_files import assert_rests, save
 
 
@@ -81,3 +88,32 @@ def test_the_poses_of_a_round_thing_are_found_on_fewer_faces() -> None:
     assert chances.sum() == pytest.approx(1.0, abs=0.1)
     assert abs(chances @ ups[:, 2]) < 0.1
     assert np.abs(ups[np.argmax(chances), 2]) < 0.2  # it lies
+
+
+def test_what_was_turned_is_told(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    profile = [(0.0, 0.0), (0.07, 0.0), (0.05, 0.12), (0.0, 0.12)]
+    pot = trimesh.creation.revolve(np.array(profile), sections=64)
+    scene = load_scene(save(tmp_path / "pot.glb", pot))
+    (record,) = caplog.records
+    assert scene.size[2] == pytest.approx(0.12)
+    assert "does not rest with y up; turned by 90.0 degrees" in record.getMessage()
+
+
+def test_a_mesh_of_many_vertices_is_judged_like_the_same_shape_of_few() -> None:
+    coarse = trimesh.creation.revolve(
+        np.array([(0, 0), (0.1, 0), (0.05, 0.3), (0, 0.3)]), sections=64
+    )
+    fine = coarse
+    while len(fine.vertices) <= MOST_VERTICES:
+        fine = fine.subdivide()
+    hull, exact = hull_of(np.array(fine.vertices)), hull_of(np.array(coarse.vertices))
+    assert hull is not None and exact is not None
+    np.testing.assert_allclose(hull.center, exact.center, atol=1e-3)
+
+
+def test_the_corners_of_a_long_thing_reach_out() -> None:
+    inside = np.random.default_rng(0).uniform(-1, 1, (20_000, 3)) * (0.01, 0.2, 1.0)
+    corners = np.array(trimesh.creation.box((0.02, 0.4, 2.0)).vertices)
+    kept = reaching_out(np.concatenate([inside, corners]), 8)
+    assert len(kept) <= 6 * 8**2
+    assert all((kept == corner).all(axis=1).any() for corner in corners)
