@@ -218,12 +218,6 @@ def _named(path: Path) -> str:
 def _check_writable(path: Path, flag: str = "--out") -> None:
     """Check that a file or folder can be made, without making it."""
     path = path.absolute()
-    for each in (path, *path.parents):
-        if each.is_symlink() and not each.exists():
-            raise DigsError(
-                f"{flag} '{path}': '{each}' is a link to '{each.readlink()}', which is not there; make that, "
-                "delete the link, or name another place"
-            )
     place = next(each for each in (path, *path.parents) if each.exists())
     if place != path and not place.is_dir():
         raise DigsError(f"{flag} '{path}': '{place}' is {_named(place)}; name another place")

@@ -14,7 +14,7 @@ import pytest
 import warp as wp
 
 from digs_warp.api.keywords import ReconstructSettings, SimulateSettings
-from digs_warp.cli import EXIT_BAD_INPUT, EXIT_INTERRUPTED, EXIT_OK, EXIT_WRONG_USAGE, main
+from digs_warp.cli import EXIT_BAD_INPUT, EXIT_INTERRUPTED, EXIT_WRONG_USAGE, main
 from digs_warp.commands.command import COMMANDS, Places
 from digs_warp.commands.parse import about
 from digs_warp.commands.reconstruction_options import ReconstructionOptions
@@ -117,15 +117,6 @@ def test_a_device_that_is_not_there_is_refused_before_anything_else(
     assert (out / "old.txt").exists()
 
 
-def test_a_folder_of_pictures_needs_from_to_be_converted(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    (tmp_path / "pictures").mkdir()
-    command = ["convert", str(tmp_path / "pictures"), "--out", str(tmp_path / "capture")]
-    assert main(command) == EXIT_BAD_INPUT
-    assert "recording of a real camera add --from with one of nerf" in capsys.readouterr().err
-
-
 # The process
 
 
@@ -148,20 +139,6 @@ def test_an_interrupted_command_says_how_to_go_on(
     assert capsys.readouterr().err.endswith(f"digs-warp simulate --out '{out}' --resume\n")
 
 
-def test_the_installed_command_prints_results_to_stdout_and_complaints_to_stderr(
-    capture_folder: Path, tmp_path: Path
-) -> None:
-    program = str(Path(sys.executable).with_name("digs-warp"))
-    good, bad = (
-        subprocess.run([program, "info", str(path)], capture_output=True, text=True, check=False)
-        for path in (capture_folder, tmp_path / "missing")
-    )
-    assert (good.returncode, good.stderr) == (EXIT_OK, "")
-    assert good.stdout.startswith("kind")
-    assert (bad.returncode, bad.stdout) == (EXIT_BAD_INPUT, "")
-    assert bad.stderr.startswith("digs-warp: ")
-
-
 @pytest.mark.parametrize("arguments", [["study", "--help"], ["--version-of-nothing"]])
 def test_a_reader_that_goes_away_is_no_error_to_talk_about(arguments: list[str]):
     program = "import sys; from digs_warp.cli import main; sys.exit(main())"
@@ -179,12 +156,6 @@ def test_a_reader_that_goes_away_is_no_error_to_talk_about(arguments: list[str])
     else:  # what goes to stderr still arrives
         assert result.returncode == 2
         assert b"--version-of-nothing" in result.stderr
-
-
-def test_the_package_runs_as_a_module() -> None:
-    command = [sys.executable, "-m", "digs_warp", "--version"]
-    done = subprocess.run(command, capture_output=True, text=True, check=True)
-    assert done.stdout.startswith("digs-warp ")
 
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="no device that is always full")

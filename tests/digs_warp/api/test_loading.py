@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 import digs_warp as dw
-from digs_warp.data.point_cloud import PointCloud
 from reference.splat_scenes import random_gaussians
 
 GAUSSIANS = random_gaussians(5, seed=1)
@@ -35,16 +34,6 @@ def test_files_of_gaussians_are_gaussians(tmp_path: Path, name: str) -> None:
         assert isinstance(loaded, dw.Gaussians)
         centers = np.sort(loaded.means, axis=0)
         np.testing.assert_allclose(centers, np.sort(GAUSSIANS.means, axis=0), atol=1e-3)
-
-
-def test_a_file_is_what_its_suffix_says(tmp_path: Path) -> None:
-    cloud = PointCloud(GAUSSIANS.means, np.full((5, 3), 0.4, np.float32))
-    cloud.save(tmp_path / "points.ply")
-    loaded = PointCloud.load(tmp_path / "points.ply")
-    np.testing.assert_array_equal(loaded.points_world, cloud.points_world)
-    for each in (GAUSSIANS, cloud):
-        with pytest.raises(dw.DigsError, match=r"a\.obj': suffix '\.obj', expected .*\.npz"):
-            each.save(tmp_path / "a.obj")
 
 
 def test_what_cannot_be_loaded_is_named(tmp_path: Path) -> None:

@@ -2,9 +2,6 @@
 
 import ast
 import inspect
-from pathlib import Path
-
-import pytest
 
 import digs_warp
 
@@ -27,14 +24,3 @@ def test_every_public_name_is_there_and_documented() -> None:
         assert value.__module__ == digs_warp._HOMES[name]
         assert inspect.getdoc(value)
         assert name in dir(digs_warp)
-
-
-def test_no_module_has_a_public_name() -> None:
-    """Importing such a module would replace the function in the package."""
-    modules = {path.stem for path in Path(digs_warp.__file__).parent.iterdir()}
-    assert not modules & set(digs_warp.__all__)
-
-
-def test_another_name_is_an_attribute_error() -> None:
-    with pytest.raises(AttributeError, match="'digs_warp' has no attribute 'recontruct'"):
-        _ = digs_warp.recontruct

@@ -52,20 +52,6 @@ def test_memory_and_folder_give_the_same_gaussians_and_only_out_is_left(
     assert same(loaded.gaussians, on_disk.gaussians) and loaded.scores.views == on_disk.scores.views
 
 
-def test_a_result_in_memory_can_be_saved_with_its_masks(
-    recording: dw.Capture, tmp_path: Path
-) -> None:
-    result = dw.reconstruct(recording, **SETTINGS)
-    result.save(tmp_path / "saved")
-    loaded = dw.Reconstruction.load(tmp_path / "saved", recording)
-    assert result.frames and loaded.frames
-    for group in ("training", "held_out"):
-        for here, there in zip(
-            getattr(loaded.frames, group), getattr(result.frames, group), strict=True
-        ):
-            np.testing.assert_array_equal(here.load_mask(), there.load_mask())
-
-
 def test_a_result_renders_and_writes_usd(recording: dw.Capture, tmp_path: Path) -> None:
     result = dw.reconstruct(recording, iterations=2)
     camera = recording.frames[0].camera
@@ -110,9 +96,3 @@ def test_the_stream_is_the_recording(recording: dw.Capture) -> None:
         frame = next(frames)
         np.testing.assert_array_equal(frame.left, stored.load_image())
         np.testing.assert_array_equal(frame.depth, stored.load_depth())
-
-
-def test_wrong_settings_fail_at_once() -> None:
-    for begin in (dw.simulate, dw.stream):
-        with pytest.raises(dw.DigsError, match="tier: 'best', expected one of truth, law"):
-            begin(tier="best")  # pyright: ignore[reportArgumentType]

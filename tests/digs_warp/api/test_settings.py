@@ -21,10 +21,6 @@ def test_settings_reach_the_options_within() -> None:
     assert config.train.seed == config.sfm.sfm_seed == 5
 
 
-def test_nothing_changed_is_what_the_command_line_does() -> None:
-    assert with_settings(ReconstructionOptions(), {}) == ReconstructionOptions()
-
-
 def test_every_setting_has_one_name_and_seeds_have_none() -> None:
     names = setting_names(ReconstructionOptions)
     assert len(names) == len(set(names))

@@ -13,17 +13,6 @@ from digs_warp.poses.from_images.config import SfmConfig
 from digs_warp.train.config import Stop, TrainConfig
 
 
-def test_export_and_info_agree_on_the_number_of_gaussians(
-    gaussians_file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    scene = tmp_path / "scene.usdz"
-    assert main(["export-usd", str(gaussians_file), "--out", str(scene)]) == EXIT_OK
-    assert f"{scene}: 5 Gaussians" in capsys.readouterr().out
-    for path in (gaussians_file, scene):
-        assert main(["info", str(path)]) == EXIT_OK
-        assert "5" in capsys.readouterr().out.splitlines()[1].split()
-
-
 def test_reconstruct_then_info_and_export_work_on_its_folder(
     capture_folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -110,13 +99,3 @@ def test_density_control_follows_the_start() -> None:
         command = cli.parse(["reconstruct", "capture", "--out", "x", *flags])
         assert isinstance(command, Reconstruct)
         assert command.reconstruct_config(0).train.density.strategy == density
-
-
-def test_a_time_budget_is_read_as_seconds() -> None:
-    flags = ["--time-budget", "1.5m"]
-    command = cli.parse(["reconstruct", "capture", "--out", "x", *flags])
-    assert isinstance(command, Reconstruct)
-    assert command.reconstruct_config(0).train.stop == Stop(time_budget=90.0)
-    unlimited = cli.parse(["reconstruct", "capture", "--out", "x"])
-    assert isinstance(unlimited, Reconstruct)
-    assert unlimited.reconstruct_config(0).train.stop.time_budget is None

@@ -59,13 +59,6 @@ def test_any_pair(tmp_path: Path, gaussians: Gaussians, capsys) -> None:
         np.testing.assert_allclose(read.sh[:, 0], gaussians.sh[:, 0], atol=0.05)
 
 
-def test_a_reconstruction_folder_is_a_source(tmp_path: Path, gaussians: Gaussians, capsys) -> None:
-    gaussians.save(tmp_path / "reconstruction/gaussians.npz")
-    assert run(capsys, tmp_path / "reconstruction", tmp_path / "a.ply")[0] == EXIT_OK
-    read = scene_files.read_scene(tmp_path / "a.ply").gaussians
-    np.testing.assert_array_equal(read.quats, gaussians.quats)
-
-
 def test_converted_ply_files_show_colors_in_other_programs(
     tmp_path: Path, gaussians: Gaussians, capsys
 ) -> None:
@@ -210,19 +203,3 @@ def test_only_a_reconstruction_lends_its_record_to_usd(
     assert ours["settings"] == {"iterations": 123}
     assert "settings" not in foreign
     assert foreign["source"] == "foreign.ply"
-
-
-def test_info_knows_splat_files_from_meshes(tmp_path: Path, gaussians: Gaussians, capsys) -> None:
-    gaussians.save(tmp_path / "a.npz")
-    assert main(["info", str(tmp_path / "a.npz")]) == EXIT_OK
-    assert "drawn with" not in capsys.readouterr().out
-    for suffix in (".ply", ".spz", ".splat"):
-        run(capsys, tmp_path / "a.npz", tmp_path / f"a{suffix}")
-        capsys.readouterr()
-        assert main(["info", str(tmp_path / f"a{suffix}")]) == EXIT_OK
-        assert "20 Gaussians" in capsys.readouterr().out
-    mesh = trimesh.creation.box().export(file_type="ply")
-    assert isinstance(mesh, bytes)
-    (tmp_path / "box.ply").write_bytes(mesh)
-    assert main(["info", str(tmp_path / "box.ply")]) == EXIT_OK
-    assert "triangles" in capsys.readouterr().out

@@ -101,17 +101,6 @@ def test_a_shifted_reconstruction_is_found_out(built_in: Path, tmp_path: Path, c
     assert distances_mm(text)[1] > 9
 
 
-def test_without_a_capture_rings_of_cameras_look(tmp_path: Path, capsys) -> None:
-    ball(3000).save(tmp_path / "a.npz")
-    code, text = run(
-        capsys, tmp_path / "a.npz", "--out", tmp_path / "a.ply", "--voxel-size", 0.02, "--views", 12
-    )
-    assert code == EXIT_OK, text
-    assert "12 views" in text
-    assert "there is no measured depth" in text
-    assert "Chamfer" not in text
-
-
 def test_a_recording_of_something_real_is_compared_with_nothing(tmp_path: Path, capsys) -> None:
     write_tiny_capture(tmp_path / "capture", frames=8)
     ball(3000).save(tmp_path / "reconstruction/gaussians.npz")
@@ -122,17 +111,6 @@ def test_a_recording_of_something_real_is_compared_with_nothing(tmp_path: Path, 
     assert "8 views" in text
     assert "the photographs doubt the measured depth" in text
     assert "Chamfer" not in text
-
-
-def test_the_true_surface_is_where_the_capture_saw_it(built_in: Path, tmp_path: Path) -> None:
-    surface = read_true_surface(built_in / "capture")
-    assert surface is not None
-    # The simulator makes objects half a metre large and puts them at the origin.
-    np.testing.assert_allclose(surface.points_world[:, 2].min(), -0.25, atol=1e-3)
-    np.testing.assert_allclose(surface.points_world[:, 2].max(), 0.25, atol=1e-3)
-    assert read_true_surface(tmp_path) is None
-    RunLog("convert", {"mesh": None}).save(tmp_path / "run.json")
-    assert read_true_surface(tmp_path) is None
 
 
 def test_a_mesh_that_is_gone_is_no_reason_to_fail(

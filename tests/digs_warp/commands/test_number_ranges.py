@@ -9,7 +9,6 @@ import pytest
 
 from digs_warp.checks import DigsError
 from digs_warp.commands.command import COMMANDS, Command, Group, Node, Preset
-from digs_warp.commands.parse import CommonFlags, read_command
 from digs_warp.commands.settings_file import alternatives
 from digs_warp.settings import NO_FLAG, Range
 from digs_warp.sim.testing.recording import RecordingConfig
@@ -98,15 +97,3 @@ def test_the_ends_pass_and_the_message_shows_them() -> None:
         with pytest.raises(DigsError) as error:
             ends.check("--x", bad)
         assert str(error.value) == message
-
-
-def test_the_command_line_refuses_by_the_name_of_the_flag() -> None:
-    with pytest.raises(DigsError, match=r"^--depth-weight: 1e\+30, expected 0 to 1,000,000$"):
-        read_command(["run", "--out", "x", "--depth-weight", "1e30"], CommonFlags())
-
-
-def test_large_real_work_is_within_the_ranges() -> None:
-    words = "--width 7680 --max-splats 6000000 --frames 20000 --iterations 30000 --error-strength 4"
-    read_command(
-        ["run", "--out", "x", *words.split(), "--samples-per-pixel", "1024"], CommonFlags()
-    )

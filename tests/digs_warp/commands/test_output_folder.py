@@ -11,7 +11,7 @@ from digs_warp.commands.output import OutputFolder, is_ours
 from digs_warp.record.files import write_atomically
 from digs_warp.record.layout import UNFINISHED
 from digs_warp.record.run_log import RunLog
-from reference.output_folders import SMALL, names, our_folder, state, write
+from reference.output_folders import names, our_folder, state, write
 
 
 def test_a_new_and_an_empty_folder_are_fine(tmp_path: Path) -> None:
@@ -55,19 +55,6 @@ def test_a_record_alone_is_no_result(tmp_path: Path) -> None:
     assert record.read_text() == "{}"
 
 
-def test_resume_keeps_what_is_there(tmp_path: Path) -> None:
-    folder = our_folder(tmp_path / "out")
-    with OutputFolder(out=folder, resume=True).opened() as work:
-        assert work == folder
-    assert (folder / "old.txt").exists()
-
-
-def test_a_failed_resume_leaves_a_foreign_record(tmp_path: Path) -> None:
-    (tmp_path / "run.json").write_text("{}")
-    assert main(["simulate", "--out", str(tmp_path), "--resume"]) == EXIT_BAD_INPUT
-    assert (tmp_path / "run.json").read_text() == "{}"
-
-
 def test_overwrite_refuses_a_folder_that_we_did_not_write(tmp_path: Path) -> None:
     for name, record in [
         ("run.json", None),
@@ -84,14 +71,6 @@ def test_overwrite_refuses_a_folder_that_we_did_not_write(tmp_path: Path) -> Non
         before = state(tmp_path)
         assert main(["simulate", "--out", str(tmp_path), "--overwrite"]) == EXIT_BAD_INPUT
         assert state(tmp_path) == before
-
-
-def test_overwrite_refuses_a_folder_without_a_list_of_its_files(tmp_path: Path) -> None:
-    folder = our_folder(tmp_path / "out")
-    (folder / "files.jsonl").unlink()
-    with pytest.raises(DigsError, match="an earlier version wrote this folder"):
-        write(OutputFolder(out=folder, overwrite=True))
-    assert names(folder) == ["old.txt", "run.json"]
 
 
 def test_overwrite_refuses_to_delete_its_own_input(
@@ -122,34 +101,6 @@ def test_a_file_is_no_output_folder(tmp_path: Path, capsys: pytest.CaptureFixtur
         assert main(["simulate", "--out", str(tmp_path / name), "--overwrite"]) == EXIT_BAD_INPUT
         assert "file" in capsys.readouterr().err
         assert names(tmp_path) == ["file"]
-
-
-def test_a_link_that_leads_to_no_folder_is_named(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    (tmp_path / "file").write_text("precious")
-    for link, target in (("dangling", "gone"), ("loop", "loop"), ("to-file", "file")):
-        (tmp_path / link).symlink_to(tmp_path / target)
-    for name in ("dangling", "loop", "to-file", "dangling/below"):
-        out = tmp_path / name
-        for command in (["simulate", *SMALL], ["plan", "--frames", "1", "--json"]):
-            flag = "--json" if "--json" in command else "--out"
-            if (flag, name) == ("--json", "to-file"):
-                continue
-            words = [*command, *(["--out"] if flag == "--out" else []), str(out)]
-            assert main(words) == EXIT_BAD_INPUT
-            error = capsys.readouterr().err
-            assert f"{flag} '{out}': " in error and " a link to " in error
-        assert (tmp_path / "file").read_text() == "precious"
-        assert not (tmp_path / "gone").exists()
-
-
-def test_a_link_to_a_folder_is_that_folder(tmp_path: Path) -> None:
-    (tmp_path / "real").mkdir()
-    (tmp_path / "link").symlink_to(tmp_path / "real")
-    for overwrite in (False, True):
-        write(OutputFolder(out=tmp_path / "link", overwrite=overwrite))
-        assert (tmp_path / "real/new.txt").is_file() and (tmp_path / "link").is_symlink()
 
 
 def test_a_file_is_not_replaced_by_what_is_made_from_it(tmp_path: Path) -> None:

@@ -10,7 +10,7 @@ import digs_warp
 from digs_warp.checks import DigsError
 from digs_warp.cli import EXIT_BAD_INPUT, EXIT_OK, main
 from digs_warp.data.gaussians import FIELDS, Gaussians
-from digs_warp.record.layout import GAUSSIANS, UNFINISHED
+from digs_warp.record.layout import GAUSSIANS
 from reference.interrupted_training import train_until
 from reference.output_folders import SMALL, names, our_folder, state
 from reference.tiny_capture import write_tiny_capture
@@ -65,20 +65,6 @@ def test_a_reconstruction_that_cannot_be_made_changes_nothing(
         assert state(tmp_path) == before
 
 
-def test_a_data_set_with_a_failed_scene_replaces_nothing(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    monkeypatch.chdir(tmp_path)
-    our_folder(tmp_path / "out")
-    before = state(tmp_path / "out")
-    Path("a.obj").write_text("no mesh")
-    arguments = ["simulate", "--meshes", "*.obj", "--out", "out", "--overwrite", *SMALL]
-    assert main(arguments) == EXIT_BAD_INPUT
-    error = capsys.readouterr().err
-    assert "1 of 1 scene failed" in error and f"What was begun is in 'out/{UNFINISHED}'" in error
-    assert before.items() <= state(tmp_path / "out").items()
-
-
 def test_an_overwrite_that_is_terminated_resumes_to_the_same_bits(
     capture: Path, tmp_path: Path
 ) -> None:
@@ -112,10 +98,3 @@ def test_the_functions_of_the_package_replace_no_file_of_others(
     with pytest.raises(DigsError, match="move them away"):
         digs_warp.simulate(out=tmp_path, frames=2, width=32, height=18)
     assert state(tmp_path) == before
-
-
-def test_a_study_replaces_no_page_of_others(tmp_path: Path) -> None:
-    (tmp_path / "report.md").write_text("precious")
-    arguments = ["study", "run", "initialization", "--time-budget", "0.001s"]
-    assert main([*arguments, "--out", str(tmp_path)]) == EXIT_BAD_INPUT
-    assert names(tmp_path) == ["report.md"]

@@ -36,15 +36,6 @@ def test_what_is_compiled_is_not_compiled_again(
     assert precompile.compile_kernels() == 0.0
 
 
-def test_a_process_that_fails_leaves_the_kernels_to_those_who_need_them(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(wp.config, "kernel_cache_dir", str(tmp_path))
-    monkeypatch.setattr(precompile, "_sets", lambda sources: [["digs_warp.missing"]])
-    assert precompile.compile_kernels() > 0.0
-    assert not list(tmp_path.iterdir())
-
-
 @pytest.mark.long
 def test_nothing_is_left_to_compile_for_a_run(tmp_path: Path) -> None:
     code = f"""

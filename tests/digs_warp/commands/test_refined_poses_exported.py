@@ -1,7 +1,6 @@
 """Refined poses leave the program: in the index and the models of other programs, and in USD scenes."""
 
 import json
-import shutil
 from dataclasses import replace
 from pathlib import Path
 
@@ -97,13 +96,3 @@ def test_the_cameras_of_a_usd_scene_are_those_of_the_reconstruction(
             camera.GetCamera(i), (used.intrinsics.width, used.intrinsics.height)
         )
         assert_allclose(project(points @ Y_UP.T), used.project(points)[0], atol=1e-3)
-
-
-def test_without_its_recording_nothing_is_exported(
-    work: tuple[Path, list[np.ndarray], Capture], tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    shutil.copytree(work[0] / "reconstruction", tmp_path / "alone")
-    line = ["convert", str(tmp_path / "alone"), "--to", "colmap", "--out", str(tmp_path / "out")]
-    assert main(line) != EXIT_OK
-    assert "put one beside it, named 'capture'" in capsys.readouterr().err
-    assert not (tmp_path / "out").exists()

@@ -6,11 +6,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from digs_warp.cli import EXIT_BAD_INPUT, EXIT_OK, EXIT_WRONG_USAGE, main
-from digs_warp.commands.render import Render
+from digs_warp.cli import EXIT_BAD_INPUT, EXIT_OK, main
 from digs_warp.data.gaussians import CLASSIC, Gaussians
 from digs_warp.data.images import read_image
-from digs_warp.show.film.video import Clock
 from reference.tiny_capture import ball, write_tiny_capture
 
 SMALL = ["--width", "64", "--height", "48", "--seconds", "0.1"]
@@ -88,24 +86,3 @@ def test_what_cannot_be_filmed_is_said(tmp_path: Path, scene: Path, monkeypatch,
         code, text = run(capsys, scene, *arguments)
         assert (code, message in text) == (EXIT_BAD_INPUT, True), text
         assert not list(tmp_path.glob("a.*"))
-
-
-def test_values_out_of_range_are_wrong_usage(scene: Path, capsys) -> None:
-    for arguments in [
-        ["--fps", "0"],
-        ["--elevation-deg", "95"],
-        ["--background", "0", "0", "2"],
-        ["--fov-deg", "180"],
-    ]:
-        assert run(capsys, scene, "--out", "a.mp4", *arguments)[0] == EXIT_WRONG_USAGE
-
-
-def test_an_interrupted_film_leaves_nothing(tmp_path: Path, scene: Path, capsys) -> None:
-    def interrupted():
-        yield np.zeros((48, 64, 3), np.uint8)
-        raise KeyboardInterrupt
-
-    command = Render(source=scene, out=tmp_path / "film")
-    with pytest.raises(KeyboardInterrupt):
-        command._write_folder(interrupted(), Clock())
-    assert sorted(path.name for path in tmp_path.iterdir()) == ["reconstruction"]

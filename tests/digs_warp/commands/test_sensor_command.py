@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from digs_warp.cli import EXIT_BAD_INPUT, EXIT_OK, EXIT_WRONG_USAGE, main
+from digs_warp.cli import EXIT_BAD_INPUT, EXIT_OK, main
 from digs_warp.data.capture import read_capture
 from digs_warp.data.capture_writer import CaptureWriter, FrameImages
 from digs_warp.data.rig import Rig
@@ -66,16 +66,6 @@ def test_the_profile_has_the_figures_and_can_be_used(
         assert part in page
 
 
-def test_files_are_replaced_only_on_request(
-    wall: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    page = tmp_path / "mine.html"
-    page.write_text("of somebody else")
-    assert fit(wall, "--out", tmp_path / "mine.yaml") == EXIT_BAD_INPUT
-    assert "mine.html': the file exists; add --overwrite" in capsys.readouterr().err
-    assert not (tmp_path / "mine.yaml").exists()
-
-
 def test_wrong_flags_are_explained(
     wall: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -89,21 +79,6 @@ def test_wrong_flags_are_explained(
         assert fit(wall, *words) == EXIT_BAD_INPUT
         assert message in capsys.readouterr().err
         assert not any(tmp_path.iterdir())
-
-
-def test_distances_have_a_range(wall: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert fit(wall, "--out", "p.yaml", "--distances", "0", "1") == EXIT_WRONG_USAGE
-    assert "--distances: 0.0, expected 0.01 to 1,000" in capsys.readouterr().err
-
-
-def test_other_folders_are_refused_with_what_is_expected(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    (tmp_path / "photo.png").write_bytes(b"")
-    assert fit(tmp_path, "--out", tmp_path / "p.yaml") == EXIT_BAD_INPUT
-    assert "no transforms.json" in capsys.readouterr().err
-    assert fit(tmp_path / "none", "--out", tmp_path / "p.yaml") == EXIT_BAD_INPUT
-    assert "none': no such folder" in capsys.readouterr().err
 
 
 def test_a_recording_of_something_else_is_no_wall(

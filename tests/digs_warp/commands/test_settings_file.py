@@ -9,8 +9,7 @@ import pytest
 
 from digs_warp import cli
 from digs_warp.checks import DigsError
-from digs_warp.cli import EXIT_BAD_INPUT, EXIT_WRONG_USAGE, main
-from digs_warp.commands.plan import Plan
+from digs_warp.cli import EXIT_WRONG_USAGE, main
 from digs_warp.commands.reconstruct import Reconstruct
 from digs_warp.commands.run import Run
 from digs_warp.commands.settings_file import file_settings
@@ -129,14 +128,6 @@ def test_yaml_with_a_few_settings_is_enough(tmp_path: Path) -> None:
     assert command.recording.tier == "guided"
 
 
-def test_a_plan_takes_the_settings_of_a_recording(tmp_path: Path) -> None:
-    first = cli.parse(["simulate", "--out", "a", *RECORDING])
-    record = save(tmp_path / "run.json", "simulate", settings_of(first))
-    command = cli.parse(["plan", "--config", str(record)])
-    assert isinstance(command, Plan)
-    assert (command.recording.frames, command.recording.mesh) == (7, Path("a b.glb"))
-
-
 def test_settings_that_do_not_fit_are_refused(tmp_path: Path) -> None:
     for command, settings, message in [
         ("simulate", {"frames": 3}, "settings of 'digs-warp simulate'.*'digs-warp run'"),
@@ -182,11 +173,3 @@ def test_unusable_files_are_explained_in_one_line(
             error = capsys.readouterr().err
             assert name in error, (command, name)
             assert len(error.splitlines()) == 1, (command, error)
-
-
-def test_commands_without_settings_take_no_file(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    assert main(["info", "--config", "x.json", str(tmp_path)]) == EXIT_WRONG_USAGE
-    assert "takes no --config" in capsys.readouterr().err
-    assert main(["info", str(tmp_path)]) == EXIT_BAD_INPUT

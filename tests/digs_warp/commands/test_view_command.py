@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from digs_warp.cli import EXIT_BAD_INPUT, EXIT_OK, EXIT_WRONG_USAGE, main
+from digs_warp.cli import EXIT_OK, main
 from digs_warp.data.gaussians import Gaussians
 from reference.tiny_capture import ball, write_tiny_capture
 
@@ -31,15 +31,6 @@ def test_it_serves_its_page_until_it_is_interrupted(tmp_path: Path) -> None:
     process.send_signal(signal.SIGTERM)  # SIGINT is ignored in processes of a shell's background
     out, err = process.communicate(timeout=120)
     assert (process.returncode, out.strip(), err) == (0, "closed", "")
-
-
-def test_what_cannot_be_shown_is_told(tmp_path: Path, capsys) -> None:
-    assert main(["view", str(tmp_path / "nothing")]) == EXIT_BAD_INPUT
-    assert "no such file or folder" in capsys.readouterr().err
-    assert main(["view"]) == EXIT_WRONG_USAGE
-    ball().save(tmp_path / "ball.npz")
-    assert main(["view", str(tmp_path / "ball.npz"), "--host", "192.0.2.1"]) == EXIT_BAD_INPUT
-    assert "an address of this machine" in capsys.readouterr().err
 
 
 def test_a_watched_training_ends_with_the_same_bits(tmp_path: Path, capsys) -> None:

@@ -66,12 +66,6 @@ def test_a_signal_interrupts_like_ctrl_c_or_waits_for_the_block_once(
         interruption.end()
 
 
-def test_a_library_call_leaves_the_signals_of_its_process_alone() -> None:
-    before = [signal.getsignal(number) for number in STOP_SIGNALS]
-    with deferred_interrupt():
-        assert [signal.getsignal(number) for number in STOP_SIGNALS] == before
-
-
 def test_an_ignored_signal_stays_ignored() -> None:
     """What `nohup` promises."""
     before = signal.signal(signal.SIGHUP, signal.SIG_IGN)

@@ -4,19 +4,13 @@ import json
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pytest
 
 from digs_warp.checks import DigsError
-from digs_warp.data.point_cloud import PointCloud
-from digs_warp.init.start import Start
-from digs_warp.measure.scores import Scores
-from digs_warp.pipeline.records import Poses, stored, stored_capture
 from digs_warp.record.run_log import RunRecord
 from digs_warp.study.engine.store import Store
-from digs_warp.train.training import Training, read_course
+from digs_warp.train.training import read_course
 
-NO_POINTS = PointCloud(np.zeros((0, 3)), np.zeros((0, 3)))
 ROW = {"iteration": 1, "seconds": 0.5, "loss": None, "splats": 3}
 RECORD: dict[str, Any] = {"command": "run", "versions": {}, "settings": {}}
 CASE = {
@@ -42,31 +36,6 @@ def test_a_run_record_of_another_shape_is_named(tmp_path: Path) -> None:
         path.write_text(json.dumps(RECORD | change))
         with pytest.raises(DigsError, match=r"run\.json'.*run again"):
             RunRecord.load(path)
-
-
-def test_results_of_another_shape_are_named() -> None:
-    kinds = (Poses, {}), (Start, {"points": NO_POINTS}), (Training, {}), (Scores, {})
-    for results in (
-        {"start": []},
-        {"start": {"sources": {"depth": "many"}}},
-        {"capture": 7},
-        {"training": {"iterations": "x"}},
-        {"scores": {"mean": [1]}},
-        *({"poses": wrong} for wrong in ({"findings": [1]}, {"subject": "car"})),
-    ):
-        record = RunRecord("run", {}, {}, results=results)
-        with pytest.raises(DigsError, match=r"run\.json', results.*; reconstruct again"):
-            stored_capture(record, Path())
-            for kind, known in kinds:
-                stored(kind, record, Path(), **known)
-    for content in (
-        [],
-        {},
-        {"mean": {}, "views": [1]},
-        {"mean": {"psnr_object": "x"}, "views": []},
-    ):
-        with pytest.raises(DigsError):
-            Scores.from_json(content)
 
 
 def test_a_case_of_another_shape_or_that_lacks_a_part_is_named(tmp_path: Path) -> None:

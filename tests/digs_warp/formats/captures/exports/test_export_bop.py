@@ -7,12 +7,10 @@ import numpy as np
 import pytest
 
 from digs_warp.data.capture import Capture
-from digs_warp.data.capture_writer import CaptureWriter, FrameImages
 from digs_warp.data.images import read_image
 from digs_warp.formats.captures.bop import depth_scale
 from digs_warp.geometry.rigid import rigid
 from reference.exported import exported, points_as_integer_centered, true_points
-from reference.recorded import CAMERA, HEIGHT, WIDTH
 
 
 def test_bop_puts_every_pixel_and_the_object_where_they_were(
@@ -57,23 +55,6 @@ def test_bop_describes_the_silhouettes(capture: Capture, tmp_path: Path) -> None
         assert not (mask & ~box).any()
         edges = (mask[y], mask[y + height], mask[:, x], mask[:, x + width])
         assert all(edge.any() for edge in edges)
-
-
-def test_an_object_out_of_view_has_no_box(tmp_path: Path) -> None:
-    writer = CaptureWriter(tmp_path / "capture", CAMERA)
-    shape = (HEIGHT, WIDTH)
-    empty = FrameImages(
-        image=np.zeros((*shape, 3), np.uint8),
-        depth=np.full(shape, np.nan, np.float32),
-        mask=np.zeros(shape, np.uint8),
-    )
-    writer.write_frame(0, empty)
-    writer.add_pose(0, np.eye(4), 0.0)
-    capture = writer.finish()
-    scene = exported(capture, "bop", tmp_path / "out") / "train/000000"
-    ((info,),) = json.loads((scene / "scene_gt_info.json").read_text()).values()
-    assert info["bbox_obj"] == [-1, -1, -1, -1]
-    assert (info["px_count_all"], info["visib_fract"]) == (0, 0.0)
 
 
 @pytest.mark.parametrize(

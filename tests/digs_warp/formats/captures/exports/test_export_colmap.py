@@ -17,7 +17,6 @@ from digs_warp.formats.captures.formats import export_capture
 from digs_warp.init.config import InitConfig
 from digs_warp.init.recipes import initial_points
 from reference.exported import exported, zoomed
-from reference.recorded import HEIGHT, WIDTH
 from reference.tiny_capture import RADIUS, write_tiny_capture
 
 
@@ -25,20 +24,6 @@ from reference.tiny_capture import RADIUS, write_tiny_capture
 def ball(tmp_path_factory: pytest.TempPathFactory) -> Capture:
     """A capture with a surface, from which depth makes points."""
     return write_tiny_capture(tmp_path_factory.mktemp("ball") / "capture", frames=10)
-
-
-@pytest.mark.parametrize("form", ["colmap", "colmap-text"])
-def test_pycolmap_sees_the_same_cameras(capture: Capture, form: str, tmp_path: Path) -> None:
-    model = import_pycolmap().Reconstruction(exported(capture, form, tmp_path) / "sparse/0")
-    assert model.num_cameras() == 1 and model.num_reg_images() == len(capture)
-    points = np.random.default_rng(1).uniform(-0.3, 0.3, (20, 3))
-    for frame in capture.frames:
-        image = model.find_image_with_name(f"{frame.name}.png")
-        expected, _ = frame.camera.project(points)
-        found = np.array([image.project_point(point) for point in points])
-        np.testing.assert_allclose(found, expected, atol=1e-9)
-        (camera,) = model.cameras.values()
-        assert (camera.width, camera.height) == (WIDTH, HEIGHT)
 
 
 @pytest.mark.parametrize("form", ["colmap", "colmap-text"])
@@ -76,21 +61,6 @@ def test_tracks_name_training_images_that_show_the_point(
     assert model.compute_mean_reprojection_error() < 1e-6
     observed = {Path(image.name).stem for image in model.images.values() if image.num_points3D}
     assert observed == names
-
-
-def test_a_capture_without_masks_gets_points_of_the_whole_scene(
-    ball: Capture, tmp_path: Path
-) -> None:
-    bare = replace(
-        ball,
-        frames=tuple(
-            replace(frame, layers={k: v for k, v in frame.layers.items() if k != Layer.MASK})
-            for frame in ball.frames
-        ),
-    )
-    model = import_pycolmap().Reconstruction(exported(bare, "colmap", tmp_path) / "sparse/0")
-    assert not (tmp_path / "masks").exists()
-    assert model.num_points3D() > 1000
 
 
 @pytest.mark.parametrize("has_points", [False, True])
@@ -181,19 +151,6 @@ def test_opensplat_reads_what_colmap_means_by_default(ball: Capture, tmp_path: P
     found = list(read_as_opensplat(exported(ball, "colmap", tmp_path)))
     expected = initial_points(ball.split()[0], InitConfig()).points_world
     np.testing.assert_allclose(found, expected, atol=1e-7)
-
-
-def test_colmap_text_and_binary_are_the_same_model(capture: Capture, tmp_path: Path) -> None:
-    pycolmap = import_pycolmap()
-    text = pycolmap.Reconstruction(exported(capture, "colmap-text", tmp_path / "a") / "sparse/0")
-    binary = pycolmap.Reconstruction(exported(capture, "colmap", tmp_path / "b") / "sparse/0")
-    for key, image in text.images.items():
-        other = binary.images[key]
-        assert image.name == other.name
-        np.testing.assert_array_equal(
-            image.cam_from_world().matrix(), other.cam_from_world().matrix()
-        )
-    np.testing.assert_array_equal(text.cameras[1].params, binary.cameras[1].params)
 
 
 def test_colmap_keeps_a_camera_per_frame(capture: Capture, tmp_path: Path) -> None:

@@ -7,12 +7,10 @@ import pytest
 
 from digs_warp.checks import CaptureError
 from digs_warp.data.capture import Capture
-from digs_warp.data.images import read_image
 from digs_warp.formats.captures.formats import export_capture
 from digs_warp.geometry.rigid import matrix_from_quat_xyzw, rigid
 from reference.exported import (
     exported,
-    points_as_integer_centered,
     true_points,
     with_last_frame,
 )
@@ -45,23 +43,6 @@ def test_open3d_gets_the_points_back_from_tum(capture: Capture, tmp_path: Path) 
         )
         color = np.asarray(o3d.io.read_image(str(colors[number])))
         np.testing.assert_array_equal(color, capture.frames[number].load_image())
-
-
-def test_tum_files_follow_the_specification(capture: Capture, tmp_path: Path) -> None:
-    folder = exported(capture, "tum", tmp_path)
-    stamps = [row[0] for row in rows(folder / "groundtruth.txt")]
-    assert [float(stamp) for stamp in stamps] == list(TIMES)
-    for name in ("rgb", "depth"):
-        assert rows(folder / f"{name}.txt") == [[stamp, f"{name}/{stamp}.png"] for stamp in stamps]
-    calibration = np.array(rows(folder / "calibration.txt")[0], dtype=float)
-    matrix = np.array([[calibration[0], 0, calibration[2]], [0, *calibration[[1, 3]]], [0, 0, 1]])
-    for number, row in enumerate(rows(folder / "groundtruth.txt")):
-        t = np.array(row[1:], dtype=float)
-        depth = read_image(folder / f"depth/{row[0]}.png")[..., 0] / 5000.0
-        found = points_as_integer_centered(
-            depth, matrix, rigid(matrix_from_quat_xyzw(t[3:]), t[:3])
-        )
-        np.testing.assert_allclose(found, true_points(capture, number), atol=1.5e-4)
 
 
 def test_evo_reads_the_trajectory(capture: Capture, tmp_path: Path) -> None:

@@ -32,11 +32,3 @@ def test_the_command_says_when_poses_are_unknown(
         main(["convert", str(tmp_path / "tum"), "--out", str(tmp_path / "c"), "--from", "tum"]) == 0
     )
     assert "poses unknown" in capsys.readouterr().out
-
-
-def test_a_recording_is_not_exported_at_once(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    arguments = ["convert", str(tmp_path), "--from", "tum", "--to", "colmap", "--out", "x"]
-    assert main(arguments) == 2
-    assert "--from and --to" in capsys.readouterr().err

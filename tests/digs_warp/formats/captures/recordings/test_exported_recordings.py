@@ -11,7 +11,6 @@ from digs_warp.data.capture import Capture
 from digs_warp.data.layers import Layer
 from digs_warp.formats.captures.formats import READERS, export_capture, read_recording
 from digs_warp.geometry.camera import Camera
-from digs_warp.show.report.facts import describe
 from reference.recorded import check_same, converted
 
 
@@ -50,11 +49,6 @@ def test_an_empty_folder_is_no_recording(form: str, tmp_path: Path) -> None:
         read_recording(tmp_path / "walk.mp4", form)
 
 
-def test_an_unknown_form_lists_the_known_ones(tmp_path: Path) -> None:
-    with pytest.raises(DigsError, match="expected one of nerfstudio, tum"):
-        read_recording(tmp_path, "kinect")
-
-
 def test_tum_needs_to_know_its_camera(capture: Capture, tmp_path: Path) -> None:
     export_capture(capture, "tum", tmp_path / "rgbd_dataset_freiburg2_desk")
     (tmp_path / "rgbd_dataset_freiburg2_desk/calibration.txt").unlink()
@@ -63,13 +57,6 @@ def test_tum_needs_to_know_its_camera(capture: Capture, tmp_path: Path) -> None:
     (tmp_path / "rgbd_dataset_freiburg2_desk").rename(tmp_path / "mine")
     with pytest.raises(CaptureError, match=r"write 'fx fy cx cy' into its calibration\.txt"):
         read_recording(tmp_path / "mine", "tum")
-
-
-def test_tum_without_ground_truth_has_no_poses(capture: Capture, tmp_path: Path) -> None:
-    export_capture(capture, "tum", tmp_path / "tum")
-    (tmp_path / "tum/groundtruth.txt").unlink()
-    assert not converted("tum", tmp_path / "tum", tmp_path / "capture").knows_poses
-    assert describe(tmp_path / "capture")["camera path"].endswith("--poses sfm or rgbd")
 
 
 @pytest.mark.parametrize("name", ["depth.txt", "groundtruth.txt"])

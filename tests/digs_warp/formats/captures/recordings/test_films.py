@@ -11,7 +11,7 @@ from digs_warp.cli import main
 from digs_warp.data.capture import Capture, read_capture
 from digs_warp.data.layers import Layer
 from digs_warp.data.sharpness import REPEATED, Sharpness
-from digs_warp.formats.captures.formats import export_capture, read_recording
+from digs_warp.formats.captures.formats import export_capture
 from digs_warp.formats.captures.video import choose
 from digs_warp.show.film.video import write_video
 from reference import realsense_bag
@@ -94,13 +94,6 @@ def test_broken_films_are_explained(
     assert "expected a file, found a folder" in capsys.readouterr().err
 
 
-def test_long_recordings_can_be_thinned(capture: Capture, tmp_path: Path) -> None:
-    export_capture(capture, "tum", tmp_path / "tum")
-    line = ["convert", str(tmp_path / "tum"), "--from", "tum", "--out", str(tmp_path / "c")]
-    assert main([*line, "--frames", "2"]) == 0
-    assert [frame.time for frame in read_capture(tmp_path / "c").frames] == [0.0, 1.5]
-
-
 def test_lists_out_of_order_are_sorted_by_time(capture: Capture, tmp_path: Path) -> None:
     export_capture(capture, "tum", tmp_path / "tum")
     for name in ("rgb.txt", "depth.txt", "groundtruth.txt"):
@@ -131,8 +124,3 @@ def test_a_realsense_recording_gives_color_and_depth_moved_to_it(tmp_path: Path)
         np.testing.assert_allclose(inner[np.isfinite(inner)], 1.0, atol=1e-3)
         # The depth camera sees less, 1.5 cm further left: its picture ends at the sides of the color image.
         assert np.isfinite(depth[24, 10:50]).all()
-
-
-def test_a_film_is_no_folder_of_another_format(film: Path) -> None:
-    with pytest.raises(Exception, match="for a film add --from video"):
-        read_recording(film, "tum")

@@ -11,10 +11,7 @@ from digs_warp.data.images import write_image
 from digs_warp.data.layers import Layer
 from digs_warp.formats.captures.formats import read_recording
 from digs_warp.formats.captures.to_capture import (
-    LEAST_DISPARITY,
-    NEAREST_BASELINES,
     matched_depth,
-    search_end,
     write_capture,
 )
 from digs_warp.geometry.camera import Intrinsics
@@ -58,12 +55,6 @@ def test_images_without_texture_get_no_confident_depth() -> None:
     assert np.isnan(depth).all() and (confidence == 0).all()
 
 
-def test_the_search_reaches_four_baselines() -> None:
-    assert K.fx * BASELINE / search_end(K) <= NEAREST_BASELINES * BASELINE
-    assert search_end(Intrinsics(8, 8, 500.0, 500.0, 4.0, 4.0)) == 16
-    assert LEAST_DISPARITY > 0
-
-
 def test_a_recording_of_two_eyes_without_depth_is_matched(tmp_path: Path) -> None:
     left, right, truth = plane_pair()
     source = tmp_path / "zed"
@@ -77,19 +68,6 @@ def test_a_recording_of_two_eyes_without_depth_is_matched(tmp_path: Path) -> Non
     assert np.nanmedian(np.abs(depth - truth)) < 0.02
     assert frame.has(Layer.CONFIDENCE) and frame.load_confidence().max() > 0.5
     assert str(capture.metric_scale) == "metres, by the depth maps"
-
-
-def test_recorded_depth_is_kept(tmp_path: Path) -> None:
-    left, right, _ = plane_pair()
-    source = tmp_path / "zed"
-    write_image(source / "left000000.png", left)
-    write_image(source / "right000000.png", right)
-    write_image(source / "depth000000.png", np.full((96, 160), 1500, np.uint16))
-    calibration = {"fx": K.fx, "fy": K.fy, "cx": K.cx, "cy": K.cy, "baseline": BASELINE}
-    (source / "calibration.json").write_text(json.dumps(calibration))
-    capture = write_capture(read_recording(source, "zed"), "zed", tmp_path / "capture")
-    assert (capture.frames[0].load_depth() == 1.5).all()
-    assert not capture.frames[0].has(Layer.CONFIDENCE)
 
 
 @pytest.mark.skipif(not (REAL / "middlebury_motorcycle").is_dir(), reason="needs the sample data")

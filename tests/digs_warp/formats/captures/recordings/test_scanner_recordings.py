@@ -10,7 +10,7 @@ import pytest
 
 from digs_warp.checks import CaptureError
 from digs_warp.data.capture import Capture
-from digs_warp.data.images import read_image, write_image
+from digs_warp.data.images import write_image
 from digs_warp.formats.captures.formats import read_recording
 from digs_warp.geometry.rigid import OPENCV_FROM_OPENGL, quat_xyzw_from_matrix
 from digs_warp.record.files import to_json
@@ -63,16 +63,6 @@ def test_record3d_poses_have_opengl_axes(capture: Capture, tmp_path: Path) -> No
     assert found.frames[2].time == pytest.approx(2 / 30)
 
 
-def test_record3d_may_note_a_camera_for_every_frame(capture: Capture, tmp_path: Path) -> None:
-    write_record3d(capture, tmp_path / "r3d")
-    path = tmp_path / "r3d/metadata.json"
-    own = [[19.0, 23.0, 9.25, 7.75], [20.0, 24.0, 9.0, 7.0], [21.0, 25.0, 9.5, 8.0]]
-    path.write_text(json.dumps(json.loads(path.read_text()) | {"perFrameIntrinsicCoeffs": own}))
-    found = converted("record3d", tmp_path / "r3d", tmp_path / "capture")
-    ks = [frame.camera.intrinsics for frame in found.frames]
-    assert [[k.fx, k.fy, k.cx, k.cy] for k in ks] == own
-
-
 @pytest.mark.parametrize("kind", ["millimetres", "metres"])
 def test_zed_frames_have_depth_codes_but_no_poses(
     capture: Capture, tmp_path: Path, kind: str
@@ -115,21 +105,3 @@ def test_a_baseline_in_millimetres_is_refused(capture: Capture, tmp_path: Path) 
         CaptureError, match=r"baseline is 119\.987, expected metres.* write 0\.119987"
     ):
         read_recording(folder, "zed")
-
-
-def test_single_images_of_a_primesense_camera(sample_data: Path, tmp_path: Path) -> None:
-    theirs = sample_data / "rgbd/primesense_single_object"
-    camera = json.loads((theirs / "intrinsics.json").read_text())
-    folder = tmp_path / "zed"
-    folder.mkdir()
-    for number in range(3):
-        (folder / f"left{number}.png").symlink_to(theirs / f"color_{number}.png")
-        depth = read_image(theirs / f"depth_{number}.png")[..., 0].astype(np.float32) * 1e-4
-        write_image(folder / f"depth{number}.exr", depth)
-    k = {key: camera[f"_{key}"] for key in ("fx", "fy", "cx", "cy")}
-    (folder / "calibration.json").write_text(json.dumps(k))
-    found = converted("zed", folder, tmp_path / "capture")
-    frame = found.frames[1]
-    assert (frame.camera.intrinsics.width, frame.camera.intrinsics.height) == (640, 480)
-    assert 0.5 < np.nanmedian(frame.load_depth()) < 0.9
-    assert frame.load_image().std() > 20

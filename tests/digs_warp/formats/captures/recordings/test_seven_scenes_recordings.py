@@ -1,7 +1,6 @@
 """7-Scenes and the data sets in its layout."""
 
 from collections.abc import Callable
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -75,17 +74,6 @@ def test_the_kinect_of_7_scenes_has_its_color_camera_beside_the_depth_camera(
     corner = depth_camera.unproject(np.array([[300.0, 200.0]]), np.array([2.0]))
     expected, _ = frame.camera.project(corner)
     np.testing.assert_allclose(hole.min(axis=0)[::-1], expected[0], atol=1.5)
-
-
-def test_frames_without_tracking_or_depth(capture: Capture, sequence: Path, tmp_path: Path) -> None:
-    calibrate(sequence)
-    np.savetxt(sequence / "frame-000008.pose.txt", np.full((4, 4), np.inf))
-    (sequence / "frame-000010.depth.png").unlink()
-    found = converted("7scenes", sequence, tmp_path / "capture")
-    assert [len(frame.layers) for frame in found.frames] == [2, 1]
-    check_same(
-        replace(found, frames=found.frames[:1]), replace(capture, frames=capture.frames[:1]), 1e-3
-    )
 
 
 def spoil(name: str, content: str) -> Callable[[Path], object]:

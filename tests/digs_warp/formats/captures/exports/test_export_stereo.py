@@ -1,0 +1,333 @@
+"""Captures as sets of stereo pairs: Middlebury, FlyingThings3D and KITTI, read as their users read them."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from digs_warp.checks import CaptureError
+from digs_warp.data.capture import Capture
+from digs_warp.data.images import read_image
+from digs_warp.data.layers import Layer
+from digs_warp.formats.captures.formats import export_capture
+from digs_warp.formats.captures.kitti import calib_cam_to_cam, encode_disparity, encode_flow
+from digs_warp.geometry.camera import Camera
+from digs_warp.geometry.rigid import OPENCV_FROM_OPENGL
+from reference.exported import exported
+from reference.labeled_capture import BASELINE, CAMERA, EYES, labeled_capture, without
+
+STEREO = ("kitti-stereo", "sceneflow", "middlebury")
+
+
+@pytest.fixture(scope="module")
+def capture(tmp_path_factory: pytest.TempPathFactory) -> Capture:
+    return labeled_capture(tmp_path_factory.mktemp("stereo") / "capture")
+
+
+@pytest.fixture(scope="module")
+def scenes(capture: Capture, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return exported(capture, "middlebury", tmp_path_factory.mktemp("middlebury") / "out")
+
+
+@pytest.fixture(scope="module")
+def flying(capture: Capture, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return exported(capture, "sceneflow", tmp_path_factory.mktemp("sceneflow") / "out")
+
+
+@pytest.fixture(scope="module")
+def training(capture: Capture, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return exported(capture, "kitti-stereo", tmp_path_factory.mktemp("kitti") / "out") / "training"
+
+
+def read_pfm(path: Path) -> np.ndarray:
+    """From the text of the format: three lines, then rows from bottom to top."""
+    kind, size, scale, data = path.read_bytes().split(b"\n", 3)
+    width, height = map(int, size.split())
+    assert float(scale) == -1.0  # below zero: little-endian
+    pixels = np.frombuffer(data, "<f4").reshape(height, width, {b"Pf": 1, b"PF": 3}[kind])
+    return pixels[::-1]
+
+
+# Middlebury
+
+
+def calibration(path: Path) -> dict[str, str]:
+    return dict(line.split("=", 1) for line in path.read_text().splitlines())  # pyright: ignore
+
+
+def test_a_scene_has_the_files_of_2014(capture: Capture, scenes: Path) -> None:
+    for number, frame in enumerate(capture.frames):
+        scene = scenes / f"{number:04d}"
+        assert sorted(path.name for path in scene.iterdir()) == [
+            *("calib.txt", "disp0.pfm", "disp1.pfm", "im0.png", "im1.png", "mask0nocc.png")
+        ]
+        np.testing.assert_array_equal(read_image(scene / "im0.png"), frame.load_image())
+        np.testing.assert_array_equal(read_image(scene / "im1.png"), frame.load_right_image())
+        left = frame.load_disparity()
+        np.testing.assert_array_equal(
+            read_pfm(scene / "disp0.pfm")[..., 0], np.nan_to_num(left, nan=np.inf)
+        )
+        np.testing.assert_array_equal(
+            read_pfm(scene / "disp1.pfm")[..., 0], frame.load_disparity_right()
+        )
+        mask = read_image(scene / "mask0nocc.png")[..., 0]
+        known, seen = np.isfinite(left), frame.load_occlusion() == 0
+        np.testing.assert_array_equal(mask == 255, known & seen)
+        np.testing.assert_array_equal(mask == 128, known & ~seen)
+        np.testing.assert_array_equal(mask == 0, ~known)
+
+
+def test_the_calibration_turns_disparity_into_millimetres(capture: Capture, scenes: Path) -> None:
+    for number, frame in enumerate(capture.frames):
+        found = calibration(scenes / f"{number:04d}/calib.txt")
+        numbers = [float(word) for word in found["cam0"].strip("[]").replace(";", " ").split()]
+        # The center of the first pixel is (0, 0).
+        expected = [CAMERA.fx, 0, CAMERA.cx - 0.5, 0, CAMERA.fy, CAMERA.cy - 0.5, 0, 0, 1]
+        np.testing.assert_allclose(numbers, expected)
+        assert found["cam1"] == found["cam0"] and (found["doffs"], found["isint"]) == ("0", "0")
+        assert (found["width"], found["height"]) == (str(CAMERA.width), str(CAMERA.height))
+        depth_mm = float(found["baseline"]) * numbers[0] / (9.5 + float(found["doffs"]))
+        assert depth_mm == pytest.approx(1000 * CAMERA.fx * BASELINE / 9.5)
+        most = np.nanmax(frame.load_disparity())
+        assert int(found["ndisp"]) - 1 == int(found["vmax"]) == np.ceil(most)
+        assert int(found["vmin"]) == np.floor(np.nanmin(frame.load_disparity()))
+
+
+def test_torchvision_reads_a_scene(capture: Capture, scenes: Path, tmp_path: Path) -> None:
+    datasets = pytest.importorskip("torchvision.datasets", reason="torchvision is not installed")
+    # It knows the scenes of 2014 by name.
+    (tmp_path / "Middlebury2014/train").mkdir(parents=True)
+    (tmp_path / "Middlebury2014/train/Motorcycle-perfect").symlink_to(scenes / "0001")
+    ((left, right, disparity, known),) = list(datasets.Middlebury2014Stereo(tmp_path))
+    frame = capture.frames[1]
+    np.testing.assert_array_equal(np.asarray(left), frame.load_image())
+    np.testing.assert_array_equal(np.asarray(right), frame.load_right_image())
+    true = frame.load_disparity()
+    np.testing.assert_array_equal(known, np.isfinite(true))
+    np.testing.assert_array_equal(disparity[0][known], true[known])
+
+
+@pytest.mark.parametrize("form", STEREO)
+def test_a_capture_without_labels_says_how_to_get_them(
+    capture: Capture, form: str, tmp_path: Path
+) -> None:
+    for layer in (Layer.OCCLUSION, Layer.DISPARITY_RIGHT, Layer.RIGHT):
+        with pytest.raises(CaptureError, match=rf"'0002'.*{layer.value}.*--labels disparity"):
+            export_capture(without(capture, layer), form, tmp_path / "out")
+    with pytest.raises(CaptureError, match="one eye"):
+        export_capture(replace(capture, rig=None), form, tmp_path / "out")
+
+
+@pytest.mark.parametrize("form", ["sceneflow", "middlebury"])
+def test_a_capture_in_memory_is_exported_as_a_folder_is(
+    capture: Capture, form: str, tmp_path: Path
+) -> None:
+    """Images that are no PNG files are converted."""
+    frames = [
+        replace(
+            frame,
+            layers={
+                **frame.layers,
+                Layer.IMAGE: frame.load_image(),
+                Layer.RIGHT: frame.load_right_image(),
+            },
+        )
+        for frame in capture.frames
+    ]
+    folder = exported(replace(capture, frames=tuple(frames)), form, tmp_path / "out")
+    left = sorted(folder.rglob("im0.png")) or sorted(folder.rglob("left/*.png"))
+    assert len(left) == len(frames)
+    for path, frame in zip(left, capture.frames, strict=True):
+        np.testing.assert_array_equal(read_image(path), frame.load_image())
+
+
+# FlyingThings3D
+
+
+DATA = "SceneFlow/FlyingThings3D"
+FUTURE = "TRAIN/A/0000/into_future/left"
+
+
+def test_opencv_reads_the_float_images(capture: Capture, flying: Path) -> None:
+    path = flying / DATA / "disparity/TRAIN/A/0000/right/0001.pfm"
+    found = cv2.imread(str(path), cv2.IMREAD_UNCHANGED)
+    np.testing.assert_array_equal(found, capture.frames[1].load_disparity_right())
+
+
+def test_disparity_flow_and_change_come_back(capture: Capture, flying: Path) -> None:
+    for number, frame in enumerate(capture.frames):
+        left, right = frame.load_disparity(), frame.load_disparity_right()
+        for side, true in (("left", np.nan_to_num(left, nan=0.0)), ("right", right)):
+            path = flying / DATA / f"disparity/TRAIN/A/0000/{side}/{number:04d}.pfm"
+            np.testing.assert_array_equal(read_pfm(path)[..., 0], true)
+        name = f"OpticalFlowIntoFuture_{number:04d}_L.pfm"
+        flow = flying / DATA / "optical_flow" / FUTURE / name
+        change = flying / DATA / "disparity_change" / FUTURE / f"{number:04d}.pfm"
+        if number + 1 == len(capture):
+            assert not flow.exists() and not change.exists()
+            continue
+        known = np.isfinite(frame.load_disparity_change())
+        assert not known.all()
+        found = read_pfm(flow)
+        np.testing.assert_array_equal(found[known][:, :2], frame.load_flow()[known])
+        assert not found[known][:, 2].any() and (found[~known] > 1e9).all()
+        found = read_pfm(change)[..., 0]
+        np.testing.assert_array_equal(found[known], frame.load_disparity_change()[known])
+        assert (found[~known] > 1e9).all()
+
+
+def test_the_cameras_look_where_they_did(capture: Capture, flying: Path) -> None:
+    text = (flying / DATA / "camera_data/TRAIN/A/0000/camera_data.txt").read_text()
+    entries = [entry.splitlines() for entry in text.strip().split("\n\n")]
+    assert [entry[0] for entry in entries] == ["Frame 0", "Frame 1", "Frame 2"]
+    for entry, frame in zip(entries, capture.frames, strict=True):
+        left, right = (np.array(line.split()[1:], float).reshape(4, 4) for line in entry[1:])
+        seen = Camera(CAMERA, left @ OPENCV_FROM_OPENGL)
+        np.testing.assert_allclose(seen.world_from_cam, frame.camera.world_from_cam, atol=1e-7)
+        np.testing.assert_allclose(right[:3, 3] - left[:3, 3], BASELINE * left[:3, 0], atol=1e-7)
+
+
+def test_torchvision_reads_pairs_and_flow(capture: Capture, flying: Path, tmp_path: Path) -> None:
+    datasets = pytest.importorskip("torchvision.datasets", reason="torchvision is not installed")
+    pairs = datasets.SceneFlowStereo(flying, pass_name="final")
+    assert len(pairs) == len(capture)
+    for number, frame in enumerate(capture.frames):
+        left, right, disparity = pairs[number]
+        np.testing.assert_array_equal(np.asarray(left), frame.load_image())
+        np.testing.assert_array_equal(np.asarray(right), frame.load_right_image())
+        true = np.nan_to_num(frame.load_disparity(), nan=0.0)
+        np.testing.assert_array_equal(disparity, true[None])
+    moving = datasets.FlyingThings3D(flying / "SceneFlow", pass_name="final")
+    image, later, flow = moving[0]  # torchvision leaves out the last pair
+    np.testing.assert_array_equal(np.asarray(image), capture.frames[0].load_image())
+    np.testing.assert_array_equal(np.asarray(later), capture.frames[1].load_image())
+    true = np.moveaxis(capture.frames[0].load_flow(), -1, 0)
+    known = np.isfinite(true)
+    np.testing.assert_array_equal(flow[known], true[known])
+
+
+# KITTI
+
+
+def disparity_of(path: Path) -> np.ndarray:
+    """As RAFT-Stereo reads it."""
+    pixels = cv2.imread(str(path), cv2.IMREAD_ANYDEPTH)
+    assert pixels is not None
+    return pixels / 256.0
+
+
+def flow_of(path: Path) -> tuple[np.ndarray, np.ndarray]:
+    """As RAFT reads it: OpenCV turns the channels around."""
+    pixels = cv2.imread(str(path), cv2.IMREAD_ANYDEPTH | cv2.IMREAD_COLOR)
+    assert pixels is not None and pixels.dtype == np.uint16
+    channels = pixels[:, :, ::-1].astype(np.float32)
+    return (channels[:, :, :2] - 2**15) / 64.0, channels[:, :, 2]
+
+
+def test_numbers_are_those_of_the_development_kit() -> None:
+    disparity = np.array([[np.nan, 0.0009, 1.0, 63.501, 255.998, 256.0, -0.2]], np.float32)
+    encoded, lost = encode_disparity(disparity)
+    np.testing.assert_array_equal(encoded, [[0, 1, 256, 16256, 65535, 0, 0]])
+    assert encoded.dtype == np.uint16 and lost == 2
+    flow = np.array([[[0.0, 1.0], [-512.0, 511.98], [512.0, 0], [np.nan, 0]]], np.float32)
+    encoded, lost = encode_flow(flow)
+    expected = [[[32768, 32832, 1], [0, 65535, 1], [0, 0, 0], [0, 0, 0]]]
+    np.testing.assert_array_equal(encoded, expected)
+    assert encoded.dtype == np.uint16 and lost == 1
+
+
+def test_disparity_comes_back(capture: Capture, training: Path) -> None:
+    for number, frame in enumerate(capture.frames[:-1]):
+        name, true = f"{number:06d}_10.png", frame.load_disparity()
+        known = np.isfinite(true)
+        every, both = (
+            disparity_of(training / f"disp_{which}_0" / name) for which in ("occ", "noc")
+        )
+        np.testing.assert_array_equal(every > 0, known)
+        np.testing.assert_allclose(every[known], true[known], atol=0.501 / 256)
+        seen = known & (frame.load_occlusion() == 0)
+        np.testing.assert_array_equal(both, np.where(seen, every, 0))
+        later = disparity_of(training / "disp_occ_1" / name)
+        then = true + frame.load_disparity_change()
+        inside = np.isfinite(then) & (then > 0) & (then < 255)
+        np.testing.assert_allclose(later[inside], then[inside], atol=0.501 / 256)
+        assert inside.sum() > 100 and not later[~inside].any()
+
+
+def test_flow_comes_back(capture: Capture, training: Path) -> None:
+    for number, frame in enumerate(capture.frames[:-1]):
+        name, true = f"{number:06d}_10.png", frame.load_flow()
+        flow, known = flow_of(training / "flow_occ" / name)
+        np.testing.assert_array_equal(known, np.isfinite(true).all(axis=-1))
+        np.testing.assert_allclose(flow[known == 1], true[known == 1], atol=0.501 / 64)
+        flow, seen = flow_of(training / "flow_noc" / name)
+        np.testing.assert_array_equal(seen, known * (frame.load_flow_occlusion() == 0))
+        np.testing.assert_allclose(flow[seen == 1], true[seen == 1], atol=0.501 / 64)
+
+
+def test_a_scene_is_a_frame_and_the_next_one(capture: Capture, training: Path) -> None:
+    for eye, load in (("image_2", "load_image"), ("image_3", "load_right_image")):
+        names = sorted(path.name for path in (training / eye).iterdir())
+        assert names == [f"00000{scene}_1{moment}.png" for scene in (0, 1) for moment in (0, 1)]
+        for number in (0, 1):
+            for later in (0, 1):
+                found = read_image(training / eye / f"00000{number}_1{later}.png")
+                expected = getattr(capture.frames[number + later], load)()
+                np.testing.assert_array_equal(found, expected)
+
+
+def test_without_flow_every_frame_is_a_scene(tmp_path: Path) -> None:
+    capture = labeled_capture(tmp_path / "capture", flow=False)
+    training = exported(capture, "kitti-stereo", tmp_path / "out") / "training"
+    names = sorted(path.name for path in (training / "disp_occ_0").iterdir())
+    assert names == ["000000_10.png", "000001_10.png", "000002_10.png"]
+    assert sorted(path.name for path in training.iterdir()) == [
+        *("calib_cam_to_cam", "disp_noc_0", "disp_occ_0", "image_2", "image_3")
+    ]
+
+
+def read_calibration(text: str) -> dict[str, np.ndarray]:
+    """As pykitti reads it."""
+    rows = (line.split(":", 1) for line in text.splitlines())
+    return {name: np.array([float(word) for word in words.split()]) for name, words in rows}
+
+
+def test_the_calibration_projects_into_both_eyes(training: Path) -> None:
+    found = read_calibration((training / "calib_cam_to_cam/000001.txt").read_text())
+    left, right = (found[f"P_rect_0{number}"].reshape(3, 4) for number in (2, 3))
+    point = np.array([0.3, -0.2, 2.0, 1.0])
+    here, there = ((p @ point)[:2] / (p @ point)[2] for p in (left, right))
+    # The center of the first pixel is (0, 0).
+    expected = [CAMERA.fx * 0.15 + CAMERA.cx - 0.5, CAMERA.fy * -0.1 + CAMERA.cy - 0.5]
+    np.testing.assert_allclose(here, expected)
+    np.testing.assert_allclose(here - there, [CAMERA.fx * BASELINE / 2.0, 0], atol=1e-12)
+    np.testing.assert_array_equal(found["S_rect_02"], [CAMERA.width, CAMERA.height])
+    assert calib_cam_to_cam(CAMERA, BASELINE).count("\n") == 16
+
+
+def test_an_infrared_pair_is_a_stereo_pair(tmp_path: Path) -> None:
+    capture = labeled_capture(tmp_path / "capture", infrared=True)
+    training = exported(capture, "kitti-stereo", tmp_path / "out") / "training"
+    left, right = capture.frames[1].load_infrared()
+    for eye, pixels in (("image_2", left), ("image_3", right)):
+        np.testing.assert_array_equal(read_image(training / eye / "000001_10.png")[..., 0], pixels)
+    assert not (training / "flow_occ").exists()  # that is the color camera's
+    found = read_calibration((training / "calib_cam_to_cam/000000.txt").read_text())
+    np.testing.assert_allclose(found["P_rect_02"][[0, 2]], [EYES.fl_x, EYES.cx - 0.5])
+
+
+def test_torchvision_reads_the_flow(capture: Capture, training: Path, tmp_path: Path) -> None:
+    datasets = pytest.importorskip("torchvision.datasets", reason="torchvision is not installed")
+    (tmp_path / "KittiFlow").symlink_to(training.parent)
+    found = datasets.KittiFlow(tmp_path)
+    assert len(found) == 2
+    for number, frame in enumerate(capture.frames[:-1]):
+        image, later, flow, known = found[number]
+        np.testing.assert_array_equal(np.asarray(image), frame.load_image())
+        np.testing.assert_array_equal(np.asarray(later), capture.frames[number + 1].load_image())
+        true = np.moveaxis(frame.load_flow(), -1, 0)
+        np.testing.assert_array_equal(known, np.isfinite(true).all(axis=0))
+        where = np.asarray(known, bool)
+        np.testing.assert_allclose(flow[:, where], true[:, where], atol=0.501 / 64)
