@@ -53,6 +53,7 @@ class Child:
     """
 
     def __init__(self, threads: int) -> None:
+        self.threads = threads
         reader, writer = os.pipe()
         command = [sys.executable, "-P", "-c", _START, json.dumps(sys.path), str(writer)]
         try:
@@ -173,12 +174,12 @@ def _cause_of_death(code: int) -> CallFailed:
 
 
 class Children:
-    """Child processes; those whose last call ended well are kept for the next."""
+    """A child process for each thread that asks; kept for its next call if the last one ended well."""
 
     def __init__(self) -> None:
         self._lock = threading.Lock()
-        self._idle: list[tuple[int, Child]] = []
-        self._busy: set[Child] = set()
+        self._mine = threading.local()  # child
+        self._all: set[Child] = set()
         self._is_over = False
 
     def run(self, call: bytes, needs: Needs) -> Any:
@@ -187,46 +188,38 @@ class Children:
         Raises:
             CallFailed: it has no result.
         """
-        with self._lock:
-            if self._is_over:
-                raise RuntimeError("the engine was shut down")
-            child = self._take(needs)
-            self._busy.add(child)
+        kept: Child | None = getattr(self._mine, "child", None)
+        if kept and (needs.alone or kept.threads != needs.threads or not kept.is_alive):
+            self._end(kept)
+            kept = None
+        if kept is None:
+            with self._lock:
+                if self._is_over:
+                    raise RuntimeError("the engine was shut down")
+                kept = self._mine.child = Child(needs.threads)
+                self._all.add(kept)
         try:
-            value = child.result(call, needs.seconds)
+            value = kept.result(call, needs.seconds)
         except BaseException:
-            self._end(child)
+            self._end(kept)
             raise
         if needs.alone:
-            self._end(child)
-        else:
-            with self._lock:
-                self._busy.discard(child)
-                self._idle.append((needs.threads, child))
+            self._end(kept)
         return value
 
     def stop(self) -> None:
         """End all of them, also those that have a call; from now on there are no calls."""
         with self._lock:
             self._is_over = True
-            children = [*self._busy, *(child for _, child in self._idle)]
-            self._idle.clear()
+            children = [*self._all]
         for child in children:
             child.stop()
 
-    def _take(self, needs: Needs) -> Child:
-        """Return an idle child with the right number of threads, or a new one; called with the lock."""
-        self._idle = [(threads, child) for threads, child in self._idle if child.is_alive]
-        for entry in self._idle:
-            if entry[0] == needs.threads and not needs.alone:
-                self._idle.remove(entry)
-                return entry[1]
-        return Child(needs.threads)
-
     def _end(self, child: Child) -> None:
         child.stop()
+        self._mine.child = None
         with self._lock:
-            self._busy.discard(child)
+            self._all.discard(child)
 
 
 _children = Children()

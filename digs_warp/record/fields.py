@@ -3,7 +3,7 @@
 import json
 import math
 import reprlib
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, TypeVar
 
@@ -88,13 +88,14 @@ class Fields:
         self, name: str, low: float = 0, high: float = 2**63, default: T | _Needed = NEEDED
     ) -> int | T:
         """Return a whole number from ``low`` to ``high``."""
-        value = self._find(name, default)
-        if value is default:
-            return value
-        if not (is_number(value) and value == int(value) and low <= value <= high):
-            upto = f" to {high:g}" if high < 2**63 else " or more"
-            raise self._wrong(name, value, f"a whole number, {low:g}{upto}")
-        return int(value)
+        upto = f" to {high:g}" if high < 2**63 else " or more"
+        value = self._fitting(
+            name,
+            default,
+            lambda v: is_number(v) and v == int(v) and low <= v <= high,
+            f"a whole number, {low:g}{upto}",
+        )
+        return value if value is default else int(value)
 
     def number(
         self,
@@ -105,28 +106,16 @@ class Fields:
         what: str = "a finite number",
     ) -> float | T:
         """Return a number from ``low`` to ``high``; ``what`` describes it in messages."""
-        value = self._find(name, default)
-        if value is default:
-            return value
-        if not (is_number(value) and low <= value <= high):
-            raise self._wrong(name, value, what)
-        return float(value)
+        value = self._fitting(name, default, lambda v: is_number(v) and low <= v <= high, what)
+        return value if value is default else float(value)
 
     def text(self, name: str, default: T | _Needed = NEEDED) -> str | T:
         """Return a text without characters that no file name can have."""
-        value = self._find(name, default)
-        if value is default:
-            return value
-        if not is_text(value):
-            raise self._wrong(name, value, "a text")
-        return value
+        return self._fitting(name, default, is_text, "a text")
 
     def flag(self, name: str, default: T | _Needed = NEEDED) -> bool | T:
         """Return true or false."""
-        value = self._find(name, default)
-        if value is not default and not isinstance(value, bool):
-            raise self._wrong(name, value, "true or false")
-        return value
+        return self._fitting(name, default, lambda v: isinstance(v, bool), "true or false")
 
     def array(
         self, name: str, shape: Sequence[int], default: T | _Needed = NEEDED
@@ -135,13 +124,13 @@ class Fields:
         value = self._find(name, default)
         if value is default:
             return value
-        numbers = list(_flat(value)) if isinstance(value, list) else [None]
-        if not all(map(is_number, numbers)):
-            raise self._wrong(name, value, f"{_size(shape)} finite numbers")
         try:
-            return np.array(numbers, dtype=np.float64).reshape(shape)
-        except ValueError:
-            raise self._wrong(name, value, f"{_size(shape)} finite numbers") from None
+            numbers = list(_flat(value)) if isinstance(value, list) else [None]
+            if all(map(is_number, numbers)):
+                return np.array(numbers, dtype=np.float64).reshape(shape)
+        except ValueError:  # another shape
+            pass
+        raise self._wrong(name, value, f"{_size(shape)} finite numbers")
 
     def section(self, name: str, optional: bool = False) -> "Fields":
         """Return an object inside this one; an empty one if it is missing and ``optional``."""
@@ -150,11 +139,9 @@ class Fields:
 
     def sections(self, name: str, default: T | _Needed = NEEDED) -> "list[Fields] | T":
         """Return a list of objects."""
-        value = self._find(name, default)
+        value = self._fitting(name, default, lambda v: isinstance(v, list), "a list of objects")
         if value is default:
             return value
-        if not isinstance(value, list):
-            raise self._wrong(name, value, "a list of objects")
         return [self._inside(item, f"{self.where}, {name} {i}") for i, item in enumerate(value)]
 
     def _inside(self, value: Any, where: str) -> "Fields":
@@ -163,6 +150,12 @@ class Fields:
                 f"expected a JSON object, found {shown(value)}"
             )
         return replace(self, values=value, where=where, shared=None)
+
+    def _fitting(self, name: str, default: Any, fits: Callable[[Any], bool], expected: str) -> Any:
+        value = self._find(name, default)
+        if value is not default and not fits(value):
+            raise self._wrong(name, value, expected)
+        return value
 
     def _find(self, name: str, default: Any = None) -> Any:
         value = self.values.get(name)

@@ -6,7 +6,7 @@ import sys
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
-from typing import Any, Protocol, Self
+from typing import Any, Self
 
 from tqdm import tqdm
 
@@ -19,25 +19,6 @@ SECONDS_BETWEEN_LINES = 30.0
 _show_progress = False
 _start = 0.0
 _depth = 0  # of the stages that have begun
-
-
-class Progress(Protocol):
-    """The part of `tqdm` that this package uses."""
-
-    n: Any
-    total: Any
-
-    def __enter__(self) -> Self: ...
-
-    def __exit__(self, exc_type: Any, exc_value: Any, traceback: Any, /) -> Any: ...
-
-    def update(self, n: int = 1) -> Any:
-        """Count ``n`` more."""
-        ...
-
-    def set_postfix_str(self, s: str, refresh: bool = True) -> None:
-        """Show ``s`` after the numbers."""
-        ...
 
 
 def show_progress(shown: bool = True) -> None:
@@ -63,7 +44,9 @@ def announced(stage: str) -> Iterator[None]:
         _depth -= 1
 
 
-def progress(total: int, label: str, unit: str = "step", initial: int = 0) -> Progress:
+def progress(
+    total: int, label: str, unit: str = "step", initial: int = 0
+) -> "tqdm[Any] | _LogLines":
     """Return a progress bar, or lines in a log; use it as a context manager and `update` it.
 
     There are no bars if stderr is not a terminal, and no output at all if TQDM_DISABLE is set.

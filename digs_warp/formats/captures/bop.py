@@ -27,7 +27,6 @@ from digs_warp.checks import CaptureError
 from digs_warp.data.capture import Capture
 from digs_warp.data.frame import Frame
 from digs_warp.data.images import MM_PER_METRE, to_uint8, write_image
-from digs_warp.data.objects import Box
 from digs_warp.data.triangle_mesh import TriangleMesh
 from digs_warp.formats.captures.frames import (
     LARGEST_DEPTH,
@@ -228,45 +227,32 @@ def _object_pose(frame: Frame, number: int, world_from_model: np.ndarray) -> dic
 
 
 def _object_infos(frame: Frame, masks: list[np.ndarray], known: np.ndarray) -> list[dict[str, Any]]:
-    """Return boxes and counts of each object of a frame."""
-    infos = [_object_info(mask, known) for mask in masks]
-    if len(masks) == 1:
-        return infos
-    return [
-        info
-        | {
-            "bbox_obj": _bop_box(view.box),
-            "px_count_all": view.pixels,
-            "visib_fract": view.visible_share,
+    """Return boxes and counts of each object of a frame; BOP's widths are from center to center of pixels."""
+    infos = []
+    for number, mask in enumerate(masks):
+        pixels, box = int(np.count_nonzero(mask)), NO_BOX
+        if pixels:
+            rows, columns = np.nonzero(mask)
+            x, y = int(columns.min()), int(rows.min())
+            box = [x, y, int(columns.max()) - x, int(rows.max()) - y]
+        info = {
+            "bbox_obj": box,
+            "bbox_visib": box,
+            "px_count_all": pixels,
+            "px_count_valid": int(np.count_nonzero(mask & known)),
+            "px_count_visib": pixels,
+            "visib_fract": 1.0 if pixels else 0.0,
         }
-        for info, view in zip(infos, frame.objects, strict=True)
-    ]
-
-
-def _bop_box(box: Box | None) -> list[int]:
-    """Return a box in BOP's form: its width is from center to center of the outermost pixels."""
-    if box is None:
-        return NO_BOX
-    x, y, width, height = box
-    return [x, y, width - 1, height - 1]
-
-
-def _object_info(mask: np.ndarray, known: np.ndarray) -> dict[str, Any]:
-    pixels = int(np.count_nonzero(mask))
-    box = NO_BOX
-    if pixels:
-        rows, columns = np.nonzero(mask)
-        x, y = int(columns.min()), int(rows.min())
-        # BOP's width is from center to center of the outermost pixels.
-        box = [x, y, int(columns.max()) - x, int(rows.max()) - y]
-    return {
-        "bbox_obj": box,
-        "bbox_visib": box,
-        "px_count_all": pixels,
-        "px_count_valid": int(np.count_nonzero(mask & known)),
-        "px_count_visib": pixels,
-        "visib_fract": 1.0 if pixels else 0.0,
-    }
+        if len(masks) > 1:
+            view = frame.objects[number]
+            x, y, width, height = view.box or (-1, -1, 0, 0)
+            info |= {
+                "bbox_obj": [x, y, width - 1, height - 1],
+                "px_count_all": view.pixels,
+                "visib_fract": view.visible_share,
+            }
+        infos.append(info)
+    return infos
 
 
 def _write_json(path: Path, content: dict[Any, Any]) -> None:

@@ -76,7 +76,7 @@ def read_stray(folder: Path, scratch: Path, count: int) -> Recording:
         rows = np.array([[float(word) for word in line.split(",")[:9]] for line in lines])
         rows = rows.reshape(-1, 9)
         times, places, turns = rows[:, 0], rows[:, 2:5], rows[:, 5:9]
-    images, size = chosen_frames(folder / "rgb.mp4", scratch, count, len(rows))
+    images, size, _ = chosen_frames(folder / "rgb.mp4", scratch, count, len(rows))
     matrix = read_numbers(folder / "camera_matrix.csv", (3, 3), "camera")
     k = Intrinsics.from_matrix(matrix, *size, first_center=0)
     frames = []

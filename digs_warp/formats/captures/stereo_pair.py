@@ -1,8 +1,4 @@
-"""What stereo data sets are made of: the two images of a frame, their camera, and their labels.
-
-PFM, their format of float images: a header of three lines, then rows from bottom to top; a negative scale
-says that the numbers are little-endian. See https://netpbm.sourceforge.net/doc/pfm.html.
-"""
+"""What stereo data sets are made of: the two images of a frame, their camera, and their labels."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -19,8 +15,6 @@ from digs_warp.formats.captures.frames import integer_centered
 from digs_warp.geometry.camera import Intrinsics
 from digs_warp.record.files import copy_file, write_atomically
 
-KINDS = {1: "Pf", 3: "PF"}
-
 
 def write_pfm(path: Path, values: np.ndarray) -> None:
     """Write an image of one or three channels.
@@ -29,10 +23,11 @@ def write_pfm(path: Path, values: np.ndarray) -> None:
         path: the file.
         values: shape (height, width) or (height, width, 3), float32.
     """
-    image = values.reshape(*values.shape[:2], -1)
-    height, width, channels = image.shape
-    header = f"{KINDS[channels]}\n{width} {height}\n-1.0\n"
-    write_atomically(path, header.encode() + image[::-1].astype("<f4").tobytes())
+    import cv2
+
+    write_atomically(
+        path, cv2.imencode(".pfm", values[..., ::-1] if values.ndim == 3 else values)[1].tobytes()
+    )
 
 
 # The layers of the labels; `digs_warp.sim.record.labels.names` has all of them.

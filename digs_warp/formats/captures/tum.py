@@ -36,33 +36,6 @@ from digs_warp.geometry.rigid import quat_xyzw_from_matrix
 from digs_warp.record.files import read_text, write_atomically
 from digs_warp.words import counted
 
-
-def at_the_moments(
-    times: np.ndarray, others: np.ndarray, largest_gap: float, source: str, what: str
-) -> list[int | None]:
-    """Return for each image the number of what was taken at its moment; None: nothing near enough.
-
-    Args:
-        times: of the images [s], shape (n,), n >= 1.
-        others: of the other files or lines [s], shape (m,), m >= 1.
-        largest_gap: what differs by more was not taken at the same moment [s].
-        source: where the other times are, for messages.
-        what: of the others, one.
-
-    Raises:
-        CaptureError: no image has any: two clocks, or the file of another recording.
-    """
-    nearest = [int(np.argmin(np.abs(others - time))) for time in times]
-    gaps = np.abs(times - others[nearest])
-    if gaps.min() > largest_gap:
-        raise CaptureError(
-            f"{source}: none of {counted(len(others), what)} was taken within {1e3 * largest_gap:g} ms of an "
-            f"image; the nearest are {float(np.median(gaps)):.3g} s away (median). If they belong to these "
-            "images, correct the times in the file"
-        )
-    return [i if gap <= largest_gap else None for i, gap in zip(nearest, gaps, strict=True)]
-
-
 logger = logging.getLogger(__name__)
 
 DEPTH_UNITS_PER_METRE = 5000.0  # fixed by the format: a step of 0.2 mm, 13.1 m at most
@@ -90,31 +63,43 @@ def read_tum(folder: Path) -> Recording:
     times, images = _read_list(files, "rgb.txt")
     depth_times, depths = _read_list(files, "depth.txt")
     pose_times, poses = _read_poses(folder / TRUTH, files.notes)
-    depth_of = at_the_moments(
-        times, depth_times, LARGEST_GAP, f"'{folder / 'depth.txt'}'", "depth image"
-    )
+    depth_of = _at_the_moments(times, depth_times, folder / "depth.txt", "depth image")
     pose_of: list[int | None] = [None] * len(times)
     if poses:
-        pose_of = at_the_moments(times, pose_times, LARGEST_GAP, f"'{folder / TRUTH}'", "pose")
+        pose_of = _at_the_moments(times, pose_times, folder / TRUTH, "pose")
     if without := depth_of.count(None):
         logger.warning(
             "recording '%s': %d of %d images have no depth of the same moment, to %g ms",
             *(folder, without, len(times), 1e3 * LARGEST_GAP),
         )
     k = _intrinsics(folder, image_size(images[0]))
-    frames = []
-    for time, image, depth, pose in zip(times, images, depth_of, pose_of, strict=True):
-        frames.append(
-            RecordedFrame(
-                image=image,
-                intrinsics=k,
-                time=time,
-                world_from_cam=None if pose is None else poses[pose],
-                depth=None if depth is None else depths[depth],
-                depth_units_per_metre=DEPTH_UNITS_PER_METRE,
-            )
+    frames = tuple(
+        RecordedFrame(
+            image=image,
+            intrinsics=k,
+            time=time,
+            world_from_cam=None if pose is None else poses[pose],
+            depth=None if depth is None else depths[depth],
+            depth_units_per_metre=DEPTH_UNITS_PER_METRE,
         )
-    return Recording(folder, tuple(frames), notes=files.notes)
+        for time, image, depth, pose in zip(times, images, depth_of, pose_of, strict=True)
+    )
+    return Recording(folder, frames, notes=files.notes)
+
+
+def _at_the_moments(
+    times: np.ndarray, others: np.ndarray, source: Path, what: str
+) -> list[int | None]:
+    """Return for each image the number of what was taken at its moment; None: nothing near enough."""
+    nearest = [int(np.argmin(np.abs(others - time))) for time in times]
+    gaps = np.abs(times - others[nearest])
+    if gaps.min() > LARGEST_GAP:
+        raise CaptureError(
+            f"'{source}': none of {counted(len(others), what)} was taken within {1e3 * LARGEST_GAP:g} ms of "
+            f"an image; the nearest are {float(np.median(gaps)):.3g} s away (median). If they belong to "
+            "these images, correct the times in the file"
+        )
+    return [i if gap <= LARGEST_GAP else None for i, gap in zip(nearest, gaps, strict=True)]
 
 
 def _read_list(files: FileNames, name: str) -> tuple[np.ndarray, list[Path]]:

@@ -70,39 +70,32 @@ def read_film(path: Path, scratch: Path, count: int, fov_deg: float | None) -> R
     Raises:
         CaptureError: no film, or one without frames.
     """
-    require_file(path, "film", "Name a film such as walk.mp4.")
-    sharpness, rate = _measure(path)
-    chosen = choose(sharpness, count)
-    repeated = int(np.count_nonzero(sharpness == REPEATED))
-    if repeated:
-        logger.info("film '%s': %s repeat the one before", path, counted(repeated, "frame"))
-    size = _extract(path, scratch, chosen)
+    images, size, rate = chosen_frames(path, scratch, count)
     k = _camera(path, size, fov_deg)
-    frames = tuple(
-        RecordedFrame(image=scratch / _name(number), intrinsics=k, time=number / rate)
-        for number in chosen
-    )
-    return Recording(path, frames)
+    return Recording(path, tuple(RecordedFrame(images[n], k, n / rate) for n in images))
 
 
 def chosen_frames(
-    path: Path, scratch: Path, count: int, length: int
-) -> tuple[dict[int, Path], tuple[int, int]]:
-    """Write sharp frames of a film to ``scratch``, and return them by number, and their (width, height).
+    path: Path, scratch: Path, count: int, length: int | None = None
+) -> tuple[dict[int, Path], tuple[int, int], float]:
+    """Write sharp frames of a film to ``scratch``; return them by number, their (width, height) and rate.
 
     Args:
         path: the film.
         scratch: the folder.
         count: the most frames to take.
-        length: frames of which more is known; those behind are not taken.
+        length: frames of which more is known; those behind are not taken. None: all.
 
     Raises:
         CaptureError: no film, or one without frames.
     """
-    require_file(path, "film")
-    chosen = choose(_measure(path)[0][:length], count)
+    require_file(path, "film", "Name a film such as walk.mp4.")
+    sharpness, rate = _measure(path)
+    if repeated := int(np.count_nonzero(sharpness == REPEATED)):
+        logger.info("film '%s': %s repeat the one before", path, counted(repeated, "frame"))
+    chosen = choose(sharpness[:length], count)
     size = _extract(path, scratch, chosen)
-    return {number: scratch / _name(number) for number in chosen}, size
+    return {number: scratch / _name(number) for number in chosen}, size, rate
 
 
 def _name(number: int) -> str:
