@@ -27,7 +27,6 @@ class ReconstructSettings(TypedDict, total=False):
     max_splats: int
     sh_degree: int | None
     background: Literal["random", "white", "black"]
-    mask_role: Literal["object", "ignore"]
     depth_weight: float | None
     fit_exposure: Literal["on", "off"]
     rolling_shutter: Literal["auto", "on", "off"]

@@ -1,9 +1,8 @@
 """The photometric loss of the paper (section 3.4): L = (1 - lambda) L1 + lambda D-SSIM, over a background.
 
-L1 and D-SSIM = 1 - SSIM are means over all pixels and channels. If pixels have weights, each pixel's term
-is multiplied by its weight before the mean over all pixels is taken. The target is composited over the
-background of the step, so the mask also supervises the area outside the object: a Gaussian that hides the
-background is penalized.
+L1 and D-SSIM = 1 - SSIM are means over all pixels and channels. The target is composited over the background
+of the step, so the mask also supervises the area outside the object: a Gaussian that hides the background is
+penalized.
 """
 
 from collections.abc import Callable
@@ -21,7 +20,7 @@ from digs_warp.measure.ssim_pixels import PixelSimilarity
 DSSIM_WEIGHT = 0.2
 
 # Positions of the arguments of `similarity_kernel` that change from view to view.
-_LAYOUT, _WEIGHTED, _L1_WEIGHT, _DSSIM_WEIGHT = 0, 4, 6, 7
+_LAYOUT, _L1_WEIGHT, _DSSIM_WEIGHT = 0, 4, 5
 
 
 class Similarity(Protocol):
@@ -33,8 +32,8 @@ class Similarity(Protocol):
         """Set the `PlaneLayout` of the view, and the weights of a pixel's terms."""
         ...
 
-    def run(self, weighted: bool) -> None:
-        """Compute; ``weighted``: pixels have weights."""
+    def run(self) -> None:
+        """Compute."""
         ...
 
 
@@ -46,17 +45,15 @@ class StripSimilarity:
         active: wp.array,
         image: ImagePlanes,
         target: ImagePlanes,
-        weights: ImagePlanes,
         adj_image: ImagePlanes,
     ) -> None:
         device = str(image.data.device)
         strips = 3 * active.shape[1] * -(-image.max_height // SEGMENT_ROWS)
         self.sums = wp.zeros((strips, 2), dtype=float, device=device)
-        read = [image.data, target.data, 0, weights.data]
         self._launch = ParallelLaunch(
             similarity_kernel,
             strips,
-            [image.layout(), active, *read, 0.0, 0.0, adj_image.data, self.sums],
+            [image.layout(), active, image.data, target.data, 0.0, 0.0, adj_image.data, self.sums],
             device,
         )
 
@@ -66,9 +63,8 @@ class StripSimilarity:
         self._launch.set_param(_L1_WEIGHT, l1_weight)
         self._launch.set_param(_DSSIM_WEIGHT, dssim_weight)
 
-    def run(self, weighted: bool) -> None:
+    def run(self) -> None:
         """Compute the gradient and the sums."""
-        self._launch.set_param(_WEIGHTED, int(weighted))
         self._launch.run()
 
 
@@ -78,7 +74,6 @@ class PhotometricLoss:
     Args:
         image: the rendered planes (3 channels), values in 0..1.
         target: planes of the same layout; zero outside the current size.
-        weights: one plane of the same layout; `run` reads it only if ``weighted``.
         adj_image: where the gradient dL/dimage goes, same layout as ``image``.
         similarity: which kernels compute. Default: those for the device.
 
@@ -90,7 +85,6 @@ class PhotometricLoss:
         self,
         image: ImagePlanes,
         target: ImagePlanes,
-        weights: ImagePlanes,
         adj_image: ImagePlanes,
         similarity: Callable[..., Similarity] | None = None,
     ) -> None:
@@ -100,24 +94,23 @@ class PhotometricLoss:
         self._active = wp.zeros((blocks_y, blocks_x), dtype=int, device=device)
         self._layout = image.layout()
         chosen = similarity or (StripSimilarity if device == "cpu" else PixelSimilarity)
-        self._similarity = chosen(self._active, image, target, weights, adj_image)
+        self._similarity = chosen(self._active, image, target, adj_image)
         self.sums = self._similarity.sums
         self._resize(width, height)
 
-    def run(self, size: tuple[int, int], blocks: np.ndarray, weighted: bool = False) -> None:
+    def run(self, size: tuple[int, int], blocks: np.ndarray) -> None:
         """Compute the loss and its gradient.
 
         Args:
             size: width and height of the current view [px], at most those of the planes.
             blocks: where image and target may differ or the gradient is needed, from `loss_blocks`.
-            weighted: whether to weight the pixels by ``weights``.
         """
         if size != self._size:
             self._resize(*size)
         active = np.zeros(self._active.shape, dtype=np.int32)
         active[: blocks.shape[0], : blocks.shape[1]] = blocks
         put(self._active, active)
-        self._similarity.run(weighted)
+        self._similarity.run()
 
     def value(self) -> float:
         """Return the loss of the last `run`; waits for the device."""

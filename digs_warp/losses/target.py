@@ -1,4 +1,4 @@
-"""The target of a rendered view: the photograph over the background of the step, and its mask.
+"""The target of a rendered view: the photograph over the background of the step.
 
 A photograph is stored cropped to the box of its mask; outside the box, the target is only background. The
 gain of a photograph (`digs_warp.measure.color_gain`) is taken off its colors; what the camera clipped then
@@ -29,12 +29,6 @@ def unit(value: wp.uint8) -> float:
 
 
 @wp.func
-def blend(color: float, back: float, share: float, keeps_color: int) -> float:
-    """Return the color composited over the background."""
-    return back + wp.where(keeps_color != 0, 1.0, share) * (color - back)
-
-
-@wp.func
 def at_least(goal: float, shown: float, photo: wp.uint8, takes_gain: int) -> float:
     """Return the goal, or what is rendered where that is brighter than a photograph that was clipped."""
     clipped = int(photo) >= _SATURATED and takes_gain != 0
@@ -52,15 +46,12 @@ def compose_kernel(
     region: wp.array[int],  # [4] x0, y0, x1, y1: pixels to fill
     pixels: wp.array[wp.uint8],  # [4 * size] planes red, green, blue, mask of the box
     box: wp.array[int],  # [4] x0, y0, x1, y1: where the photograph lies
-    keeps_color: int,  # 1: the photograph as it is, 0: blended into the background by its mask
     background: wp.array[float],  # [3]
     factors: wp.array[float],  # [6] factor on each color of the photograph, then the shift
     takes_gain: int,  # 1: the photograph has a gain, and its clipped pixels are lower bounds
     rendered: wp.array[float],  # 3 padded planes of the same layout, read only with a gain
-    with_mask: int,  # 1: the mask is written, too
     # outputs
     target: wp.array[float],  # 3 padded planes
-    mask: wp.array[float],  # 1 padded plane
 ):
     """Fill one part of a row of the region."""
     part = first_part + wp.tid()
@@ -76,9 +67,6 @@ def compose_kernel(
         first = wp.clamp(box[0], left, right)
         last = wp.clamp(box[2], first, right)
     start = origin + y * pitch
-    if with_mask != 0:
-        fill(mask, start + left, first - left, 0.0)
-        fill(mask, start + last, right - last, 0.0)
     width = last - first
     size = (box[2] - box[0]) * (box[3] - box[1])
     source = (y - box[1]) * (box[2] - box[0]) + first - box[0]
@@ -88,14 +76,6 @@ def compose_kernel(
         taken = source + piece * _PIECE
         count = wp.min(_PIECE, width - piece * _PIECE)
         share = bytes_from(pixels, taken + 3 * size, count)
-        if with_mask != 0:
-            written = floats_from(mask, at, count)
-            if count == _PIECE:
-                for xm in range(_PIECE):
-                    written[xm] = unit(share[xm])
-            else:
-                for tm in range(count):
-                    written[tm] = unit(share[tm])
         for channel in range(3):
             back = background[channel]
             factor = factors[channel]
@@ -105,15 +85,11 @@ def compose_kernel(
             photo = bytes_from(pixels, taken + channel * size, count)
             if count == _PIECE:
                 for xc in range(_PIECE):
-                    mixed_xc = blend(
-                        factor * unit(photo[xc]) + shift, back, unit(share[xc]), keeps_color
-                    )
+                    mixed_xc = back + unit(share[xc]) * (factor * unit(photo[xc]) + shift - back)
                     goal[xc] = at_least(mixed_xc, shown[xc], photo[xc], takes_gain)
             else:
                 for tc in range(count):
-                    mixed_tc = blend(
-                        factor * unit(photo[tc]) + shift, back, unit(share[tc]), keeps_color
-                    )
+                    mixed_tc = back + unit(share[tc]) * (factor * unit(photo[tc]) + shift - back)
                     goal[tc] = at_least(mixed_tc, shown[tc], photo[tc], takes_gain)
     for side in range(3):
         fill(target, start + side * plane + left, first - left, background[side])
@@ -121,7 +97,7 @@ def compose_kernel(
 
 
 # Positions of the arguments that change from view to view in the inputs of `compose_kernel`.
-_PIXELS, _KEEPS_COLOR, _TAKES_GAIN, _RENDERED = 6, 8, 11, 12
+_PIXELS, _TAKES_GAIN, _RENDERED = 6, 10, 11
 _UNCHANGED = np.array([1, 1, 1, 0, 0, 0], dtype=np.float32)
 
 
@@ -139,18 +115,13 @@ class Target:
     Args:
         width, height: of the largest view [px].
         device: Warp device.
-        with_mask: whether anybody reads ``mask``; otherwise it is not filled.
 
     Attributes:
         image: three padded planes, the composited photograph.
-        mask: one padded plane, the mask in 0..1.
     """
 
-    def __init__(
-        self, width: int, height: int, device: str = "cpu", with_mask: bool = True
-    ) -> None:
+    def __init__(self, width: int, height: int, device: str = "cpu") -> None:
         self.image = ImagePlanes(width, height, 3, device)
-        self.mask = ImagePlanes(width, height, 1, device)
         self._background = wp.zeros(3, dtype=float, device=device)
         self._factors = wp.array(_UNCHANGED, dtype=float, device=device)
         self._has_gain = False
@@ -163,8 +134,7 @@ class Target:
             compose_kernel,
             height * parts,
             [parts, columns, *layout, wp.zeros(4, dtype=wp.uint8, device=device)]
-            + [self._box, 0, self._background]
-            + [self._factors, 0, self.image.data, int(with_mask), self.image.data, self.mask.data],
+            + [self._box, self._background, self._factors, 0, self.image.data, self.image.data],
             device,
             even=True,  # few launches: setting what changes takes longer than an idle moment of a core
         )
@@ -176,7 +146,6 @@ class Target:
         background: np.ndarray,
         region: PixelBox,
         size: tuple[int, int],
-        keep_color: bool = False,
         gain: ColorGain | None = None,
         rendered: ImagePlanes | None = None,
     ) -> None:
@@ -184,23 +153,20 @@ class Target:
 
         Args:
             pixels: the view inside ``box``, packed by `pack_view`.
-            box: where the photograph lies; outside the box, the mask is 0.
+            box: where the photograph lies.
             background: sRGB color (3,) behind the object.
             region: pixels to fill, inside the view.
             size: width and height of the view [px].
-            keep_color: use the photograph as it is and ignore its mask.
             gain: what to take off the photograph's colors. Default: nothing.
             rendered: what the target is compared with, in the same layout; needed with a gain.
         """
         if size != (self.image.width, self.image.height):
             # SSIM windows read past the edge of a view, so no pixels of a larger view may remain there.
             self.image.resize(*size)
-            self.mask.resize(*size)
         put(self._background, background)
         put(self._region, region)
         put(self._box, box)
         self._compose.set_param(_PIXELS, pixels)
-        self._compose.set_param(_KEEPS_COLOR, int(keep_color))
         self._take_off(gain, rendered)
         self._compose.run()
 

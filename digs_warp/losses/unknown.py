@@ -1,7 +1,7 @@
 """Pixels that no term may judge: something else may hide the object there.
 
-The target of such a pixel is the rendered image itself, and that of the coverage the rendered alpha: both
-differences are 0. SSIM compares windows, which reach over from known pixels, so their gradient is erased.
+The target of such a pixel is the rendered image itself: the difference is 0. SSIM compares windows, which
+reach over from known pixels, so their gradient is erased.
 """
 
 # Warp's stubs do not type device code.
@@ -17,8 +17,8 @@ from digs_warp.device.parallel import ParallelLaunch
 
 wp.set_module_options({"enable_backward": False})
 
-# Positions in the inputs of both kernels.
-_STARTS, _COLUMNS = 0, 1
+# Positions in the inputs of the kernel.
+_STARTS, _COLUMNS, _FROM, _TO = 0, 1, 5, 6
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,48 +52,28 @@ class UnknownPixels:
 
 
 @wp.kernel
-def accept_kernel(
+def take_kernel(
     row: int,
     starts: wp.array[int],  # [height + 1]
     columns: wp.array[int],
     pitch: int,
     plane: int,
     origin: int,
-    image: wp.array[float],  # 3 padded planes
-    transmittance: wp.array[float],  # 1 padded plane
+    source: wp.array[float],  # 3 padded planes; empty: zeros
     # outputs
     target: wp.array[float],  # 3 padded planes
-    mask: wp.array[float],  # 1 padded plane
 ):
-    """Take what is rendered in one row for the target."""
-    y = row + wp.tid()
-    if y + 1 >= starts.shape[0]:
-        return
-    for i in range(starts[y], starts[y + 1]):
-        pixel = origin + y * pitch + columns[i]
-        mask[pixel] = 1.0 - transmittance[pixel]
-        for channel in range(3):
-            target[pixel + channel * plane] = image[pixel + channel * plane]
-
-
-@wp.kernel
-def erase_kernel(
-    row: int,
-    starts: wp.array[int],  # [height + 1]
-    columns: wp.array[int],
-    pitch: int,
-    plane: int,
-    origin: int,
-    # outputs
-    adj_image: wp.array[float],  # 3 padded planes
-):
-    """Set the gradient in one row to 0."""
+    """Take the pixels of one row of the target from the source."""
     y = row + wp.tid()
     if y + 1 >= starts.shape[0]:
         return
     for i in range(starts[y], starts[y + 1]):
         for channel in range(3):
-            adj_image[origin + y * pitch + columns[i] + channel * plane] = 0.0
+            pixel = origin + y * pitch + columns[i] + channel * plane
+            value = float(0.0)
+            if source.shape[0] > 0:
+                value = source[pixel]
+            target[pixel] = value
 
 
 class LeftOut:
@@ -101,38 +81,33 @@ class LeftOut:
 
     Args:
         image: the rendered planes (3 channels).
-        transmittance: how much of the background is visible, as rendered, one plane.
         target: planes of the same layout as ``image``.
-        mask: the mask of the current view, one plane.
         adj_image: the gradient with respect to ``image``, same layout.
     """
 
-    def __init__(
-        self,
-        image: ImagePlanes,
-        transmittance: ImagePlanes,
-        target: ImagePlanes,
-        mask: ImagePlanes,
-        adj_image: ImagePlanes,
-    ) -> None:
+    def __init__(self, image: ImagePlanes, target: ImagePlanes, adj_image: ImagePlanes) -> None:
         device = str(image.data.device)
         none = [wp.zeros(1, dtype=int, device=device), wp.zeros(1, dtype=int, device=device)]
-        layout = [image.pitch, image.plane, image.origin]
-        drawn = [image.data, transmittance.data]
-        rows = image.max_height
-        accepted, erased = [*drawn, target.data, mask.data], [adj_image.data]
-        self._accept = ParallelLaunch(accept_kernel, rows, [*none, *layout, *accepted], device)
-        self._erase = ParallelLaunch(erase_kernel, rows, [*none, *layout, *erased], device)
+        given = [*none, image.pitch, image.plane, image.origin, image.data, target.data]
+        self._launch = ParallelLaunch(take_kernel, image.max_height, given, device)
+        nothing = wp.zeros(0, dtype=float, device=device)
+        self._accepted, self._erased = (image.data, target.data), (nothing, adj_image.data)
 
     def accept(self, pixels: UnknownPixels) -> None:
         """Take what is rendered for the target; call it between target and terms."""
-        self._run(self._accept, pixels)
+        self._run(pixels, *self._accepted)
 
     def erase(self, pixels: UnknownPixels) -> None:
         """Erase the gradient; call it after the terms."""
-        self._run(self._erase, pixels)
+        self._run(pixels, *self._erased)
 
-    def _run(self, launch: ParallelLaunch, pixels: UnknownPixels) -> None:
-        launch.set_param(_STARTS, pixels.starts)
-        launch.set_param(_COLUMNS, pixels.columns)
-        launch.run()
+    def _run(self, pixels: UnknownPixels, source: wp.array, target: wp.array) -> None:
+        places = (
+            (_STARTS, pixels.starts),
+            (_COLUMNS, pixels.columns),
+            (_FROM, source),
+            (_TO, target),
+        )
+        for place, value in places:
+            self._launch.set_param(place, value)
+        self._launch.run()

@@ -18,9 +18,6 @@ and, because W is symmetric, the gradient of the sum of SSIM over all pixels is
 
     W * dSSIM/dm_x + 2 x (W * dSSIM/de_xx) + y (W * dSSIM/de_xy)
 
-If pixels have weights w, the sum is that of w SSIM: the three derivatives are multiplied by w before they
-are blurred.
-
 One thread walks down a strip of 64 columns of one channel, at most `SEGMENT_ROWS` rows. It keeps only the
 last rows of every stage, in ring buffers as high as a window: image line -> moments, blurred along the row
 -> blurred along the column, SSIM and its derivatives -> blurred along the row -> blurred along the column,
@@ -147,15 +144,14 @@ _MOMENT_RING = wp.constant(WINDOW * _WIDE_COLUMNS)
 _MOMENTS_SIZE = 4 * WINDOW * _WIDE_COLUMNS
 _GRADIENT_RING = wp.constant(WINDOW * BLOCK_COLUMNS)
 _GRADIENTS_SIZE = 3 * WINDOW * BLOCK_COLUMNS
-# Lines of the derivatives of a row and of 1 - SSIM, twice; then which columns exist, the weights of a row,
-# the sums of each column, and the gradient of a row.
+# Lines of the derivatives of a row and of 1 - SSIM, twice; then which columns exist, the sums of each column,
+# and the gradient of a row.
 _DERIVATIVES = wp.constant(4 * _WIDE_COLUMNS)
 _EXISTS = wp.constant(8 * _WIDE_COLUMNS)
-_WEIGHT = wp.constant(9 * _WIDE_COLUMNS)
-_SUM_L1 = wp.constant(10 * _WIDE_COLUMNS)
-_SUM_DSSIM = wp.constant(11 * _WIDE_COLUMNS)
-_GRADIENT = wp.constant(12 * _WIDE_COLUMNS)
-_ROWS_SIZE = 15 * _WIDE_COLUMNS
+_SUM_L1 = wp.constant(9 * _WIDE_COLUMNS)
+_SUM_DSSIM = wp.constant(10 * _WIDE_COLUMNS)
+_GRADIENT = wp.constant(11 * _WIDE_COLUMNS)
+_ROWS_SIZE = 14 * _WIDE_COLUMNS
 # All lie in one piece of memory, from a cache line on: a vector that crosses two of them is read twice.
 _CACHE_LINE = 16
 _MEMORY = _LINES_SIZE + _MOMENTS_SIZE + _GRADIENTS_SIZE + _ROWS_SIZE + _CACHE_LINE
@@ -183,15 +179,13 @@ def similarity_kernel(
     active: wp.array2d[int],  # [blocks_y, blocks_x] not 0 where the loss counts
     image: wp.array[float],  # 3 padded planes
     target: wp.array[float],  # 3 padded planes
-    weighted: int,  # whether to weight pixels by ``weights``; otherwise all weights are 1
-    weights: wp.array[float],  # 1 padded plane
     l1_weight: float,
     dssim_weight: float,
     # outputs
     adj_image: wp.array[float],  # 3 padded planes
-    sums: wp.array2d[float],  # [strips, 2] weighted sums of |x - y| and of 1 - SSIM
+    sums: wp.array2d[float],  # [strips, 2] sums of |x - y| and of 1 - SSIM
 ):
-    """Compare a strip of one channel; write d(l1_weight sum w |x - y| + dssim_weight sum w (1 - SSIM)) / dx.
+    """Compare a strip of one channel; write d(l1_weight sum |x - y| + dssim_weight sum (1 - SSIM)) / dx.
 
     The gradient holds where the next 10 pixels on each side are compared or are background in both images.
     """
@@ -230,7 +224,6 @@ def similarity_kernel(
     for i_e in range(_WIDE):
         column = left - _MARGIN + i_e
         rows[_EXISTS + i_e] = wp.where(column >= 0 and column < width, 1.0, 0.0)
-        rows[_WEIGHT + i_e] = 1.0
     # A row is blurred one iteration after it was written, while the next is written elsewhere: a read across
     # two vectors that were just written would have to wait until both reach the cache.
     for turn in range(top - _TWICE, end + _TWICE + 2):
@@ -260,10 +253,6 @@ def similarity_kernel(
                 p = moment_v * _MOMENT_RING
                 m = present + moment_v * _WIDE
                 blur_across(moments, p, row, rows, m, _WIDE)
-            if weighted != 0:
-                weight_line = floats_from(weights, origin + row * pitch + left - _MARGIN, _WIDE)
-                for w in range(_WIDE):
-                    rows[_WEIGHT + w] = weight_line[w]
             inside = float(0.0)
             if row >= 0 and row < height:
                 inside = float(1.0)
@@ -285,7 +274,7 @@ def similarity_kernel(
                     - 2.0 * mean_x * g_xx
                     - mean_y * g_xy
                 )
-                weight = inside * rows[_EXISTS + col] * rows[_WEIGHT + col]
+                weight = inside * rows[_EXISTS + col]
                 rows[present + col] = weight * g_mean
                 rows[present + _WIDE + col] = weight * g_xx
                 rows[present + 2 * _WIDE + col] = weight * g_xy
@@ -298,10 +287,8 @@ def similarity_kernel(
                 target_row = floats_from(target, base + row * pitch, _COLUMNS)
                 for j in range(_COLUMNS):
                     at = _MARGIN + j
-                    here = rows[_EXISTS + at] * rows[_WEIGHT + at]
-                    rows[_SUM_L1 + j] = rows[_SUM_L1 + j] + here * wp.abs(
-                        image_row[j] - target_row[j]
-                    )
+                    apart = wp.abs(image_row[j] - target_row[j])
+                    rows[_SUM_L1 + j] = rows[_SUM_L1 + j] + rows[_EXISTS + at] * apart
                     rows[_SUM_DSSIM + j] = rows[_SUM_DSSIM + j] + rows[present + 3 * _WIDE + at]
         if row > top - _REACH:
             to_gradients = ring_place(row - 1) * _COLUMNS
@@ -315,10 +302,6 @@ def similarity_kernel(
                 pg = derivative_v * _GRADIENT_RING
                 mg = _GRADIENT + derivative_v * _COLUMNS
                 blur_across(gradients, pg, done, rows, mg, _COLUMNS)
-            if weighted != 0:
-                weight_done = floats_from(weights, origin + done * pitch + left - _MARGIN, _WIDE)
-                for wd in range(_WIDE):
-                    rows[_WEIGHT + wd] = weight_done[wd]
             image_done = floats_from(image, base + done * pitch, _COLUMNS)
             target_done = floats_from(target, base + done * pitch, _COLUMNS)
             for k in range(_COLUMNS):
@@ -327,8 +310,7 @@ def similarity_kernel(
                 d_ssim = rows[_GRADIENT + k] + 2.0 * xd * rows[_GRADIENT + _COLUMNS + k]
                 d_ssim = d_ssim + yd * rows[_GRADIENT + 2 * _COLUMNS + k]
                 sign = wp.where(xd > yd, 1.0, wp.where(xd < yd, -1.0, 0.0))
-                d_l1 = rows[_WEIGHT + _MARGIN + k] * sign
-                rows[_GRADIENT + k] = l1_weight * d_l1 - dssim_weight * d_ssim
+                rows[_GRADIENT + k] = l1_weight * sign - dssim_weight * d_ssim
             out_row = floats_from(adj_image, base + done * pitch, _COLUMNS)
             if columns == _COLUMNS:
                 for out in range(_COLUMNS):

@@ -39,7 +39,6 @@ class Terms:
     size: (
         int  # floats from one value of a pixel to the next in ``moments`` and ``slopes``: 3 planes
     )
-    weighted: int  # whether to weight pixels; otherwise all weights are 1
     l1_weight: float
     dssim_weight: float
 
@@ -94,12 +93,9 @@ def moments_kernel(
 def slopes_kernel(
     first: int,
     terms: Terms,
-    weights: wp.array[float],  # 1 padded plane
     moments: wp.array[float],
     # outputs
-    slopes: wp.array[
-        float
-    ],  # w dSSIM/dm_x, w dSSIM/de_xx, w dSSIM/de_xy and w (1 - SSIM) of all pixels
+    slopes: wp.array[float],  # dSSIM/dm_x, dSSIM/de_xx, dSSIM/de_xy and 1 - SSIM of all pixels
 ):
     """Blur the moments along the columns; find SSIM and its derivatives."""
     place = place_of(terms, first + wp.tid())
@@ -122,13 +118,10 @@ def slopes_kernel(
     g_xy = 2.0 * a * inverse
     g_mean = 2.0 * (mean_y * b * inverse - mean_x * ssim * e * inverse)
     g_mean = g_mean - 2.0 * mean_x * g_xx - mean_y * g_xy
-    weight = float(1.0)
-    if terms.weighted != 0:
-        weight = weights[place[3] - place[2] * terms.layout.plane]
-    slopes[place[3]] = weight * g_mean
-    slopes[place[3] + terms.size] = weight * g_xx
-    slopes[place[3] + 2 * terms.size] = weight * g_xy
-    slopes[place[3] + 3 * terms.size] = weight * (1.0 - ssim)
+    slopes[place[3]] = g_mean
+    slopes[place[3] + terms.size] = g_xx
+    slopes[place[3] + 2 * terms.size] = g_xy
+    slopes[place[3] + 3 * terms.size] = 1.0 - ssim
 
 
 @wp.kernel
@@ -155,7 +148,6 @@ def gradient_kernel(
     active: wp.array2d[int],  # [blocks_y, blocks_x] not 0 where the loss counts
     image: wp.array[float],
     target: wp.array[float],
-    weights: wp.array[float],
     moments: wp.array[float],
     # outputs
     adj_image: wp.array[float],  # 3 padded planes, written where the loss counts
@@ -173,11 +165,8 @@ def gradient_kernel(
     x = image[place[3]]
     y = target[place[3]]
     d_ssim = blurs[0] + 2.0 * x * blurs[1] + y * blurs[2]
-    weight = float(1.0)
-    if terms.weighted != 0:
-        weight = weights[place[3] - place[2] * terms.layout.plane]
     sign = wp.where(x > y, 1.0, wp.where(x < y, -1.0, 0.0))
-    adj_image[place[3]] = terms.l1_weight * weight * sign - terms.dssim_weight * d_ssim
+    adj_image[place[3]] = terms.l1_weight * sign - terms.dssim_weight * d_ssim
 
 
 @wp.kernel
@@ -187,10 +176,9 @@ def sum_kernel(
     active: wp.array2d[int],
     image: wp.array[float],
     target: wp.array[float],
-    weights: wp.array[float],
     slopes: wp.array[float],
     # outputs
-    sums: wp.array2d[float],  # [3 * segments * columns, 2] weighted sums of |x - y| and of 1 - SSIM
+    sums: wp.array2d[float],  # [3 * segments * columns, 2] sums of |x - y| and of 1 - SSIM
 ):
     """Sum a part of a column where the loss counts."""
     i = first + wp.tid()
@@ -203,12 +191,8 @@ def sum_kernel(
     if x < terms.layout.width:
         for y in range(top, wp.min(top + _SUMMED, terms.layout.height)):
             if active[y // _ROWS, x // _COLUMNS] != 0:
-                q = terms.layout.origin + y * terms.layout.pitch + x
-                p = q + channel * terms.layout.plane
-                weight = float(1.0)
-                if terms.weighted != 0:
-                    weight = weights[q]
-                l1 += weight * wp.abs(image[p] - target[p])
+                p = terms.layout.origin + channel * terms.layout.plane + y * terms.layout.pitch + x
+                l1 += wp.abs(image[p] - target[p])
                 dssim += slopes[p + 3 * terms.size]
     sums[i, 0] = l1
     sums[i, 1] = dssim
@@ -220,11 +204,10 @@ class PixelSimilarity:
     Args:
         active: the blocks that count, (blocks_y, blocks_x).
         image, target: three planes each.
-        weights: one plane.
         adj_image: where the gradient goes, three planes.
 
     Attributes:
-        sums: weighted sums of |x - y| and of 1 - SSIM over parts of the image, (n, 2).
+        sums: sums of |x - y| and of 1 - SSIM over parts of the image, (n, 2).
     """
 
     def __init__(
@@ -232,7 +215,6 @@ class PixelSimilarity:
         active: wp.array,
         image: ImagePlanes,
         target: ImagePlanes,
-        weights: ImagePlanes,
         adj_image: ImagePlanes,
     ) -> None:
         device = str(image.data.device)
@@ -244,15 +226,15 @@ class PixelSimilarity:
         self._terms.size = 3 * image.plane
         moments = wp.zeros(4 * self._terms.size, dtype=float, device=device)
         slopes = wp.zeros_like(moments)
-        x, y, w = image.data, target.data, weights.data
+        x, y = image.data, target.data
         self._launches = [
             ParallelLaunch(kernel, count, [self._terms, *inputs], device)
             for kernel, count, inputs in (
                 (moments_kernel, pixels, [x, y, moments]),
-                (slopes_kernel, pixels, [w, moments, slopes]),
+                (slopes_kernel, pixels, [moments, slopes]),
                 (row_blur_kernel, pixels, [slopes, moments]),
-                (gradient_kernel, pixels, [active, x, y, w, moments, adj_image.data]),
-                (sum_kernel, summed, [active, x, y, w, slopes, self.sums]),
+                (gradient_kernel, pixels, [active, x, y, moments, adj_image.data]),
+                (sum_kernel, summed, [active, x, y, slopes, self.sums]),
             )
         ]
 
@@ -260,16 +242,10 @@ class PixelSimilarity:
         """Set the size of the view, and the weights of a pixel's terms."""
         self._terms.layout = layout
         self._terms.l1_weight, self._terms.dssim_weight = l1_weight, dssim_weight
-        self._set_terms()
-
-    def run(self, weighted: bool) -> None:
-        """Compute the gradient and the sums."""
-        if int(weighted) != self._terms.weighted:
-            self._terms.weighted = int(weighted)
-            self._set_terms()
-        for launch in self._launches:
-            launch.run()
-
-    def _set_terms(self) -> None:
         for launch in self._launches:
             launch.set_param(0, self._terms)
+
+    def run(self) -> None:
+        """Compute the gradient and the sums."""
+        for launch in self._launches:
+            launch.run()

@@ -33,7 +33,7 @@ from digs_warp.train.session import (
     plan_training,
     train_gaussians,
 )
-from digs_warp.train.shutter import ShutterPlan, plan_blur, plan_shutter, with_motions
+from digs_warp.train.shutter import Shutter, plan_blur, plan_rows, with_motions
 from digs_warp.train.trainer import Resolved
 from digs_warp.train.training import Training, read_course
 
@@ -83,7 +83,7 @@ def optimize(
     with log.stage("load views"):
         seeds = _seeds(poses, start, config) if trained is None else None
         resolved = Resolved(
-            train_poses=pose_training(poses.refinement, config.train),
+            train_poses=pose_training(poses.refinement),
             loss=hooks.loss,
             most_steps=config.train.stop.iterations,
         )
@@ -112,7 +112,7 @@ def optimize(
         )
     record = replace(
         trained.record,
-        rolling_shutter=shutter,
+        rolling_shutter=shutter.rows,
         motion_blur=shutter.blur,
         view_dependence=views.color,
     )
@@ -123,16 +123,18 @@ def optimize(
 
 def _with_shutter(
     capture: Capture, poses: Poses, start: Start, config: ReconstructConfig
-) -> tuple[Poses, ShutterPlan]:
+) -> tuple[Poses, Shutter]:
     """Return the frames with what is known of their motion, and whether the training draws it."""
     readout_time = config.sfm.for_capture(capture).readout
     frames, training = poses.posed, len(poses.posed.training)
     every = with_motions([*frames.training, *frames.held_out])
     points, train = start.points.points_world, config.train
-    plan = plan_shutter(every, points, readout_time, train.rolling_shutter)
-    plan = replace(plan, blur=plan_blur(every, points, train.exposure_time, train.motion_blur))
+    shutter = Shutter(
+        plan_rows(every, points, readout_time, train.rolling_shutter),
+        plan_blur(every, points, train.exposure_time, train.motion_blur),
+    )
     moving = replace(frames, training=tuple(every[:training]), held_out=tuple(every[training:]))
-    return replace(poses, frames=moving), plan
+    return replace(poses, frames=moving), shutter
 
 
 def _finished(folder: Path, before: RunRecord, frames: int) -> Trained | None:
@@ -172,7 +174,7 @@ def _load_views(
     posed: PosedFrames,
     points: PointCloud,
     seeds: Gaussians | None,
-    shutter: ShutterPlan,
+    shutter: Shutter,
     config: TrainConfig,
     folder: Path,
     resume: bool,
@@ -210,8 +212,8 @@ def _colored(
     return with_colors(seeds, views.points.colors, config.usual_sh_degree), views.data
 
 
-def pose_training(refinement: PoseRefinement | None, config: TrainConfig) -> PoseTraining:
+def pose_training(refinement: PoseRefinement | None) -> PoseTraining:
     """Return what the cameras do in the training: centers that a bundle adjustment found are held."""
-    if refinement is None or not refinement.in_training or config.mask_role != "object":
+    if refinement is None or not refinement.in_training:
         return "held"
     return "turned" if refinement.adjusted else "moved"

@@ -22,7 +22,7 @@ from digs_warp.splat.device import DeviceGaussians
 from digs_warp.splat.footprint import near_plane
 from digs_warp.splat.renderer import SplatRenderer
 from digs_warp.splat.surface_depth import surface_depth, surface_place
-from digs_warp.train.shutter import NO_SHUTTER, ShutterPlan
+from digs_warp.train.shutter import NO_SHUTTER, Shutter
 
 # The median hardly changes with more views, and each takes the time of a training step.
 VIEWS = 8
@@ -54,7 +54,7 @@ class MeasuredView:
 
 def load_measured_views(
     frames: Sequence[Frame],
-    shutter: ShutterPlan = NO_SHUTTER,
+    shutter: Shutter = NO_SHUTTER,
     layer: DepthLayer = Layer.DEPTH,
 ) -> list[MeasuredView]:
     """Read the depth of at most `VIEWS` frames, evenly spread; frames without depth are left out.

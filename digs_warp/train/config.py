@@ -115,10 +115,6 @@ class TrainConfig(Settings):
     background: Literal["random", "white", "black"] = "random"
     """Color behind the object during training. random also penalizes stray Gaussians of any color."""
 
-    mask_role: Literal["object", "ignore"] = "object"
-    """What lies outside the masks. object: nothing, so Gaussians there are errors; ignore: unknown, so pixels
-    there are not compared."""
-
     depth_weight: Annotated[float | None, WEIGHT] = None
     """Weight of the difference between rendered and measured depth: holds the surface where it was measured.
     Default: 0.008 where the recording has depth."""
@@ -126,10 +122,6 @@ class TrainConfig(Settings):
     fit_exposure: Literal["on", "off"] = "on"
     """Exposure and white balance of each photograph. on: fitted, so that the colors of the Gaussians
     are those of all photographs; off: taken as equal in all of them."""
-
-    clean_rim: Annotated[Literal["on", "off"], NO_FLAG] = "on"
-    """Pixels at the rim of the object, which mix it with the room. on: with --mask-role object, they are
-    given the color of the object alone before the training; off: they keep the color of the photograph."""
 
     rolling_shutter: Literal["auto", "on", "off"] = "auto"
     """Draw every Gaussian from the pose at which its row was read. Needs the read-out time and the motion of

@@ -33,7 +33,7 @@ from digs_warp.splat.device import DeviceGaussians
 from digs_warp.splat.footprint import near_plane
 from digs_warp.splat.surface_depth import covered_depth
 from digs_warp.train.exposure import INSIDE
-from digs_warp.train.shutter import NO_SHUTTER, ShutterPlan
+from digs_warp.train.shutter import NO_SHUTTER, Shutter
 from digs_warp.train.silhouette import without_surround
 
 
@@ -85,7 +85,7 @@ class TestViews(Sequence[TestView]):
     def __init__(
         self,
         frames: Sequence[Frame],
-        shutter: ShutterPlan = NO_SHUTTER,
+        shutter: Shutter = NO_SHUTTER,
         cameras: Sequence[Camera] | None = None,
         kept: dict[int, TestView] | None = None,
     ) -> None:
@@ -117,7 +117,7 @@ class TestViews(Sequence[TestView]):
         return TestViews(self._frames, self._shutter, cameras, self._kept)
 
 
-def load_test_views(frames: Sequence[Frame], shutter: ShutterPlan = NO_SHUTTER) -> TestViews:
+def load_test_views(frames: Sequence[Frame], shutter: Shutter = NO_SHUTTER) -> TestViews:
     """Read the held-out photographs; without a mask, every pixel of a frame belongs to the object.
 
     The white replaces the room at the rim of the object, too, see `digs_warp.train.silhouette`.
@@ -125,14 +125,14 @@ def load_test_views(frames: Sequence[Frame], shutter: ShutterPlan = NO_SHUTTER) 
     return TestViews(frames, shutter)
 
 
-def _test_view(frame: Frame, shutter: ShutterPlan) -> TestView:
+def _test_view(frame: Frame, shutter: Shutter) -> TestView:
     photo, mask = frame.load_image(), frame.load_shown()
     image = without_surround(photo, mask).astype(np.float32) / 255.0
     share = mask[..., None].astype(np.float32) / 255.0
     target = image * share + (1.0 - share)
     return TestView(
         *(frame.name, frame.camera, target, share[..., 0], mask > MASK_THRESHOLD),
-        *(frame.load_unknown(), shutter.rows_of(frame), shutter.blur.of(frame)),
+        *(frame.load_unknown(), shutter.rows_of(frame), shutter.blur_of(frame)),
     )
 
 

@@ -21,7 +21,6 @@ from digs_warp.measure.color_gain import ColorGain
 from digs_warp.splat.bin_tiles import pixels_of
 from digs_warp.splat.blur_renderer import BlurRenderer
 from digs_warp.splat.surface_depth import covered_depth
-from digs_warp.train.config import TrainConfig
 from digs_warp.train.depth_errors import NO_ERRORS, DepthErrors
 from digs_warp.train.views import View
 
@@ -35,27 +34,17 @@ class Objective:
 
     Args:
         renderer: draws the views, with depth if that is compared; its `backward` pulls the gradient back.
-        config: the weights.
         depth_weight: of the measured depth, default resolved; matters where the renderer draws depth.
     """
 
-    def __init__(
-        self, renderer: BlurRenderer, config: TrainConfig, depth_weight: float = 0.0
-    ) -> None:
+    def __init__(self, renderer: BlurRenderer, depth_weight: float = 0.0) -> None:
         r = renderer
         device = r.gaussians.device
         width, height = r.image.max_width, r.image.max_height
         self._renderer = renderer
-        self._keeps_color = config.mask_role == "ignore"
-        self._target = Target(width, height, device, with_mask=self._keeps_color)
-        self._photometric = PhotometricLoss(
-            r.image, self._target.image, self._target.mask, r.adj_image
-        )
-        self._left_out = None
-        if not self._keeps_color:  # else the mask weights the pixels, and it is 0 there
-            self._left_out = LeftOut(
-                r.image, r.transmittance, self._target.image, self._target.mask, r.adj_image
-            )
+        self._target = Target(width, height, device)
+        self._photometric = PhotometricLoss(r.image, self._target.image, r.adj_image)
+        self._left_out = LeftOut(r.image, self._target.image, r.adj_image)
         self._own_value = 0.0
         self._depth = None
         if r.middle.options.has_depth:  # depth is measured in the middle of the exposure
@@ -87,20 +76,18 @@ class Objective:
             background,
             region,
             view.size,
-            self._keeps_color,
             gain,
             renderer.image,
         )
-        left_out = self._left_out
-        if left_out and view.unknown:
-            left_out.accept(view.unknown)
-        self._photometric.run(view.size, blocks, weighted=self._keeps_color)
+        if view.unknown:
+            self._left_out.accept(view.unknown)
+        self._photometric.run(view.size, blocks)
         if self._depth is not None and view.depth is not None:
             boxes = view.box, pixels_of(drawn, *view.size)
             errors = depth_errors.offset, depth_errors.trust
             self._depth.run(view.depth, *boxes, *errors, slope_factor=renderer.moments)
-        if left_out and view.unknown:
-            left_out.erase(view.unknown)
+        if view.unknown:
+            self._left_out.erase(view.unknown)
 
     def add(self, loss: OwnLoss, frame: Frame, view: View, background: np.ndarray) -> None:
         """Add a term of the user's for the last rendered image; call it after `compare`.

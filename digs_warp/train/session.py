@@ -26,7 +26,7 @@ from digs_warp.train.config import TrainConfig
 from digs_warp.train.evaluate import MeasuredViews, TestViews, moved_views
 from digs_warp.train.objective import OwnLoss
 from digs_warp.train.recorder import LOG_EVERY, CourseRecorder
-from digs_warp.train.shutter import NO_SHUTTER, ShutterPlan
+from digs_warp.train.shutter import NO_SHUTTER, Shutter
 from digs_warp.train.time_plan import TimePlan, plan_time
 from digs_warp.train.trainer import Resolved, Trainer
 from digs_warp.train.training import Training
@@ -103,7 +103,7 @@ def open_data(
     config: TrainConfig,
     folder: Path,
     resume: bool = False,
-    shutter: ShutterPlan = NO_SHUTTER,
+    shutter: Shutter = NO_SHUTTER,
 ) -> TrainingData:
     """Read what a training in ``folder`` needs; arguments as of `train_gaussians`.
 

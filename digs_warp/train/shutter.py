@@ -24,10 +24,184 @@ logger = logging.getLogger(__name__)
 # Points of the object that tell how far its image moves.
 POINTS = 200
 
+# Neighboring poses further apart than this [s] say nothing about the motion in between: a hand shakes at up
+# to 12 Hz, most below 3 Hz.
+LONGEST_GAP = 0.15
 
-def some_of(points: np.ndarray) -> np.ndarray:
-    """Return at most about `POINTS` of the points, shape (n, 3), evenly spread over their order."""
-    return points[:: max(1, len(points) // POINTS)]
+Drawn = Literal["auto", "on", "off"]
+
+
+@dataclass(frozen=True)
+class _Effect:
+    """What moves the image in a time, in words.
+
+    Attributes:
+        flag: that says whether it is drawn.
+        meanwhile: what goes on.
+        time: the name of its time.
+        gives: what gives that.
+        worth: it is drawn where the image moves by as much [px].
+    """
+
+    flag: str
+    meanwhile: str
+    time: str
+    gives: str
+    worth: float
+
+
+# Less is not worth the two percent that a step costs.
+_ROWS = _Effect(
+    "--rolling-shutter", "the rows are read", "read-out time", "--readout-time", worth=0.1
+)
+# Recordings with less blur gain three times as much from twice the steps; of three objects with 2 px and
+# more, two gained more from drawing it (docs/training.md).
+_BLUR = _Effect(
+    "--motion-blur", "the shutter is open", "exposure time", "the setting exposure_time", worth=2.0
+)
+
+
+@dataclass(frozen=True)
+class MotionPlan:
+    """Whether the training draws how cameras moved in a time of theirs, and why.
+
+    Attributes:
+        drawn: whether it does.
+        because: the reason, in words.
+        seconds: the longest time [s].
+        moved_px: how far the object's image moves meanwhile [px], median over the frames whose motion is
+            known; None: unknown.
+        motions: of these frames, by name.
+    """
+
+    drawn: bool
+    because: str
+    seconds: float = 0.0
+    moved_px: float | None = None
+    motions: Annotated[Mapping[str, Blur], NOT_STORED] = field(
+        default_factory=dict, repr=False, compare=False
+    )
+
+    def __str__(self) -> str:
+        return f"{'drawn' if self.drawn else 'not drawn'}: {self.because}"
+
+
+NO_MOTION = MotionPlan(False, "all at once")
+
+
+@dataclass(frozen=True)
+class Shutter:
+    """What moves while the rows are read, and while the shutter is open."""
+
+    rows: MotionPlan = NO_MOTION
+    blur: MotionPlan = NO_MOTION
+
+    def rows_of(self, frame: Frame) -> RowMotion | None:
+        """Return how the camera of a frame moves while its rows are read; None: it is not drawn."""
+        motion = frame.exposure.camera_motion
+        return _in_time(motion, self.rows.seconds) if self.rows.drawn and motion else None
+
+    def blur_of(self, frame: Frame) -> Blur | None:
+        """Return how it moves while the shutter is open; None: the photograph is drawn sharp."""
+        found = self.blur.motions.get(frame.name) if self.blur.drawn else None
+        return found if found and found.moments > 1 else None
+
+    @property
+    def moments(self) -> int:
+        """From how many poses a photograph is drawn at most."""
+        found = self.blur.motions.values() if self.blur.drawn else ()
+        return max((blur.moments for blur in found), default=1)
+
+
+NO_SHUTTER = Shutter()
+
+
+def plan_rows(
+    frames: Sequence[Frame], points: np.ndarray, readout_time: float, setting: Drawn
+) -> MotionPlan:
+    """Decide by how far the image of the points moves while the rows are read.
+
+    Args:
+        frames: of the recording, with their motions, see `with_motions`.
+        points: on the object, in the world, shape (n, 3).
+        readout_time: from the first row to the last [s]; 0: all rows at once.
+        setting: auto decides; on and off do not.
+
+    Raises:
+        DigsError: "on", and the recording does not tell what it takes, or contradicts itself.
+    """
+    return _plan(_ROWS, frames, points, [readout_time] * len(frames), setting)
+
+
+def plan_blur(
+    frames: Sequence[Frame], points: np.ndarray, exposure_time: float | None, setting: Drawn
+) -> MotionPlan:
+    """Decide by how far it moves while the shutter is open; arguments and errors as of `plan_rows`.
+
+    ``exposure_time``: of every row [s]; None: those that the frames tell.
+    """
+    times = [f.exposure.exposure_time if exposure_time is None else exposure_time for f in frames]
+    plan = _plan(_BLUR, frames, points, times, setting)
+    several = [blur.moments for blur in plan.motions.values() if blur.moments > 1]
+    if not plan.drawn:
+        return plan
+    words = f"; {counted(len(several), 'frame')} drawn from up to {max(several, default=1)} poses"
+    return replace(plan, drawn=bool(several), because=plan.because + (words if several else ""))
+
+
+def _plan(
+    effect: _Effect,
+    frames: Sequence[Frame],
+    points: np.ndarray,
+    times: Sequence[float | None],
+    setting: Drawn,
+) -> MotionPlan:
+    if setting == "off":
+        return MotionPlan(False, f"{effect.flag} off")
+    longest = max((time or 0.0 for time in times), default=0.0)
+    obstacle = _obstacle(effect, frames, longest)
+    if obstacle is not None:
+        if setting == "on":
+            raise DigsError(f"{effect.flag} on: {obstacle}")
+        if longest > 0:
+            logger.warning("%s: not drawn: %s", effect.flag, obstacle)
+        return MotionPlan(False, obstacle, longest)
+    some = points[:: max(1, len(points) // POINTS)]
+    motions = {}
+    for frame, time in zip(frames, times, strict=True):
+        motion, speeds = frame.exposure.camera_motion, image_speed(frame, some)
+        if motion is not None and len(speeds) and time is not None:
+            motions[frame.name] = Blur(_in_time(motion, time), time * float(np.median(speeds)))
+    typical = float(np.median([each.pixels for each in motions.values()] or [0.0]))
+    because = f"the image moves {typical:.2f} px while {effect.meanwhile} (median)"
+    if setting == "auto" and typical < effect.worth:
+        because += f"; less than {effect.worth:g} px are not worth drawing"
+        return MotionPlan(False, because, longest, typical)
+    return MotionPlan(True, because, longest, typical, motions)
+
+
+def _obstacle(effect: _Effect, frames: Sequence[Frame], longest: float) -> str | None:
+    """Return why a motion cannot be drawn; None: it can."""
+    if longest == 0:
+        return f"the recording tells no {effect.time}, or 0; {effect.gives} gives it"
+    if all(frame.exposure.camera_motion is None for frame in frames):
+        return (
+            f"nothing tells how the cameras of {counted(len(frames), 'frame')} moved: no camera_motion, "
+            f"and poses more than {LONGEST_GAP:g} s apart"
+        )
+    gaps = np.diff(sorted(frame.time for frame in frames))
+    if len(gaps) and 0 < gaps.min() < longest:
+        return (
+            f"a {effect.time} of {longest:g} s is longer than the {gaps.min():g} s between two frames; "
+            f"correct the times of the recording or {effect.gives}"
+        )
+    return None
+
+
+def _in_time(motion: CameraMotion, seconds: float) -> RowMotion:
+    return RowMotion(
+        seconds * np.array(motion.angular_velocity), seconds * np.array(motion.velocity)
+    )
 
 
 def image_speed(frame: Frame, points: np.ndarray) -> np.ndarray:
@@ -50,191 +224,6 @@ def image_speed(frame: Frame, points: np.ndarray) -> np.ndarray:
     u = k.fx * (moving[0] - x / z * moving[2]) / z
     v = k.fy * (moving[1] - y / z * moving[2]) / z
     return np.hypot(u, v)
-
-
-MotionBlur = Literal["auto", "on", "off"]
-
-# Recordings with less blur [px, median over their frames] gain three times as much from twice the steps; of
-# three objects with 2 px and more, two gained more from drawing it (table in docs/training.md).
-WORTH_DRAWING = 2.0
-
-
-@dataclass(frozen=True)
-class BlurPlan:
-    """From how many poses the training draws each photograph, and why.
-
-    Attributes:
-        because: the reason, in words.
-        blur_px: how far the object's image moves while the shutter is open [px], median over the frames whose
-            motion is known; None: unknown.
-        frames: how many are drawn from several poses.
-        moments: the most poses of a frame; 1: motion blur is not drawn.
-        blurs: of the frames that are drawn from several poses, by name.
-    """
-
-    because: str
-    blur_px: float | None = None
-    frames: int = 0
-    moments: int = 1
-    blurs: Annotated[Mapping[str, Blur], NOT_STORED] = field(
-        default_factory=dict, repr=False, compare=False
-    )
-
-    def __str__(self) -> str:
-        return f"{'drawn' if self.drawn else 'not drawn'}: {self.because}"
-
-    @property
-    def drawn(self) -> bool:
-        """Whether any photograph is drawn from several poses."""
-        return self.moments > 1
-
-    def of(self, frame: Frame) -> Blur | None:
-        """Return how the camera of a frame moves while its shutter is open; None: it is drawn sharp."""
-        return self.blurs.get(frame.name)
-
-
-NO_BLUR = BlurPlan("the shutter is open for an instant")
-
-
-def plan_blur(
-    frames: Sequence[Frame], points: np.ndarray, exposure_time: float | None, setting: MotionBlur
-) -> BlurPlan:
-    """Decide by how far the image of the points moves while the shutter is open.
-
-    Args:
-        frames: of the recording, with their motions.
-        points: on the object, in the world, shape (n, 3).
-        exposure_time: of every row [s]; None: those that the frames tell.
-        setting: auto draws it where that pays; on wherever it shows, and is an error where it cannot; off
-            does not.
-
-    Raises:
-        DigsError: "on", and the recording does not tell what it takes, or contradicts itself.
-    """
-    if setting == "off":
-        return BlurPlan("--motion-blur off")
-    times = [f.exposure.exposure_time if exposure_time is None else exposure_time for f in frames]
-    obstacle = _blur_obstacle(frames, times)
-    if obstacle is not None:
-        if setting == "on":
-            raise DigsError(f"--motion-blur on: {obstacle}")
-        if any(times):
-            logger.warning("motion blur is not drawn: %s", obstacle)
-        return BlurPlan(obstacle)
-    some = some_of(points)
-    found = {}
-    for frame, time in zip(frames, times, strict=True):
-        speeds = image_speed(frame, some)
-        if len(speeds) and time is not None:
-            found[frame.name] = _blur_of(frame, time, float(np.median(speeds)))
-    typical = float(np.median([blur.pixels for blur in found.values()] or [0.0]))
-    said = f"the image moves {typical:.2f} px while the shutter is open (median)"
-    if setting == "auto" and typical < WORTH_DRAWING:
-        return BlurPlan(f"{said}; less than {WORTH_DRAWING:g} px are not worth drawing", typical)
-    several = {name: blur for name, blur in found.items() if blur.moments > 1}
-    most = max((blur.moments for blur in several.values()), default=1)
-    if several:
-        said += f"; {counted(len(several), 'frame')} drawn from up to {most} poses"
-    return BlurPlan(said, typical, len(several), most, several)
-
-
-def _blur_of(frame: Frame, time: float, speed: float) -> Blur:
-    motion = frame.exposure.camera_motion
-    assert motion is not None  # it has a speed
-    turn, shift = np.array(motion.angular_velocity), np.array(motion.velocity)
-    return Blur(RowMotion(time * turn, time * shift), time * speed)
-
-
-def _blur_obstacle(frames: Sequence[Frame], times: Sequence[float | None]) -> str | None:
-    """Return why motion blur cannot be drawn; None: it can."""
-    known = [time for time in times if time is not None]
-    if not any(known):
-        if known:
-            return "the recording tells an exposure of 0 s, in which nothing blurs"
-        return "the recording tells no exposure time; the setting exposure_time gives it"
-    if all(frame.exposure.camera_motion is None for frame in frames):
-        return f"nothing tells how the cameras of {counted(len(frames), 'frame')} moved"
-    gaps = np.diff(sorted(frame.time for frame in frames))
-    if len(gaps) and 0 < gaps.min() < max(known):
-        return (
-            f"an exposure of {max(known):g} s is longer than the {gaps.min():g} s between two frames; "
-            "correct the times of the recording or the setting exposure_time"
-        )
-    return None
-
-
-RollingShutter = Literal["auto", "on", "off"]
-
-# Neighboring poses further apart than this [s] say nothing about the motion in between: a hand shakes at up
-# to 12 Hz, most below 3 Hz.
-LONGEST_GAP = 0.15
-
-# The image moves less than this [px] while the rows are read: not worth the two percent that a step costs.
-LEAST_SKEW = 0.1
-
-
-@dataclass(frozen=True)
-class ShutterPlan:
-    """Whether the training draws every splat from the pose at which its row was read, and why.
-
-    Attributes:
-        rolling: whether it does.
-        because: the reason, in words.
-        readout_time: from the first to the last row [s].
-        skew_px: how far the object's image moves meanwhile [px], median over the frames whose motion is
-            known; None: unknown.
-        blur: what moves while the shutter is open; a result of its own in `Training`.
-    """
-
-    rolling: bool
-    because: str
-    readout_time: float = 0.0
-    skew_px: float | None = None
-    blur: Annotated[BlurPlan, NOT_STORED] = field(default=NO_BLUR, compare=False)
-
-    def __str__(self) -> str:
-        return f"{'drawn' if self.rolling else 'not drawn'}: {self.because}"
-
-    def rows_of(self, frame: Frame) -> RowMotion | None:
-        """Return how the camera of a frame moves while its rows are read; None: it is not drawn."""
-        motion = frame.exposure.camera_motion
-        if not self.rolling or motion is None:
-            return None
-        turn, shift = np.array(motion.angular_velocity), np.array(motion.velocity)
-        return RowMotion(self.readout_time * turn, self.readout_time * shift)
-
-
-NO_SHUTTER = ShutterPlan(rolling=False, because="all rows at once")
-
-
-def plan_shutter(
-    frames: Sequence[Frame], points: np.ndarray, readout_time: float, setting: RollingShutter
-) -> ShutterPlan:
-    """Decide by how far the image of the points moves while the rows are read.
-
-    Args:
-        frames: of the recording, with their motions, see `with_motions`.
-        points: on the object, in the world, shape (n, 3).
-        readout_time: from the first row to the last [s]; 0: all rows at once.
-        setting: auto decides; on and off do not.
-
-    Raises:
-        DigsError: "on", and the recording does not tell what it takes, or contradicts itself.
-    """
-    if setting == "off":
-        return ShutterPlan(False, "--rolling-shutter off", readout_time)
-    obstacle = _rolling_obstacle(frames, readout_time)
-    if obstacle is not None:
-        if setting == "on":
-            raise DigsError(f"--rolling-shutter on: {obstacle}")
-        if readout_time > 0:
-            logger.warning("the rolling shutter is not corrected: %s", obstacle)
-        return ShutterPlan(False, obstacle, readout_time)
-    skew = _moved_px(frames, points, readout_time)
-    known = f"the image moves {skew:.2f} px while the rows are read"
-    if setting == "on":
-        return ShutterPlan(True, f"--rolling-shutter on; {known}", readout_time, skew)
-    return ShutterPlan(skew >= LEAST_SKEW, known, readout_time, skew)
 
 
 def with_motions(frames: Sequence[Frame]) -> list[Frame]:
@@ -261,28 +250,3 @@ def _motion_between(before: Frame, frame: Frame, after: Frame) -> CameraMotion |
     turn = Rotation.from_matrix(first[:3, :3].T @ last[:3, :3]).as_rotvec()
     shift = own[:3, :3].T @ (last[:3, 3] - first[:3, 3])
     return CameraMotion.of(shift / span, turn / span)
-
-
-def _rolling_obstacle(frames: Sequence[Frame], readout_time: float) -> str | None:
-    """Return why a rolling shutter cannot be drawn; None: it can."""
-    if readout_time == 0:
-        return "the recording tells no read-out time, or 0; --readout-time gives it"
-    if all(frame.exposure.camera_motion is None for frame in frames):
-        return (
-            f"{counted(len(frames), 'frame')} tell no camera_motion, and their poses are more than "
-            f"{LONGEST_GAP:g} s apart"
-        )
-    gaps = np.diff(sorted(frame.time for frame in frames))
-    if len(gaps) and 0 < gaps.min() < readout_time:
-        return (
-            f"a read-out of {readout_time:g} s is longer than the {gaps.min():g} s between two frames; "
-            "correct the times of the recording or --readout-time"
-        )
-    return None
-
-
-def _moved_px(frames: Sequence[Frame], points: np.ndarray, seconds: float) -> float:
-    """Return how far the image of points moves in this time [px], median over points and frames."""
-    some = some_of(points)
-    moves = [image_speed(frame, some) for frame in frames]
-    return seconds * float(np.median(np.concatenate(moves)))

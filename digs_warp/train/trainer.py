@@ -108,7 +108,7 @@ class Trainer:
         )
         self.most_steps = resolved.most_steps or config.stop.iterations
         self._extent = scene_extent(views.cameras)
-        self.objective = Objective(self.renderer, config, depth_weight)
+        self.objective = Objective(self.renderer, depth_weight)
         self._loss = resolved.loss
         self._center = gaussians.means.mean(axis=0)
         self.control = density_control(len(gaussians), config, self._extent)

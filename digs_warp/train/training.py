@@ -20,7 +20,7 @@ from digs_warp.record.files import read_text, remove, write_atomically
 from digs_warp.record.layout import COURSE
 from digs_warp.record.results import Figure
 from digs_warp.record.typed import COUNT, NOT_STORED, Expect, from_json, to_json
-from digs_warp.train.shutter import BlurPlan, ShutterPlan
+from digs_warp.train.shutter import MotionPlan
 from digs_warp.train.time_plan import TimePlan
 
 
@@ -110,8 +110,8 @@ class Training:
     """
 
     course: Annotated[tuple[CourseRow, ...], NOT_STORED] = ()
-    rolling_shutter: Annotated[ShutterPlan | None, Figure("rolling shutter")] = None
-    motion_blur: Annotated[BlurPlan | None, Figure("motion blur")] = None
+    rolling_shutter: Annotated[MotionPlan | None, Figure("rolling shutter")] = None
+    motion_blur: Annotated[MotionPlan | None, Figure("motion blur")] = None
     view_dependence: Annotated[ViewDependence | None, Figure("view-dependent color")] = None
     gaussians: int | None = None
     plan: Annotated[TimePlan | None, Figure("planned for the time budget")] = None

@@ -17,7 +17,7 @@ from digs_warp.device.threads import default_threads
 from digs_warp.geometry.camera import Camera
 from digs_warp.record.progress import progress
 from digs_warp.train.config import VIEW_ORDER, TrainConfig
-from digs_warp.train.shutter import NO_SHUTTER, ShutterPlan
+from digs_warp.train.shutter import NO_SHUTTER, Shutter
 from digs_warp.train.views import View, load_view
 
 _MEGABYTE = 2**20
@@ -30,7 +30,7 @@ def open_views(
     frames: Sequence[Frame],
     config: TrainConfig,
     first_step: int = 0,
-    shutter: ShutterPlan = NO_SHUTTER,
+    shutter: Shutter = NO_SHUTTER,
 ) -> "ViewStore":
     """Open the views of a run in the form that its settings require.
 
@@ -49,14 +49,12 @@ def open_views(
             frame,
             config.device,
             with_depth=config.reads_depth(frame.has(Layer.DEPTH)),
-            on_background=config.mask_role == "object" and config.clean_rim == "on",
             rows=shutter.rows_of(frame),
-            blur=shutter.blur.of(frame),
+            blur=shutter.blur_of(frame),
         )
 
     order = partial(view_index, config.seed, len(frames))
-    moments = shutter.blur.moments
-    return ViewStore(frames, order, load, config.image_memory, first_step, moments)
+    return ViewStore(frames, order, load, config.image_memory, first_step, shutter.moments)
 
 
 def view_index(seed: int, count: int, step: int) -> int:

@@ -74,18 +74,17 @@ def load_view(
     device: str = "cpu",
     *,
     with_depth: bool = False,
-    on_background: bool = True,
     rows: RowMotion | None = None,
     blur: Blur | None = None,
 ) -> View:
     """Read one frame; without a mask, every pixel belongs to the object.
 
+    The rim of the object gets its color alone, see `digs_warp.train.silhouette`.
+
     Args:
         frame: the frame.
         device: Warp device of the arrays.
         with_depth: also read the depth, and the confidence if there is one.
-        on_background: the object will be shown over other backgrounds, so its rim gets the object's color
-            alone, see `digs_warp.train.silhouette`.
         rows: how the camera moves while its rows are read.
         blur: how it moves while the shutter is open.
 
@@ -94,7 +93,7 @@ def load_view(
     """
     image = frame.load_image()
     mask, unknown = frame.load_shown(), frame.load_unknown()
-    photo = without_surround(image, mask) if on_background else image
+    photo = without_surround(image, mask)
     view = packed_view(frame.name, frame.camera, photo, mask, device, unknown)
     view = replace(view, rows=rows, blur=blur)
     if with_depth:

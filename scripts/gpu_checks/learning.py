@@ -65,9 +65,7 @@ class Training:
         self.renderer = SplatRenderer(self.gaussians, *self.size, backend=backend)
         self.target = Target(*self.size, device)
         image = self.renderer.image
-        self.loss = PhotometricLoss(
-            image, self.target.image, self.target.mask, self.renderer.adj_image
-        )
+        self.loss = PhotometricLoss(image, self.target.image, self.renderer.adj_image)
         gradients = self.renderer.gradients
         self.optimizer, self._steps = Adam(self.gaussians, gradients, DENSE_RATES, EXTENT), steps
         full = np.full((k.height, k.width), 255, dtype=np.uint8)
@@ -131,29 +129,22 @@ def all_blocks(width: int, height: int) -> np.ndarray:
 
 
 def ssim(run: Run, findings: Findings) -> None:
-    """Compare L1 + SSIM and its gradient, with weights and without."""
+    """Compare L1 + SSIM and its gradient."""
     rng = np.random.default_rng(5)
     size = run.width, run.height
     shape = run.height, run.width
     shown = rng.uniform(size=(*shape, 3)).cumsum(axis=1) % 1.0
     wanted = np.clip(shown + 0.2 * rng.normal(size=shown.shape), 0, 1)
-    weights = rng.uniform(size=(*shape, 1))
-    for weighted in (False, True):
-
-        def compare(weighted: bool = weighted) -> None:
-            found = []
-            for device, kernels in (("cpu", StripSimilarity), (run.device, PixelSimilarity)):
-                image, target, plane = (ImagePlanes.of(x, device) for x in (shown, wanted, weights))
-                adjoint = ImagePlanes(*size, 3, device)
-                loss = PhotometricLoss(image, target, plane, adjoint, similarity=kernels)
-                loss.run(size, all_blocks(*size), weighted)
-                found.append((loss.value(), adjoint.to_numpy()))
-            (expected, gradient), (value, tried) = found
-            kind = "weighted" if weighted else "plain"
-            findings.at_most(f"{kind}: loss", abs(value - expected) / expected, MOST_LOSS)
-            findings.at_most(f"{kind}: gradient", relative(tried, gradient), MOST_LOSS_GRADIENT)
-
-        findings.attempt("weighted" if weighted else "plain", compare)
+    found = []
+    for device, kernels in (("cpu", StripSimilarity), (run.device, PixelSimilarity)):
+        image, target = (ImagePlanes.of(x, device) for x in (shown, wanted))
+        adjoint = ImagePlanes(*size, 3, device)
+        loss = PhotometricLoss(image, target, adjoint, similarity=kernels)
+        loss.run(size, all_blocks(*size))
+        found.append((loss.value(), adjoint.to_numpy()))
+    (expected, gradient), (value, tried) = found
+    findings.at_most("loss", abs(value - expected) / expected, MOST_LOSS)
+    findings.at_most("gradient", relative(tried, gradient), MOST_LOSS_GRADIENT)
 
 
 def adam(run: Run, findings: Findings) -> None:

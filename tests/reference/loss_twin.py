@@ -1,18 +1,6 @@
-"""Float64 twins of the loss terms, straight from their formulas."""
+"""Float64 twin of the depth term, straight from its formula."""
 
 import numpy as np
-
-from digs_warp.measure.metrics import ssim_map
-
-
-def photometric(
-    image: np.ndarray, target: np.ndarray, weights: np.ndarray, dssim_weight: float
-) -> float:
-    """Mean over all pixels and channels of w ((1 - lambda) |x - y| + lambda (1 - SSIM))."""
-    image, target = image.astype(np.float64), target.astype(np.float64)
-    terms = (1 - dssim_weight) * np.abs(image - target)
-    terms = terms + dssim_weight * (1 - ssim_map(image, target))
-    return float((weights[..., None] * terms).mean())
 
 
 def depth(

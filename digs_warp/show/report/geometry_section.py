@@ -14,7 +14,7 @@ from digs_warp.show.report.markup import chart, part
 from digs_warp.show.report.plots import Line, line_chart, map_chart
 from digs_warp.splat.device import DeviceGaussians
 from digs_warp.train.adherence import MeasuredView, load_measured_views, signed_distances
-from digs_warp.train.shutter import NO_SHUTTER
+from digs_warp.train.shutter import NO_MOTION, Shutter
 from digs_warp.words import counted
 
 
@@ -79,7 +79,7 @@ def geometry_section(result: Reconstruction, posed: PosedFrames) -> str:
 
 def depth_errors(result: Reconstruction, frames: Sequence[Frame]) -> list[Errors]:
     """Return the differences that are known: of the surface and of the sensor."""
-    shutter = result.training.rolling_shutter or NO_SHUTTER
+    shutter = Shutter(result.training.rolling_shutter or NO_MOTION)
     measured = load_measured_views(frames, shutter)
     true = load_measured_views(frames, shutter, Layer.DEPTH_TRUE)
     gaussians = DeviceGaussians.from_numpy(result.gaussians)

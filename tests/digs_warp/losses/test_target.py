@@ -27,16 +27,14 @@ def part_of_a_thread(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyP
         monkeypatch.setattr("digs_warp.losses.target.values_per_thread", lambda *_: 1)
 
 
-def composed(
-    image: np.ndarray, mask: np.ndarray, region: PixelBox, keep_color: bool = False
-) -> tuple[np.ndarray, np.ndarray]:
+def composed(image: np.ndarray, mask: np.ndarray, region: PixelBox) -> np.ndarray:
     height, width = mask.shape
     box = mask_box(mask)
     inside = (slice(box[1], box[3]), slice(box[0], box[2]))
     target = Target(width, height)
     pixels = wp.array(pack_view(image[inside], mask[inside]), dtype=wp.uint8, device="cpu")
-    target.compose(pixels, box, BACKGROUND, region, (width, height), keep_color)
-    return target.image.to_numpy(), target.mask.to_numpy()[..., 0]
+    target.compose(pixels, box, BACKGROUND, region, (width, height))
+    return target.image.to_numpy()
 
 
 def photograph(empty_border: int) -> tuple[np.ndarray, np.ndarray]:
@@ -50,38 +48,19 @@ def photograph(empty_border: int) -> tuple[np.ndarray, np.ndarray]:
 @pytest.mark.parametrize("border", [0, 7])
 def test_the_target_is_composited_over_the_background(border: int) -> None:
     image, mask = photograph(border)
-    target, share = composed(image, mask, (0, 0, 31, 19))
+    target = composed(image, mask, (0, 0, 31, 19))
     expected = mask[..., None] / 255.0
-    np.testing.assert_allclose(share, expected[..., 0], atol=1e-6)
     np.testing.assert_allclose(
         target, image / 255.0 * expected + BACKGROUND * (1 - expected), atol=1e-6
     )
 
 
-def test_a_mask_that_nobody_reads_is_not_filled() -> None:
-    image, mask = photograph(3)
-    pixels = wp.array(pack_view(image, mask), dtype=wp.uint8, device="cpu")
-    whole = (0, 0, 31, 19)
-    target = Target(31, 19, with_mask=False)
-    target.compose(pixels, whole, BACKGROUND, whole, (31, 19))
-    assert not target.mask.to_numpy().any()
-    with_mask, _ = composed(image, mask, whole)
-    np.testing.assert_array_equal(target.image.to_numpy(), with_mask)
-
-
 def test_only_the_region_is_filled() -> None:
     image, mask = photograph(3)
-    whole, _ = composed(image, mask, (0, 0, 31, 19))
-    part, _ = composed(image, mask, (5, 2, 20, 11))
+    whole = composed(image, mask, (0, 0, 31, 19))
+    part = composed(image, mask, (5, 2, 20, 11))
     np.testing.assert_array_equal(part[2:11, 5:20], whole[2:11, 5:20])
     assert np.count_nonzero(part) == np.count_nonzero(part[2:11, 5:20])
-
-
-def test_the_photograph_as_it_is() -> None:
-    image, mask = photograph(0)
-    target, share = composed(image, mask, (0, 0, 31, 19), keep_color=True)
-    np.testing.assert_allclose(target, image / 255.0, atol=1e-6)
-    np.testing.assert_allclose(share, mask / 255.0, atol=1e-6)
 
 
 def test_a_gain_is_taken_off_the_photograph() -> None:
@@ -101,7 +80,7 @@ def test_a_gain_is_taken_off_the_photograph() -> None:
     assert (expected > rendered.to_numpy())[clipped].any()
     np.testing.assert_allclose(target.image.to_numpy(), expected, atol=1e-5)
     target.compose(pixels, whole, BACKGROUND, whole, (31, 19))
-    again, _ = composed(image, mask, whole)
+    again = composed(image, mask, whole)
     np.testing.assert_array_equal(target.image.to_numpy(), again)
 
 
@@ -113,7 +92,6 @@ def test_a_smaller_view_finds_nothing_of_a_larger_one() -> None:
     small = wp.array(pack_view(image[:9, :8], image[:9, :8, 0]), dtype=wp.uint8, device="cpu")
     target.compose(small, (0, 0, 8, 9), BACKGROUND, (0, 0, 8, 9), (8, 9))
     assert np.count_nonzero(target.image.to_numpy()) == 8 * 9 * 3
-    assert np.count_nonzero(target.mask.to_numpy()) == 8 * 9
 
 
 def test_boxes() -> None:

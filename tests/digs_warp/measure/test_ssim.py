@@ -41,24 +41,25 @@ def noisy_pair(width: int, height: int, seed: int = 0) -> tuple[np.ndarray, np.n
     return np.clip(target + noise, 0, 1), target
 
 
-def run_loss(image: np.ndarray, target: np.ndarray) -> tuple[float, np.ndarray]:
+def run_loss(image: np.ndarray, target: np.ndarray, room: int = 0) -> tuple[float, np.ndarray]:
     height, width = image.shape[:2]
-    _, adj, loss = compared(image, target)
+    _, adj, loss = compared(image, target, room)
     everything = blocks_of(tiles_of(np.ones((height, width))))
     loss.run((width, height), everything)
     return loss.value(), adj.to_numpy()
 
 
 def compared(
-    image: np.ndarray, target: np.ndarray
+    image: np.ndarray, target: np.ndarray, room: int = 0
 ) -> tuple[ImagePlanes, ImagePlanes, PhotometricLoss]:
-    """Planes of the image and of its gradient, and the loss between image and target."""
+    """Planes of the image and of its gradient, with room for a larger one, and the loss beside the target."""
     height, width = image.shape[:2]
-    planes, goal, adj = (ImagePlanes(width, height, 3) for _ in range(3))
+    planes, goal, adj = (ImagePlanes(width + room, height + room, 3) for _ in range(3))
+    for each in (planes, goal, adj):
+        each.resize(width, height)
     planes.assign(image)
     goal.assign(target)
-    loss = PhotometricLoss(planes, goal, ImagePlanes(width, height, 1), adj)
-    return planes, adj, loss
+    return planes, adj, PhotometricLoss(planes, goal, adj)
 
 
 def test_the_metric_is_the_definition_of_ssim() -> None:
@@ -104,10 +105,10 @@ def test_the_kernel_equals_the_metric(width: int, height: int) -> None:
     assert loss == pytest.approx(0.8 * expected_l1 + 0.2 * expected_dssim, rel=1e-5)
 
 
-@pytest.mark.parametrize(("width", "height"), SIZES)
-def test_the_gradient_equals_central_differences(width: int, height: int) -> None:
+@pytest.mark.parametrize(("width", "height", "room"), [*((*s, 0) for s in SIZES), (70, 20, 90)])
+def test_the_gradient_equals_central_differences(width: int, height: int, room: int) -> None:
     image, target = noisy_pair(width, height, seed=1)
-    _, gradient = run_loss(image, target)
+    _, gradient = run_loss(image, target, room)
     x, y = image.astype(np.float64), target.astype(np.float64)
 
     def objective(values: np.ndarray) -> float:
@@ -152,7 +153,7 @@ def test_a_region_from_the_view_before_leaves_no_trace() -> None:
     planes, adj, goal = (ImagePlanes(width, height, 3) for _ in range(3))
     planes.assign(image)
     goal.assign(target)
-    loss = PhotometricLoss(planes, goal, ImagePlanes(width, height, 1), adj)
+    loss = PhotometricLoss(planes, goal, adj)
     everything = blocks_of(tiles_of(np.ones((height, width))))
     loss.run((width, height), everything)
     flat = np.full((height, width, 3), 0.2, np.float32)

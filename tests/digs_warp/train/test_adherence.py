@@ -17,7 +17,7 @@ from digs_warp.splat.renderer import SplatRenderer
 from digs_warp.splat.surface_depth import surface_depth
 from digs_warp.train.adherence import adherence, load_measured_views, signed_distances
 from digs_warp.train.config import TrainConfig
-from digs_warp.train.shutter import ShutterPlan
+from digs_warp.train.shutter import MotionPlan, Shutter
 from digs_warp.train.trainer import Trainer
 from digs_warp.train.view_store import open_views
 from reference.tiny_capture import ball, drawn_depth
@@ -56,7 +56,7 @@ def test_several_depths_of_the_same_views_compare_as_each_does_alone(capture: Ca
 def test_rows_are_drawn_from_where_they_were_read(capture: Capture) -> None:
     gaussians = DeviceGaussians.from_numpy(ball())
     moving = CameraMotion.of(np.array([0.4, 0.0, 0.0]), np.array([0.0, 1.5, 0.0]))
-    plan = ShutterPlan(rolling=True, because="", readout_time=0.05)
+    plan = Shutter(MotionPlan(True, "", 0.05))
     frames = []
     for frame in capture.frames:
         frame = replace(frame, exposure=Exposure(moving))

@@ -13,7 +13,6 @@ from digs_warp.splat.blur_renderer import BlurRenderer
 from digs_warp.splat.camera_motion import Blur, RowMotion
 from digs_warp.splat.config import RasterOptions
 from digs_warp.splat.device import DeviceGaussians
-from digs_warp.train.config import TrainConfig
 from digs_warp.train.objective import Objective
 from digs_warp.train.views import packed_view
 from reference.splat_scenes import random_gaussians
@@ -27,7 +26,7 @@ def compared(unknown: np.ndarray | None, image: np.ndarray, mask: np.ndarray) ->
     view = packed_view("0", CAMERA, image, mask, unknown=unknown)
     splats = DeviceGaussians.from_numpy(random_gaussians(40, seed=1))
     renderer = BlurRenderer(splats, 64, 48, options=RasterOptions())
-    objective = Objective(renderer, TrainConfig())
+    objective = Objective(renderer)
     renderer.forward(CAMERA, near=0.01, background=np.ones(3))
     objective.compare(view, np.ones(3))
     return objective
@@ -78,7 +77,7 @@ def test_slopes_are_the_gradients_where_a_blurred_view_has_depth(moments: int) -
         splats = DeviceGaussians.from_numpy(replace(gaussians, opacity_logits=logits))
         options = RasterOptions(outputs="depth")
         renderer = BlurRenderer(splats, 64, 48, options=options, moments=3)
-        objective = Objective(renderer, TrainConfig(), depth_weight=1.0)
+        objective = Objective(renderer, depth_weight=1.0)
         renderer.forward(CAMERA, near=0.01, background=np.ones(3), blur=blur)
         objective.compare(view, np.ones(3))
         renderer.backward()

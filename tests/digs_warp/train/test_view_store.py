@@ -1,7 +1,6 @@
 """Views of a run: cropped, read ahead, and never more of them in memory than there is room for."""
 
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -47,24 +46,18 @@ def test_a_view_holds_the_crop_of_its_mask(capture: Capture) -> None:
     assert view.size == (WIDTH, HEIGHT)
 
 
-@pytest.mark.parametrize(
-    ("changed", "is_clean"),
-    [({}, True), ({"clean_rim": "off"}, False), ({"mask_role": "ignore"}, False)],
-)
-def test_the_rim_is_cleaned_unless_it_stays_in_the_room(
-    capture: Capture, changed: dict[str, Any], is_clean: bool
-) -> None:
+def test_the_rim_is_cleaned(capture: Capture) -> None:
     frame = capture.frames[2]
     mask = frame.load_mask()
     mask[mask_box(mask)[1] + 5] //= 2
     photo = frame.load_image()
-    views = open_views([frame.with_layer(Layer.MASK, mask)], TrainConfig(**changed))
+    views = open_views([frame.with_layer(Layer.MASK, mask)], TrainConfig())
     view = views.view(0)
     views.close()
     x0, y0, x1, y1 = view.box
     shown = view.pixels.numpy().reshape(4, y1 - y0, x1 - x0)[:3].transpose(1, 2, 0)
-    expected = without_surround(photo, mask) if is_clean else photo
-    assert not np.array_equal(without_surround(photo, mask), photo)
+    expected = without_surround(photo, mask)
+    assert not np.array_equal(expected, photo)
     np.testing.assert_array_equal(shown, expected[y0:y1, x0:x1])
 
 

@@ -20,7 +20,6 @@ from digs_warp.poses.refine.normal_equations import PairComparison, Scales
 from digs_warp.poses.refine.photometric_alignment import Alignment, align, in_place
 from digs_warp.poses.refine.refine import refine
 from digs_warp.poses.views import Picture, view_of
-from digs_warp.train.config import TrainConfig
 from reference.pair_twin import pair_equations
 from reference.perturbed_poses import perturbed_poses
 from reference.textured_plane import INTRINSICS, picture, ring_of_poses
@@ -121,10 +120,9 @@ def test_only_centers_of_the_bundle_adjustment_are_held_in_the_training() -> Non
     plain = [f.with_layer(Layer.IMAGE, each) for f, each in zip(frames, gray, strict=True)]
     _, refinement = refine(plain, 0.0, needed=True)
     assert refinement.refined and not refinement.adjusted
-    train = TrainConfig()
-    assert pose_training(replace(refinement, in_training=True), train) == "moved"
+    assert pose_training(replace(refinement, in_training=True)) == "moved"
     held = replace(refinement, in_training=True, adjusted=True)
-    assert pose_training(held, train) == "turned"
+    assert pose_training(held) == "turned"
 
 
 def test_a_frame_that_would_agree_less_keeps_its_pose(monkeypatch: pytest.MonkeyPatch) -> None:
