@@ -206,6 +206,7 @@ class DepthLoss:
         device = str(depth.data.device)
         self.weight = weight
         self._scale = 0.0
+        self._adj_depth = adj_depth
         self._regions = wp.zeros((2, 4), dtype=int, device=device)
         self.sums = wp.zeros(depth.max_height, dtype=float, device=device)
         empty = [wp.zeros(1, dtype=kind, device=device) for kind in (float, wp.uint8)]
@@ -244,6 +245,11 @@ class DepthLoss:
         self._launch.set_param(_SLOPE, slope_factor * self._scale)
         self._launch.set_param(_BIAS, bias)
         self._launch.run()
+
+    def skip(self) -> None:
+        """Compare nothing: the view has no depth."""
+        self._scale = 0.0
+        self._adj_depth.data.zero_()
 
     def value(self) -> float:
         """Return the weighted term of the last `run`; waits for the device."""

@@ -82,7 +82,9 @@ class Objective:
         if view.unknown:
             self._left_out.accept(view.unknown)
         self._photometric.run(view.size, blocks)
-        if self._depth is not None and view.depth is not None:
+        if self._depth is not None and view.depth is None:
+            self._depth.skip()
+        elif self._depth is not None and view.depth is not None:
             boxes = view.box, pixels_of(drawn, *view.size)
             errors = depth_errors.offset, depth_errors.trust
             self._depth.run(view.depth, *boxes, *errors, slope_factor=renderer.moments)

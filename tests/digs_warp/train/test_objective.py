@@ -88,3 +88,21 @@ def test_slopes_are_the_gradients_where_a_blurred_view_has_depth(moments: int) -
     direction = np.where(slopes > 0, 1, -1).astype(np.float32)
     up, down = (loss_and_slopes(start + step * direction)[0] for step in (1e-2, -1e-2))
     assert (up - down) / 2e-2 == pytest.approx(np.abs(slopes).sum(), rel=0.05)
+
+
+def test_a_view_without_depth_finds_nothing_of_the_one_before() -> None:
+    image = np.random.default_rng(0).integers(0, 256, (48, 64, 3), dtype=np.uint8)
+    plain = packed_view("0", CAMERA, image, np.full((48, 64), 255, np.uint8))
+    measured = wp.array(np.full(48 * 64, 2.9, np.float32))
+    trusted = wp.array(np.full(48 * 64, 255, np.uint8), dtype=wp.uint8)
+    deep = replace(plain, depth=DepthTarget(measured, trusted, 48.0 * 64.0))
+    splats = DeviceGaussians.from_numpy(random_gaussians(40, seed=1))
+    renderer = BlurRenderer(splats, 64, 48, options=RasterOptions(outputs="mean depth"))
+    objective = Objective(renderer, depth_weight=1.0)
+    renderer.forward(CAMERA, near=0.01, background=np.ones(3))
+    values = []
+    for view in (plain, deep, plain):
+        objective.compare(view, np.ones(3))
+        values.append(objective.value())
+    assert values[0] == values[2] < values[1]
+    assert not renderer.middle.adj_depth.to_numpy().any()
