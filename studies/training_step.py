@@ -96,7 +96,7 @@ def _stages(trainer: Trainer) -> dict[str, float]:
     # Another view than that of the last step would differ from its image in other parts, and in more.
     view = trainer.views.view(trainer.optimizer.step - 1)
     stages["loss"] = lambda: trainer.objective.compare(view, GRAY)
-    stages["adam"] = trainer.optimizer.update
+    stages["adam"] = lambda: trainer.optimizer.update(0.0)
     order = ("project", "bin", "forward", "loss", "backward", SUMS, "adam")
     rounds = [[best_ms(stages[name], 1) for name in order] for _ in range(STEPS)]
     return dict(zip(order, np.median(rounds, axis=0).tolist(), strict=True))

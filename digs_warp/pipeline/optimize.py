@@ -83,9 +83,7 @@ def optimize(
     with log.stage("load views"):
         seeds = _seeds(poses, start, config) if trained is None else None
         resolved = Resolved(
-            train_poses=pose_training(poses.refinement),
-            loss=hooks.loss,
-            most_steps=config.train.stop.iterations,
+            None, pose_training(poses.refinement), False, hooks.loss, config.train.stop.iterations
         )
         views = _load_views(
             *(poses.posed, start.points, seeds, shutter, config.train, folder),

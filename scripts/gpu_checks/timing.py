@@ -55,7 +55,7 @@ def _stages(job: Training) -> dict[str, Callable[[], object]]:
     stages |= {f"  {name}": stage for name, stage in renderer.stages().items()}
     stages |= {"backward, all": renderer.backward}
     stages |= {"  compose the target": lambda: job.compose(0), "  loss": job.compare}
-    return stages | {"  Adam": job.optimizer.update, "step": job.step}
+    return stages | {"  Adam": lambda: job.optimizer.update(0.0), "step": job.step}
 
 
 def median_seconds(work: Callable[[], object]) -> float:
