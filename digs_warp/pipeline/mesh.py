@@ -27,7 +27,8 @@ from digs_warp.train.depth_errors import (
     TRUSTED_SPREAD,
     DepthErrors,
     DepthJudge,
-    DepthSamples,
+    cells_of,
+    depth_samples,
 )
 
 # More cameras add little and take longer.
@@ -161,9 +162,9 @@ def _errors(
         known = np.isfinite(measured) & np.isfinite(view.depth)
         if frame.has(Layer.MASK):
             known &= frame.load_mask() > OBJECT_THRESHOLD
-        samples = DepthSamples.of(measured, known)
+        samples = depth_samples(measured, known)
         rendered = view.depth[samples.rows, samples.columns].astype(np.float64)
-        judge.fit(number, rendered, samples.depths, samples.cells)
+        judge.fit(number, rendered, samples.values, cells_of(samples))
     return judge.errors
 
 

@@ -5,10 +5,16 @@ jumps from one splat to the next. But where a pixel shows two surfaces, at the e
 mean lies on neither. So the depth of the surface is the expected one where the two agree, else the median.
 """
 
+from collections.abc import Iterator, Sequence
+
 import numpy as np
 
+from digs_warp.geometry.camera import Camera
 from digs_warp.geometry.rigid import PixelBox
-from digs_warp.splat.config import EXPECTED, MEDIAN, DepthOf
+from digs_warp.splat.camera_motion import RowMotion
+from digs_warp.splat.config import EXPECTED, MEDIAN, DepthOf, RasterOptions
+from digs_warp.splat.device import DeviceGaussians
+from digs_warp.splat.footprint import near_plane
 from digs_warp.splat.renderer import SplatRenderer
 
 # Expected and median depth further apart than this share of the depth belong to two surfaces: a centimetre
@@ -23,6 +29,37 @@ def surface_place(is_object: bool) -> DepthOf:
     in a room, nothing does: the splats keep to the surface.
     """
     return "skin" if is_object else "center"
+
+
+def drawn_surfaces(
+    gaussians: DeviceGaussians,
+    cameras: Sequence[Camera],
+    center_world: np.ndarray,
+    is_object: bool,
+    rows: Sequence[RowMotion | None] | None = None,
+) -> Iterator[SplatRenderer]:
+    """Yield the same renderer for each camera, with its view on black and the depths of the surface.
+
+    Args:
+        gaussians: the scene.
+        cameras: where to look from; images may differ in size.
+        center_world: where the scene is, for the near plane [m].
+        is_object: of one object, trained with masks; False: of all in view, see `surface_place`.
+        rows: how each camera moves while its rows are read; None: not at all.
+    """
+    if not cameras:
+        return
+    sizes = [camera.intrinsics for camera in cameras]
+    renderer = SplatRenderer(
+        gaussians,
+        max(k.width for k in sizes),
+        max(k.height for k in sizes),
+        options=RasterOptions(outputs="depth", depth_of=surface_place(is_object)),
+    )
+    for camera, motion in zip(cameras, rows or [None] * len(cameras), strict=True):
+        near = near_plane(camera, center_world)
+        renderer.forward(camera, near=near, background=(0.0, 0.0, 0.0), rows=motion)
+        yield renderer
 
 
 def surface_depth(drawn: np.ndarray) -> np.ndarray:

@@ -7,11 +7,8 @@ import numpy as np
 
 from digs_warp.data.gaussians import Gaussians
 from digs_warp.geometry.camera import Camera
-from digs_warp.splat.config import RasterOptions
 from digs_warp.splat.device import DeviceGaussians
-from digs_warp.splat.footprint import near_plane
-from digs_warp.splat.renderer import SplatRenderer
-from digs_warp.splat.surface_depth import SAME_SURFACE, surface_depth, surface_place
+from digs_warp.splat.surface_depth import SAME_SURFACE, drawn_surfaces, surface_depth
 
 # Below this coverage, the color of a pixel is meaningless.
 LEAST_ALPHA = 1e-3
@@ -41,7 +38,8 @@ def depth_views(
     is_object: bool = True,
 ) -> Iterator[DepthView]:
     """Yield the view of each camera; the arguments are those of `surface_depths`."""
-    drawn = _drawn(gaussians, cameras, center_world, device, is_object)
+    on_device = DeviceGaussians.from_numpy(gaussians, device)
+    drawn = drawn_surfaces(on_device, cameras, center_world, is_object)
     for camera, renderer in zip(cameras, drawn, strict=True):
         alpha = 1.0 - renderer.transmittance.to_numpy()
         color = renderer.image.to_numpy() / np.maximum(alpha, LEAST_ALPHA)
@@ -56,41 +54,10 @@ def surface_depths(
     device: str = "cpu",
     is_object: bool = True,
 ) -> Iterator[np.ndarray]:
-    """Yield the depth that each camera sees, as of `DepthView`; images may differ in size.
-
-    Args:
-        gaussians: the scene.
-        cameras: where to look from.
-        center_world: where the scene is, for the near plane [m].
-        device: "cpu" or a CUDA device of Warp.
-        is_object: of one object, trained with masks; False: of all in view, see `surface_place`.
-    """
-    for renderer in _drawn(gaussians, cameras, center_world, device, is_object):
+    """Yield the depth that each camera sees, as of `DepthView`; arguments as of `drawn_surfaces`."""
+    on_device = DeviceGaussians.from_numpy(gaussians, device)
+    for renderer in drawn_surfaces(on_device, cameras, center_world, is_object):
         yield surface_depth(renderer.depth.to_numpy())
-
-
-def _drawn(
-    gaussians: Gaussians,
-    cameras: Sequence[Camera],
-    center_world: np.ndarray,
-    device: str,
-    is_object: bool,
-) -> Iterator[SplatRenderer]:
-    """Yield the same renderer for each camera, with its view on black."""
-    if not cameras:
-        return
-    width = max(camera.intrinsics.width for camera in cameras)
-    height = max(camera.intrinsics.height for camera in cameras)
-    renderer = SplatRenderer(
-        DeviceGaussians.from_numpy(gaussians, device),
-        width,
-        height,
-        options=RasterOptions(outputs="depth", depth_of=surface_place(is_object)),
-    )
-    for camera in cameras:
-        near = near_plane(camera, center_world)
-        renderer.forward(camera, near=near, background=(0.0, 0.0, 0.0))
-        yield renderer
 
 
 # How far, where the measured depth is trusted entirely: more than half, because the noise of its pixels

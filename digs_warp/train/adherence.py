@@ -17,11 +17,8 @@ from digs_warp.data.viewpoints import evenly
 from digs_warp.geometry.camera import Camera
 from digs_warp.geometry.rigid import PixelBox, mask_box
 from digs_warp.splat.camera_motion import RowMotion
-from digs_warp.splat.config import RasterOptions
 from digs_warp.splat.device import DeviceGaussians
-from digs_warp.splat.footprint import near_plane
-from digs_warp.splat.renderer import SplatRenderer
-from digs_warp.splat.surface_depth import surface_depth, surface_place
+from digs_warp.splat.surface_depth import drawn_surfaces, surface_depth
 from digs_warp.train.shutter import NO_SHUTTER, Shutter
 
 # The median hardly changes with more views, and each takes the time of a training step.
@@ -89,47 +86,20 @@ def adherence(gaussians: DeviceGaussians, views: Sequence[MeasuredView]) -> floa
 
     A pixel compares where depth was measured and the Gaussians cover it by half.
     """
-    (found,) = signed_distances(gaussians, views)
+    found = signed_distances(gaussians, views)
     return float(np.median(np.abs(found))) if len(found) else None
 
 
-def signed_distances(
-    gaussians: DeviceGaussians, *groups: Sequence[MeasuredView]
-) -> list[np.ndarray]:
-    """Return rendered minus measured depth [m] of all pixels that compare, (n,), float64, for each group.
-
-    Groups can measure the same views: each is rendered once.
-    """
-    sizes = [view.camera.intrinsics for views in groups for view in views]
-    if not sizes or not len(gaussians):
-        return [np.zeros(0) for _ in groups]
-    place = surface_place(any(view.is_object for views in groups for view in views))
-    renderer = SplatRenderer(
-        gaussians,
-        max(k.width for k in sizes),
-        max(k.height for k in sizes),
-        options=RasterOptions(outputs="depth", depth_of=place),
-    )
+def signed_distances(gaussians: DeviceGaussians, views: Sequence[MeasuredView]) -> np.ndarray:
+    """Return rendered minus measured depth [m] of all pixels that compare, (n,), float64."""
+    if not views or not len(gaussians):
+        return np.zeros(0)
+    cameras, rows = [view.camera for view in views], [view.rows for view in views]
+    is_object = any(view.is_object for view in views)
     center = gaussians.means.numpy().mean(axis=0)
-    found: list[list[np.ndarray]] = [[np.zeros(0)] for _ in groups]
-    for same in _by_camera(groups):
-        first = same[0][1]
-        renderer.forward(first.camera, near=near_plane(first.camera, center), rows=first.rows)
-        drawn = renderer.depth.to_numpy()
-        for group, view in same:
-            found[group].append(_distances(drawn, view))
-    return [np.concatenate(each) for each in found]
-
-
-def _by_camera(
-    groups: Sequence[Sequence[MeasuredView]],
-) -> list[list[tuple[int, MeasuredView]]]:
-    """Return the views of each camera, with the numbers of their groups, in the order of the views."""
-    views: dict[int, list[tuple[int, MeasuredView]]] = {}
-    for number, group in enumerate(groups):
-        for view in group:
-            views.setdefault(id(view.camera), []).append((number, view))
-    return list(views.values())
+    drawn = drawn_surfaces(gaussians, cameras, center, is_object, rows)
+    pairs = zip(drawn, views, strict=True)
+    return np.concatenate([_distances(renderer.depth.to_numpy(), view) for renderer, view in pairs])
 
 
 def _distances(drawn: np.ndarray, view: MeasuredView) -> np.ndarray:

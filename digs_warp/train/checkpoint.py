@@ -6,24 +6,38 @@ be saved: a resumed run continues bit for bit.
 
 import json
 from pathlib import Path
+from typing import Protocol
 
 import numpy as np
 
 from digs_warp.checks import DigsError, check_finite, check_shape
 from digs_warp.data.gaussians import FIELDS, Gaussians
-from digs_warp.poses.in_training import TrainedPoses
 from digs_warp.record.arrays import UNREADABLE, check_archive, write_arrays
 from digs_warp.record.fields import Fields, parse_json
-from digs_warp.train.depth_errors import DepthJudge
-from digs_warp.train.exposure import Exposures
 from digs_warp.train.optimizer import non_finite_rows
 from digs_warp.train.trainer import Trainer
 
-_CONTROL = "control_"
-_EXPOSURE = "exposure_"
-_DEPTH = "depth_"
-_POSES = "poses_"
-_SMOOTHING = "smoothing_"
+# Arrays of these have one row for each Gaussian.
+_CONTROL, _SMOOTHING = "control_", "smoothing_"
+
+
+class _Part(Protocol):
+    """What a run keeps beside the Gaussians and their moments."""
+
+    def state(self) -> dict[str, np.ndarray]: ...
+    def restore(self, state: dict[str, np.ndarray]) -> None: ...
+
+
+def _parts(trainer: Trainer) -> dict[str, _Part]:
+    """Return the parts of a run, by the prefix of their arrays."""
+    parts = {
+        _CONTROL: trainer.control,
+        _SMOOTHING: trainer.smoothing,
+        "exposure_": trainer.exposures,
+        "depth_": trainer.depth_judge,
+        "poses_": trainer.poses,
+    }
+    return {prefix: part for prefix, part in parts.items() if part is not None}
 
 
 def save_checkpoint(path: Path, trainer: Trainer) -> bool:
@@ -44,13 +58,8 @@ def save_checkpoint(path: Path, trainer: Trainer) -> bool:
             state[f"{group}_{name}"] = array.numpy()
     if any(len(non_finite_rows(state[f"value_{name}"])) for name in FIELDS):
         return False
-    for name, array in trainer.control.state().items():
-        state[_CONTROL + name] = array
-    for name, array in trainer.smoothing.state().items():
-        state[_SMOOTHING + name] = array
-    for prefix, fitted in _fitted(trainer).items():
-        for name, array in fitted.state().items():
-            state[prefix + name] = array
+    for prefix, part in _parts(trainer).items():
+        state |= {prefix + name: array for name, array in part.state().items()}
     write_arrays(path, state)
     return True
 
@@ -74,14 +83,15 @@ def load_checkpoint(path: Path, trainer: Trainer) -> None:
     _check_identity(saved, trainer, path)
     try:
         groups = [_group(saved, group) for group in ("value", "first", "second")]
-        control = _control(saved, trainer)
-        smoothing = _smoothing(saved)
-        _restore_fitted(saved, trainer)
+        parts = _parts(trainer)
+        states = {prefix: _state(saved, prefix, part) for prefix, part in parts.items()}
+        for prefix, part in parts.items():
+            if prefix != _SMOOTHING:
+                part.restore(states[prefix])
     except (KeyError, ValueError) as error:
         raise _unreadable(path, error) from error
-    trainer.control.restore(control)
     step = int(_scalar(saved, "step", path))
-    trainer.restore(groups[0], (groups[1], groups[2]), smoothing, step)
+    trainer.restore(groups[0], (groups[1], groups[2]), states[_SMOOTHING], step)
     trainer.seconds = _scalar(saved, "seconds", path)
 
 
@@ -107,38 +117,14 @@ def _group(saved: dict[str, np.ndarray], group: str) -> Gaussians:
     return found
 
 
-def _control(saved: dict[str, np.ndarray], trainer: Trainer) -> dict[str, np.ndarray]:
-    """Return the sums of the density control, one per Gaussian."""
-    count = len(saved["value_means"])
-    return {
-        name: check_shape(name, saved[_CONTROL + name], (count,))
-        for name in trainer.control.state()
-    }
-
-
-def _smoothing(saved: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
-    """Return the state of the filter in 3D."""
-    shapes = {"learned": saved["value_log_scales"].shape, "distances": (len(saved["value_means"]),)}
-    return {
-        name: check_finite(name, check_shape(name, saved[_SMOOTHING + name], shape))
-        for name, shape in shapes.items()
-    }
-
-
-def _fitted(trainer: Trainer) -> dict[str, Exposures | DepthJudge | TrainedPoses]:
-    """Return what a run fits beside the Gaussians, by the prefix of its arrays."""
-    fitted = {
-        _EXPOSURE: trainer.exposures,
-        _DEPTH: trainer.depth_judge,
-        _POSES: trainer.poses,
-    }
-    return {prefix: each for prefix, each in fitted.items() if each is not None}
-
-
-def _restore_fitted(saved: dict[str, np.ndarray], trainer: Trainer) -> None:
-    for prefix, fitted in _fitted(trainer).items():
-        names = fitted.state()
-        fitted.restore({name: check_finite(name, saved[prefix + name]) for name in names})
+def _state(saved: dict[str, np.ndarray], prefix: str, part: _Part) -> dict[str, np.ndarray]:
+    """Return the arrays of a part; all are finite."""
+    now, count = part.state(), len(saved["value_means"])
+    found = {name: check_finite(name, saved[prefix + name]) for name in now}
+    if prefix in (_CONTROL, _SMOOTHING):
+        for name, array in found.items():
+            check_shape(name, array, (count, *now[name].shape[1:]))
+    return found
 
 
 def _scalar(saved: dict[str, np.ndarray], name: str, path: Path) -> float:

@@ -23,6 +23,7 @@ import numpy as np
 from digs_warp.checks import check_shape
 from digs_warp.splat.config import EXPECTED
 from digs_warp.splat.renderer import SplatRenderer
+from digs_warp.train.exposure import Samples
 
 # Pixels of a view that its offset follows from, spread over the object.
 MOST_SAMPLES = 2048
@@ -41,34 +42,14 @@ TRUSTED_SPREAD, TRUSTED_IN_SCENES = 0.001, 0.003
 MOST_SHARE = 0.02
 
 
-@dataclass(frozen=True, eq=False)
-class DepthSamples:
-    """Some pixels of a view at which depth was measured.
+def depth_samples(depth: np.ndarray, weights: np.ndarray) -> Samples:
+    """Return some of the depth [m] where the weights are not 0, both (height, width)."""
+    return Samples.of(depth, weights, MOST_SAMPLES)
 
-    Attributes:
-        columns, rows: which, shape (k,).
-        depths: measured [m], shape (k,), float32.
-        cells: number of the cell that each lies in, shape (k,).
-    """
 
-    columns: np.ndarray
-    rows: np.ndarray
-    depths: np.ndarray
-    cells: np.ndarray
-
-    @property
-    def bytes(self) -> int:
-        """Memory of the samples [bytes]."""
-        return sum(a.nbytes for a in (self.columns, self.rows, self.depths, self.cells))
-
-    @staticmethod
-    def of(depth: np.ndarray, weights: np.ndarray) -> "DepthSamples":
-        """Return at most `MOST_SAMPLES` of depth [m] and its weights, both (height, width); evenly spread."""
-        rows, columns = np.nonzero(weights)
-        step = max(1, -(-len(rows) // MOST_SAMPLES))
-        rows, columns = rows[::step], columns[::step]
-        cells = CELLS * _shares(rows) + _shares(columns)
-        return DepthSamples(columns, rows, depth[rows, columns].astype(np.float32), cells)
+def cells_of(samples: Samples) -> np.ndarray:
+    """Return the number of the cell that each sample lies in, shape (k,)."""
+    return CELLS * _shares(samples.rows) + _shares(samples.columns)
 
 
 @dataclass(frozen=True)
@@ -169,14 +150,14 @@ def cell_medians(values: np.ndarray, cells: np.ndarray) -> np.ndarray:
 
 
 def rendered_depths(
-    renderer: SplatRenderer, samples: DepthSamples
+    renderer: SplatRenderer, samples: Samples
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return rendered and measured depths [m] and cells, (k,) each, where Gaussians cover a pixel by half."""
     depth, transmittance = renderer.depth, renderer.transmittance
-    at = depth.origin + samples.rows * depth.pitch + samples.columns
+    at = samples.places(depth)
     drawn = depth.data.numpy()[EXPECTED * depth.plane + at].astype(np.float64)
     seen = (transmittance.data.numpy()[at] <= MOST_TRANSPARENT) & (drawn > 0)
-    return drawn[seen], samples.depths[seen], samples.cells[seen]
+    return drawn[seen], samples.values[seen], cells_of(samples)[seen]
 
 
 def _shares(places: np.ndarray) -> np.ndarray:

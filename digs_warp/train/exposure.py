@@ -9,11 +9,12 @@ Where the exposure is constant, the gains found are errors of the model: shading
 They are shrunk by the share of their mean square that such errors explain, so a constant exposure stays one.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from digs_warp.checks import check_shape
+from digs_warp.device.image_planes import ImagePlanes
 from digs_warp.measure.color_gain import STOPS_PER_LOG, ColorGain, fit_color_gain, trusted_share
 from digs_warp.splat.blur_renderer import BlurRenderer
 
@@ -29,30 +30,40 @@ INSIDE = 250
 
 
 @dataclass(frozen=True, eq=False)
-class ColorSamples:
-    """Some pixels of a photograph that belong to the object entirely.
+class Samples:
+    """Some pixels of a view.
 
     Attributes:
         columns, rows: which, shape (k,).
-        colors: sRGB in 0..1, shape (k, 3), float32.
+        values: colors, sRGB in 0..1, (k, 3), or measured depths [m], (k,); float32.
     """
 
     columns: np.ndarray
     rows: np.ndarray
-    colors: np.ndarray
+    values: np.ndarray
 
     @property
     def bytes(self) -> int:
         """Memory of the samples [bytes]."""
-        return self.columns.nbytes + self.rows.nbytes + self.colors.nbytes
+        return self.columns.nbytes + self.rows.nbytes + self.values.nbytes
 
     @staticmethod
-    def of(image: np.ndarray, mask: np.ndarray) -> "ColorSamples":
-        """Return at most `MOST_SAMPLES`, evenly spread; image (h, w, 3) and mask (h, w) are uint8."""
-        rows, columns = np.nonzero(mask >= INSIDE)
-        step = max(1, -(-len(rows) // MOST_SAMPLES))
+    def of(values: np.ndarray, chosen: np.ndarray, most: int) -> "Samples":
+        """Return at most so many of the chosen pixels (height, width), evenly spread."""
+        rows, columns = np.nonzero(chosen)
+        step = max(1, -(-len(rows) // most))
         rows, columns = rows[::step], columns[::step]
-        return ColorSamples(columns, rows, image[rows, columns].astype(np.float32) / 255.0)
+        return Samples(columns, rows, values[rows, columns].astype(np.float32))
+
+    def places(self, planes: ImagePlanes) -> np.ndarray:
+        """Return the indices of the pixels in the first of the planes."""
+        return planes.origin + self.rows * planes.pitch + self.columns
+
+
+def color_samples(image: np.ndarray, mask: np.ndarray) -> Samples:
+    """Return colors of pixels of the object alone; image (height, width, 3) and mask are uint8."""
+    found = Samples.of(image, mask >= INSIDE, MOST_SAMPLES)
+    return replace(found, values=found.values / 255.0)
 
 
 class Exposures:
@@ -118,14 +129,12 @@ class Exposures:
         self.fitted = check_shape("fitted", state["fitted"], (count,)).astype(bool)
 
 
-def rendered_samples(
-    renderer: BlurRenderer, samples: ColorSamples
-) -> tuple[np.ndarray, np.ndarray]:
+def rendered_samples(renderer: BlurRenderer, samples: Samples) -> tuple[np.ndarray, np.ndarray]:
     """Return rendered sRGB values (k, 3) and those of the photograph (k, 3), where Gaussians are opaque."""
     image, transmittance = renderer.image, renderer.transmittance
-    at = image.origin + samples.rows * image.pitch + samples.columns
+    at = samples.places(image)
     opaque = transmittance.data.numpy()[at] <= MOST_TRANSPARENT
     at = at[opaque]
     values = image.data.numpy()
     colors = np.stack([values[at + channel * image.plane] for channel in range(3)], axis=1)
-    return colors, samples.colors[opaque]
+    return colors, samples.values[opaque]

@@ -15,8 +15,8 @@ from digs_warp.losses.regions import tiles_of
 from digs_warp.losses.target import pack_view
 from digs_warp.losses.unknown import UnknownPixels
 from digs_warp.splat.camera_motion import Blur, RowMotion
-from digs_warp.train.depth_errors import DepthSamples
-from digs_warp.train.exposure import ColorSamples
+from digs_warp.train.depth_errors import depth_samples
+from digs_warp.train.exposure import Samples, color_samples
 from digs_warp.train.silhouette import without_surround
 
 
@@ -43,9 +43,9 @@ class View:
     pixels: wp.array
     box: PixelBox
     tiles: np.ndarray
-    samples: ColorSamples
+    samples: Samples
     depth: DepthTarget | None = None
-    depth_samples: DepthSamples | None = None
+    depth_samples: Samples | None = None
     unknown: UnknownPixels | None = None
     rows: RowMotion | None = None
     blur: Blur | None = None
@@ -119,7 +119,7 @@ def packed_view(
     box = mask_box(mask)
     inside = (slice(box[1], box[3]), slice(box[0], box[2]))
     pixels = wp.array(pack_view(image[inside], mask[inside]), dtype=wp.uint8, device=device)
-    samples = ColorSamples.of(image, mask)
+    samples = color_samples(image, mask)
     hidden = UnknownPixels.of(unknown, device)
     return View(name, camera, pixels, box, tiles_of(mask), samples, unknown=hidden)
 
@@ -144,4 +144,4 @@ def _with_depth(view: View, depth: np.ndarray, weights: np.ndarray, device: str)
         wp.array(shares, dtype=wp.uint8, device=device),
         float(shares.sum(dtype=np.float64)) / 255.0,
     )
-    return replace(view, depth=target, depth_samples=DepthSamples.of(depth, weights))
+    return replace(view, depth=target, depth_samples=depth_samples(depth, weights))

@@ -83,10 +83,9 @@ def depth_errors(result: Reconstruction, frames: Sequence[Frame]) -> list[Errors
     measured = load_measured_views(frames, shutter)
     true = load_measured_views(frames, shutter, Layer.DEPTH_TRUE)
     gaussians = DeviceGaussians.from_numpy(result.gaussians)
-    from_measured, from_true = signed_distances(gaussians, measured, true)
     found = [
-        Errors("surface - measured", 1e3 * from_measured),
-        Errors("surface - true", 1e3 * from_true),
+        Errors("surface - measured", 1e3 * signed_distances(gaussians, measured)),
+        Errors("surface - true", 1e3 * signed_distances(gaussians, true)),
         Errors("measured - true", 1e3 * _sensor_errors(measured, true)),
     ]
     return [each for each in found if len(each.values)]

@@ -15,7 +15,7 @@ from digs_warp.splat.config import RasterOptions
 from digs_warp.splat.device import DeviceGaussians
 from digs_warp.splat.renderer import SplatRenderer
 from digs_warp.splat.surface_depth import surface_depth
-from digs_warp.train.adherence import adherence, load_measured_views, signed_distances
+from digs_warp.train.adherence import adherence, load_measured_views
 from digs_warp.train.config import TrainConfig
 from digs_warp.train.shutter import MotionPlan, Shutter
 from digs_warp.train.trainer import Trainer
@@ -41,16 +41,6 @@ def test_a_surface_that_slides_off_is_measured(capture: Capture) -> None:
     for off in (0.0, -0.007, 0.02):
         frames = [f.with_layer(Layer.DEPTH, drawn_depth(f) + off) for f in capture.frames]
         assert measured(frames, ball()) == pytest.approx(abs(off), abs=1e-6)
-
-
-def test_several_depths_of_the_same_views_compare_as_each_does_alone(capture: Capture) -> None:
-    gaussians, views = DeviceGaussians.from_numpy(ball()), load_measured_views(capture.frames)
-    farther = [replace(view, depth=view.depth + np.float32(0.03)) for view in views[:3]]
-    both = signed_distances(gaussians, views, farther, [])
-    for found, group in zip(both, (views, farther, []), strict=True):
-        np.testing.assert_array_equal(found, signed_distances(gaussians, group)[0])
-    assert len(both[1]) < len(both[0])
-    assert np.median(both[1]) < -0.02
 
 
 def test_rows_are_drawn_from_where_they_were_read(capture: Capture) -> None:

@@ -13,7 +13,8 @@ from digs_warp.train.depth_errors import (
     NOISE_SHARE,
     TRUSTED_SPREAD,
     DepthJudge,
-    DepthSamples,
+    cells_of,
+    depth_samples,
 )
 from digs_warp.train.trainer import Trainer
 from digs_warp.train.view_store import open_views
@@ -84,9 +85,9 @@ def test_views_that_tell_nothing_change_nothing() -> None:
 def test_cells_are_equal_parts_of_the_box() -> None:
     weights = np.zeros((70, 50), np.uint8)
     weights[5:65, 11:47] = 1  # 60 x 36 px: cells of 5 x 3
-    samples = DepthSamples.of(np.ones((70, 50), np.float32), weights)
+    samples = depth_samples(np.ones((70, 50), np.float32), weights)
     rows, columns = (samples.rows - 5) // 5, (samples.columns - 11) // 3
-    assert np.array_equal(samples.cells, CELLS * rows + columns)
+    assert np.array_equal(cells_of(samples), CELLS * rows + columns)
 
 
 @pytest.mark.parametrize("wrong", ["everywhere", "in regions"])

@@ -21,7 +21,7 @@ from digs_warp.train.evaluate import (
     render_views,
     score_view,
 )
-from digs_warp.train.exposure import ColorSamples, Exposures
+from digs_warp.train.exposure import Exposures, color_samples
 from digs_warp.train.trainer import Trainer
 from digs_warp.train.view_store import open_views
 from reference.tiny_capture import ball
@@ -154,9 +154,9 @@ def test_samples_are_inside_the_mask_and_few() -> None:
     image = np.random.default_rng(0).integers(0, 256, (200, 300, 3), dtype=np.uint8)
     mask = np.full((200, 300), 255, np.uint8)
     mask[:50] = 200
-    samples = ColorSamples.of(image, mask)
+    samples = color_samples(image, mask)
     assert 2048 < len(samples.rows) <= 4096 and samples.rows.min() >= 50
     np.testing.assert_allclose(
-        samples.colors, image[samples.rows, samples.columns] / 255, atol=1e-6
+        samples.values, image[samples.rows, samples.columns] / 255, atol=1e-6
     )
-    assert len(ColorSamples.of(image, np.zeros_like(mask)).rows) == 0
+    assert len(color_samples(image, np.zeros_like(mask)).rows) == 0
