@@ -58,11 +58,11 @@ LINE_BUDGETS = {
     "sim.scene": 4_319,
     "sim.sensor": 6_160,
     "sim.testing": 980,
-    "splat": 5_106,
+    "splat": 5_109,
     "study": 2_131,
-    "surface": 604,
+    "surface": 572,
     "torch": 195,
-    "train": 3_741,
+    "train": 3_690,
     "usd": 2_765,
 }
 MOST_FILES = 514  # of the product; 65,000 lines in 500 files are the goal

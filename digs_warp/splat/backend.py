@@ -5,7 +5,7 @@ Two backends draw the same: `VectorizedBackend` on a CPU, a thread per tile in v
 """
 
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any, Protocol, TypeAlias
 
 import warp as wp
 
@@ -112,46 +112,20 @@ class RasterLaunches:
     project_backward: Launch
 
 
-class RasterBackend(Protocol):
-    """The kernels for one kind of device."""
-
-    @property
-    def counting(self) -> bool:
-        """How `digs_warp.splat.bin_tiles.TileBinner` makes the tile lists."""
-        ...
-
-    @property
-    def skips_empty_tiles(self) -> bool:
-        """Whether empty tiles outside of `RasterJob.filled` keep what they held."""
-        ...
-
-    def threads(self, wanted: int) -> int:
-        """Return how many CPU threads may run; ``wanted`` 0 means all cores."""
-        ...
-
-    def ends(self, tiles: int, pixels: int) -> int:
-        """Return the length of `RasterJob.ends`, given the tiles and padded pixels of the largest view."""
-        ...
-
-    def record(self, job: RasterJob) -> RasterLaunches:
-        """Record the launches on the arrays of a job."""
-        ...
-
-
 @dataclass(frozen=True)
 class VectorizedBackend:
     """A thread per tile, and per group of Gaussians, in loops that LLVM turns into vector code."""
 
     cut: AlphaCut = STEP_CUT
-    counting = True
-    skips_empty_tiles = True
+    counting = True  # how `digs_warp.splat.bin_tiles.TileBinner` makes the tile lists
+    skips_empty_tiles = True  # outside of `RasterJob.filled`: they keep what they held
 
     def threads(self, wanted: int) -> int:
-        """Return ``wanted`` or all cores; results do not depend on it."""
+        """Return how many CPU threads may run; 0 means all cores. Results do not depend on it."""
         return wanted or default_threads()
 
     def ends(self, tiles: int, pixels: int) -> int:
-        """Return one for each tile."""
+        """Return the length of `RasterJob.ends`: one for each tile of the largest view."""
         return tiles
 
     def record(self, job: RasterJob) -> RasterLaunches:
@@ -183,7 +157,7 @@ class CooperativeBackend:
         return 1
 
     def ends(self, tiles: int, pixels: int) -> int:
-        """Return one for each pixel."""
+        """Return one for each padded pixel."""
         return pixels
 
     def record(self, job: RasterJob) -> RasterLaunches:
@@ -212,6 +186,9 @@ class CooperativeBackend:
                 ]
             ),
         )
+
+
+RasterBackend: TypeAlias = VectorizedBackend | CooperativeBackend
 
 
 def backend_for(device: str) -> RasterBackend:

@@ -4,7 +4,7 @@ A camera that moves sees what it would see of a scene that moves the other way, 
 alike. So the gradient in its pose is that of the Gaussians along such a motion.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -22,23 +22,13 @@ if TYPE_CHECKING:
 _STEP = 1e-4
 
 
-@dataclass(frozen=True, eq=False)
-class CameraGradient:
-    """dL / d(pose) of the camera of one view; it moves in its own frame.
-
-    Attributes:
-        rotation: in the rotation vector w [rad], shape (3,).
-        translation: in the translation t [m], shape (3,): world_from_cam' = world_from_cam exp(w, t).
-    """
-
-    rotation: np.ndarray
-    translation: np.ndarray
-
-
 def camera_gradient(
     gaussians: Gaussians, gradients: "RenderGradients", camera: Camera
-) -> CameraGradient:
-    """Return the gradient of the camera that saw ``gaussians``, whose ``gradients`` are given."""
+) -> np.ndarray:
+    """Return the gradient of the camera that saw ``gaussians``, whose ``gradients`` are given, shape (6,).
+
+    In a rotation vector w [rad] and a translation t [m] in its own frame: world_from_cam exp(w, t).
+    """
     of_means = gradients.means.astype(np.float64)
     arms = gaussians.means - camera.center_world
     turn = np.cross(arms, of_means).sum(axis=0)
@@ -53,7 +43,7 @@ def camera_gradient(
         )
         turn[number] += (products * (ahead - back)).sum() / (2 * _STEP)
     cam_from_world = camera.cam_from_world[:3, :3]
-    return CameraGradient(-cam_from_world @ turn, -cam_from_world @ of_means.sum(axis=0))
+    return np.concatenate([-cam_from_world @ turn, -cam_from_world @ of_means.sum(axis=0)])
 
 
 def moved_camera(camera: Camera, pose: np.ndarray) -> Camera:
@@ -72,11 +62,11 @@ def moved_camera(camera: Camera, pose: np.ndarray) -> Camera:
     return replace(camera, world_from_cam=camera.world_from_cam @ motion)
 
 
-def pose_gradient(gradient: CameraGradient, pose: np.ndarray) -> np.ndarray:
-    """Return the gradient in ``pose``, shape (6,), from that of the moved camera."""
+def pose_gradient(gradient: np.ndarray, pose: np.ndarray) -> np.ndarray:
+    """Return the gradient in ``pose`` from that of the moved camera, shape (6,) each."""
     turn = pose[:3]
-    translation = matrix_from_rotation_vector(turn) @ gradient.translation
-    return np.concatenate([rotation_jacobian(turn).T @ gradient.rotation, translation])
+    translation = matrix_from_rotation_vector(turn) @ gradient[3:]
+    return np.concatenate([rotation_jacobian(turn).T @ gradient[:3], translation])
 
 
 def rotation_jacobian(vector: np.ndarray) -> np.ndarray:

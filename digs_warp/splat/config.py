@@ -96,13 +96,12 @@ class RasterOptions:
             value = getattr(self, name)
             if not low <= value <= high:
                 raise DigsError(f"raster option {name}: {value}, expected {low:g} to {high:g}")
-        if self.outputs not in get_args(Outputs):
-            raise DigsError(
-                f"raster option outputs: '{self.outputs}', expected {', '.join(get_args(Outputs))}"
-            )
-
-        if self.depth_of not in ("center", "skin"):
-            raise DigsError(f"raster option depth_of: '{self.depth_of}', expected center or skin")
+        for name, known in (("outputs", Outputs), ("depth_of", DepthOf)):
+            if getattr(self, name) not in get_args(known):
+                expected = ", ".join(get_args(known))
+                raise DigsError(
+                    f"raster option {name}: {getattr(self, name)!r}, expected {expected}"
+                )
 
     @property
     def has_depth(self) -> bool:

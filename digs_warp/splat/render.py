@@ -9,7 +9,7 @@ from digs_warp.checks import DigsError, check_finite, check_shape
 from digs_warp.data.gaussians import FIELDS, Gaussians
 from digs_warp.device.image_planes import ImagePlanes
 from digs_warp.geometry.camera import Camera
-from digs_warp.splat.camera_gradient import CameraGradient, camera_gradient
+from digs_warp.splat.camera_gradient import camera_gradient
 from digs_warp.splat.camera_motion import RowMotion
 from digs_warp.splat.config import DEFAULT_OPTIONS, EXPECTED, MEDIAN, RasterOptions
 from digs_warp.splat.device import DeviceGaussians
@@ -39,8 +39,8 @@ class RenderGradients:
     _view: "RenderOutput" = field(repr=False)
 
     @cached_property
-    def camera(self) -> CameraGradient:
-        """That of the camera."""
+    def camera(self) -> np.ndarray:
+        """That of the camera, shape (6,), see `camera_gradient`."""
         return camera_gradient(self._view.gaussians, self, self._view.camera)
 
 

@@ -54,7 +54,7 @@ def gradients_of(
         for f, array in zip(fields(Parameters), renderer.gradients.arrays, strict=True)
     }
     motion = camera_gradient(gaussians, renderer.gradients.to_numpy(), VIEW)
-    found["pose"] = np.concatenate([motion.rotation, motion.translation]), wanted.camera
+    found["pose"] = motion, wanted.camera
     return found
 
 

@@ -163,7 +163,7 @@ def test_options_out_of_range_are_refused() -> None:
         ({"min_transmittance": float("nan")}, "min_transmittance: nan"),
         ({"max_sh_degree": 4}, "max_sh_degree: 4"),
         ({"outputs": "colors"}, "outputs: 'colors'"),
-        ({"depth_of": "edge"}, "depth_of: 'edge', expected center or skin"),
+        ({"depth_of": "edge"}, "depth_of: 'edge', expected center, skin"),
     ):
         with pytest.raises(DigsError, match=found):
             RasterOptions(**change)  # pyright: ignore[reportArgumentType]
