@@ -51,11 +51,8 @@ FORMATS = (
     *(("npz", ".npz", AS_IT_IS), ("PLY", ".ply", AS_IT_IS), ("glTF", ".glb", AS_IT_IS)),
     *(("USD", ".usdz", AS_IT_IS), (".splat", ".splat", AS_IT_IS), ("SOG", ".sog", AS_IT_IS)),
     ("compressed PLY", ".compressed.ply", AS_IT_IS),
-    *((f"SPZ {version}", ".spz", SplatWriting(spz_version=version)) for version in (2, 3, 4)),
-    *(
-        (f"SPZ 3, bits {a} {b}", ".spz", SplatWriting(spz_sh_bits=(a, b)))
-        for a, b in ((6, 6), (8, 8))
-    ),
+    ("SPZ", ".spz", AS_IT_IS),
+    *((f"SPZ, bits {a} {a}", ".spz", SplatWriting(spz_sh_bits=(a, a))) for a in (6, 8)),
 )
 # Viewers: images that a perfect camera takes, as shares of the width of the training images, and samples for
 # each of their pixels.

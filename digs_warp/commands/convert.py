@@ -37,10 +37,6 @@ logger = logging.getLogger(__name__)
 class SplatConversion(SplatOptions, Settings):
     """For Gaussians: what the files of other programs do not say or leave open."""
 
-    spz_version: Literal[2, 3, 4] = 3
-    """Version of SPZ files to write. 3: read by nearly all programs; 4: the same content in the newest
-    container; 2: for the oldest programs, with coarser orientations."""
-
     spz_sh_bits: Annotated[tuple[int, int], Range(1, 8)] = (5, 4)
     """Bits of the view-dependent color in SPZ files, of band 1 and of the bands above, 1 to 8: more for
     quality, fewer for size."""
@@ -282,7 +278,7 @@ def convert_splats(source: Path, target: Path, overwrite: bool, options: SplatCo
     result = options.read(source)
     if options.made_for is not None:
         result = for_classic(result, source, target, options.for_width)
-    names = ("up", "spz_version", "spz_sh_bits", "vertex_colors")
+    names = ("up", "spz_sh_bits", "vertex_colors")
     how = SplatWriting(**{name: getattr(options, name) for name in names})
     write_scene_file(target, result, source, how)
     gaussians = result.gaussians

@@ -101,7 +101,7 @@ KINDS = (
     Kind("splats: PLY", _splats("a.ply", "text.ply", "a.compressed.ply")),
     Kind("splats: SOG", _splats("a.sog")),
     Kind("splats: glTF", _splats("a.glb")),
-    Kind("splats: SPZ", _splats("v2.spz", "v3.spz", "v4.spz")),
+    Kind("splats: SPZ", _splats("v3.spz", "v4.spz")),
     Kind("splats: .splat, .npz", _splats("a.splat", "ours.npz")),
     Kind("scene: usda", _usd("scene.usda")),
     Kind("scene: usdc", _usd("scene.usdc")),

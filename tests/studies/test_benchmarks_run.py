@@ -80,7 +80,7 @@ def test_formats_and_viewers_are_told_apart_by_what_they_lose(tmp_path: Path) ->
     found = {r.labels["format"]: r.values for r in measure_formats(g, view_size=(96, 54))}
     assert len(found) == len(FORMATS)
     assert found["npz"]["PSNR [dB]"] == found["PLY"]["PSNR [dB]"] == 100  # equal to the last bit
-    assert 25 < found["SPZ 4"]["PSNR [dB]"] < 80 < found["USD"]["PSNR [dB]"]
+    assert 25 < found["SPZ"]["PSNR [dB]"] < 80 < found["USD"]["PSNR [dB]"]
     assert 32.0 == found[".splat"]["size [B/splat]"] < found["PLY"]["size [B/splat]"]
     frames = write_tiny_capture(tmp_path, frames=4).frames
     surface = TriangleMesh(g.means[:3], np.array([[0, 1, 2]]), np.ones((3, 3)))

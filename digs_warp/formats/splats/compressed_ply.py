@@ -23,7 +23,6 @@ from digs_warp.formats.splats.rows import (
     quats_from_three,
     smallest_three,
     unit_quats,
-    warn_of_offset,
 )
 from digs_warp.geometry.sh import C0, MAX_DEGREE, coefficient_count
 
@@ -81,7 +80,6 @@ def read_compressed(path: Path, header: PlyHeader) -> Gaussians:
 
 def write_compressed(path: Path, gaussians: Gaussians) -> None:
     """Write Gaussians, sorted along a curve through space; values beyond the ranges are cut."""
-    warn_of_offset(gaussians, f"PLY '{path}'")
     g = in_morton_order(gaussians)
     starts = np.arange(0, len(g), CHUNK)
     bounds: dict[str, np.ndarray] = {}

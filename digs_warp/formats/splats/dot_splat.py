@@ -21,7 +21,6 @@ from digs_warp.formats.splats.rows import (
     codes_from_logits,
     logits_from_codes,
     unit_quats,
-    warn_of_offset,
 )
 from digs_warp.geometry.sh import C0, sh_from_rgb
 from digs_warp.record.files import write_atomically
@@ -70,18 +69,15 @@ def write_dot_splat(path: Path, gaussians: Gaussians) -> None:
     """Write Gaussians in their order; colors beyond 0..1 are cut, view-dependent ones left out.
 
     Raises:
-        DigsError: no Gaussians at all, which the format cannot say, or scales beyond float32.
+        DigsError: scales beyond float32.
     """
     what = f".splat file '{path}'"
-    if not len(gaussians):
-        raise DigsError(f"{what}: the format cannot hold 0 Gaussians; write PLY or SPZ instead")
     if gaussians.sh_degree:
         logger.warning(
             "%s: the format has no view-dependent color; degrees above 0 are left out", what
         )
     if gaussians.screen_filter.antialias:
         logger.warning("%s: the format cannot say that its splats are for antialiasing", what)
-    warn_of_offset(gaussians, what)
     with np.errstate(over="ignore"):
         scales = gaussians.scales
     if not np.isfinite(scales).all():

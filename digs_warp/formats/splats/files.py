@@ -1,5 +1,6 @@
 """The files of Gaussians of other programs, by suffix: the one list of what is read and written."""
 
+import logging
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -19,7 +20,9 @@ from digs_warp.formats.splats.rows import (
     without_broken_rows,
 )
 from digs_warp.formats.splats.sog import read_sog, write_sog
-from digs_warp.formats.splats.spz import DEFAULT_VERSION, SH_BITS, read_spz, write_spz
+from digs_warp.formats.splats.spz import SH_BITS, read_spz, write_spz
+
+logger = logging.getLogger(__name__)
 
 UpAxis = Literal["z", "y", "-y"]
 
@@ -30,13 +33,11 @@ class SplatWriting:
 
     Attributes:
         up: the axis that is to point up where the format does not say it; "z" keeps the values.
-        spz_version: 2, 3 or 4, see `digs_warp.formats.splats.spz.write_spz`.
-        spz_sh_bits: see there.
+        spz_sh_bits: see `digs_warp.formats.splats.spz.write_spz`.
         vertex_colors: for PLY, see `digs_warp.formats.splats.ply.write_ply`.
     """
 
     up: UpAxis = "z"
-    spz_version: int = DEFAULT_VERSION
     spz_sh_bits: tuple[int, int] = SH_BITS
     vertex_colors: bool = False
 
@@ -52,24 +53,34 @@ class SplatFormat:
         read: a file, as it is.
         write: a file; None: the format is only read.
         says_up: whether its axes are fixed: `read` and `write` turn them.
+        keeps_offset: whether it holds places far from the origin.
+        holds_none: whether it can say that there are 0 Gaussians.
     """
 
     read: Callable[[Path], Gaussians]
     write: Callable[[Path, Gaussians, SplatWriting], None] | None
     says_up: bool = False
+    keeps_offset: bool = False
+    holds_none: bool = True
 
 
 FORMATS = {
-    ".ply": SplatFormat(read_ply, lambda path, g, how: write_ply(path, g, how.vertex_colors)),
+    ".ply": SplatFormat(
+        read_ply, lambda path, g, how: write_ply(path, g, how.vertex_colors), keeps_offset=True
+    ),
     ".compressed.ply": SplatFormat(read_ply, lambda path, g, _: write_compressed(path, g)),
     ".spz": SplatFormat(
         read_spz,
-        lambda path, g, how: write_spz(path, g, how.spz_version, how.spz_sh_bits),
+        lambda path, g, how: write_spz(path, g, how.spz_sh_bits),
         says_up=True,
     ),
-    ".splat": SplatFormat(read_dot_splat, lambda path, g, _: write_dot_splat(path, g)),
-    ".sog": SplatFormat(read_sog, lambda path, g, _: write_sog(path, g)),
-    ".glb": SplatFormat(read_gltf, lambda path, g, _: write_gltf(path, g), says_up=True),
+    ".splat": SplatFormat(
+        read_dot_splat, lambda path, g, _: write_dot_splat(path, g), holds_none=False
+    ),
+    ".sog": SplatFormat(read_sog, lambda path, g, _: write_sog(path, g), holds_none=False),
+    ".glb": SplatFormat(
+        read_gltf, lambda path, g, _: write_gltf(path, g), says_up=True, holds_none=False
+    ),
     ".gltf": SplatFormat(read_gltf, None, says_up=True),
 }
 SUFFIXES = tuple(FORMATS)
@@ -122,6 +133,14 @@ def write_splat_file(path: Path, gaussians: Gaussians, how: SplatWriting = AS_IT
     path = Path(path)
     form = _format_of(path, WRITABLE)
     check_writable(gaussians, f"'{path}'")
+    if not len(gaussians) and not form.holds_none:
+        raise DigsError(f"'{path}': the format cannot hold 0 Gaussians; write PLY or SPZ instead")
+    if gaussians.world_offset is not None and not form.keeps_offset:
+        logger.warning(
+            "'%s': the format cannot hold places so far from the origin; centers are written less %s m; PLY, "
+            "USD and .npz keep them",
+            *(path, list(gaussians.world_offset)),
+        )
     if how.up != "z" and not form.says_up:
         gaussians = turned(gaussians, WORLD_FROM_UP[how.up].T)
     assert form.write is not None

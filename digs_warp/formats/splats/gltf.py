@@ -18,7 +18,7 @@ from digs_warp.checks import DigsError, require_file
 from digs_warp.data.gaussians import CLASSIC, Gaussians, ScreenFilter, joined
 from digs_warp.data.glb import POINTS, glb_file
 from digs_warp.data.images import linear_from_srgb, to_uint8
-from digs_warp.formats.splats.rows import WORLD_FROM_Y_UP, sound, turned, warn_of_offset
+from digs_warp.formats.splats.rows import WORLD_FROM_Y_UP, sound, turned
 from digs_warp.geometry.rigid import matrix_from_quat_xyzw
 from digs_warp.geometry.sh import C0, MAX_DEGREE, coefficient_count
 from digs_warp.record.files import write_atomically
@@ -68,12 +68,9 @@ def write_gltf(path: Path, gaussians: Gaussians) -> None:
     """Write Gaussians of our world as GLB, float32.
 
     Raises:
-        DigsError: none at all, which glTF cannot say, or values that are not finite.
+        DigsError: values that are not finite.
     """
     what = f"glTF '{path}'"
-    if not len(gaussians):
-        raise DigsError(f"{what}: the format cannot hold 0 Gaussians; write PLY or SPZ instead")
-    warn_of_offset(gaussians, what)
     arrays = arrays_from_gaussians(turned(gaussians, WORLD_FROM_Y_UP.T), what)
     color = np.clip(0.5 + C0 * arrays.sh[:, 0], 0, 1)
     attributes = {

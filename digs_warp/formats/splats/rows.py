@@ -2,6 +2,8 @@
 
 import logging
 import re
+import struct
+import zlib
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
@@ -50,6 +52,9 @@ _MODES = {
 }
 
 
+_BROKEN = (LookupError, TypeError, ValueError, OverflowError, OSError)
+
+
 @contextmanager
 def sound(what: str) -> Iterator[None]:
     """Raise a `DigsError` that names a file when the block finds what such a file cannot hold."""
@@ -57,7 +62,7 @@ def sound(what: str) -> Iterator[None]:
         yield
     except DigsError:
         raise
-    except (LookupError, TypeError, ValueError, OverflowError, OSError, BadZipFile) as error:
+    except (*_BROKEN, BadZipFile, struct.error, zlib.error) as error:
         raise DigsError(
             f"{what}: broken or truncated ({error!r}); copy or export it again"
         ) from error
@@ -147,16 +152,6 @@ def _tuple(place: np.ndarray) -> tuple[float, float, float]:
     return x, y, z
 
 
-def warn_of_offset(gaussians: Gaussians, what: str) -> None:
-    """Log that a format has no place for what was taken off the centers."""
-    if gaussians.world_offset is not None:
-        logger.warning(
-            "%s: the format cannot hold places so far from the origin; centers are written less %s m; PLY, "
-            "USD and .npz keep them",
-            *(what, list(gaussians.world_offset)),
-        )
-
-
 def nearest_known(screen_filter: ScreenFilter) -> ScreenFilter:
     """Return what other programs know that shows splats most as ``screen_filter`` does.
 
@@ -223,12 +218,6 @@ def check_writable(gaussians: Gaussians, what: str) -> None:
             f"{what}: {np.count_nonzero(~finite)} of {len(gaussians)} Gaussians hold NaN or infinite "
             f"values (the first is number {np.argmin(finite)}); nothing was written"
         )
-
-
-def warn_of_loss(count: int, total: int, what: str, loss: str) -> None:
-    """Log that a format could not hold ``count`` of ``total`` Gaussians as they are."""
-    if count:
-        logger.warning("%s: %d of %d Gaussians %s", what, count, total, loss)
 
 
 def noted_filter(comments: Sequence[str]) -> ScreenFilter:

@@ -30,7 +30,6 @@ from digs_warp.formats.splats.rows import (
     smallest_three,
     sound,
     unit_quats,
-    warn_of_offset,
 )
 from digs_warp.geometry.sh import coefficient_count
 from digs_warp.record.fields import parse_json
@@ -124,15 +123,7 @@ class _Reader:
 
 
 def write_sog(path: Path, gaussians: Gaussians) -> None:
-    """Write Gaussians, sorted along a curve through space.
-
-    Raises:
-        DigsError: none at all, which the format cannot say.
-    """
-    what = f"SOG '{path}'"
-    if not len(gaussians):
-        raise DigsError(f"{what}: the format cannot hold 0 Gaussians; write PLY or SPZ instead")
-    warn_of_offset(gaussians, what)
+    """Write Gaussians, sorted along a curve through space."""
     g = in_morton_order(gaussians)
     width = 4 * int(np.ceil(np.sqrt(len(g)) / 4))
     height = 4 * int(np.ceil(len(g) / width / 4))

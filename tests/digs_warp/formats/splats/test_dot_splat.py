@@ -29,15 +29,6 @@ def test_values_come_back_to_the_precision_of_the_format(tmp_path: Path, count: 
     np.testing.assert_allclose(shapes(read), shapes(g), atol=10 / 64)
 
 
-def test_reading_and_writing_again_changes_no_byte(tmp_path: Path) -> None:
-    write_dot_splat(tmp_path / "a.splat", random_gaussians(100, 0))
-    write_dot_splat(tmp_path / "b.splat", read_dot_splat(tmp_path / "a.splat"))
-    a, b = (np.fromfile(tmp_path / f"{name}.splat", ROW) for name in "ab")
-    for name in ("position", "rgba"):
-        np.testing.assert_array_equal(a[name], b[name])
-    np.testing.assert_allclose(a["scale"], b["scale"], rtol=2e-6)  # through log and exp
-
-
 def test_bytes_of_one_gaussian(tmp_path: Path) -> None:
     """By hand: 1, 2, 3; e^0; dc 0 is gray 128; opacity 1/2; half a turn around x, wxyz."""
     g = random_gaussians(1, 0)
@@ -59,15 +50,8 @@ def test_zero_scales_and_zero_quaternions_are_readable(tmp_path: Path) -> None:
     assert read.opacities[0] < 1 / 255
 
 
-def test_lost_color_is_said(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
-    write_dot_splat(tmp_path / "a.splat", random_gaussians(2, 1))
-    assert "view-dependent" in caplog.text
-
-
 def test_refusals(tmp_path: Path) -> None:
     path = tmp_path / "a.splat"
-    with pytest.raises(DigsError, match="0 Gaussians"):
-        write_dot_splat(path, random_gaussians(0, 0))
     path.write_bytes(bytes(31))
     with pytest.raises(DigsError, match="31 bytes, expected a multiple of 32"):
         read_dot_splat(path)
