@@ -1,4 +1,4 @@
-"""The contact sheet of a capture: images, depth and depth errors; and its simulated sensor."""
+"""The contact sheet of a capture: images, depth and depth errors."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -9,19 +9,13 @@ import numpy as np
 from digs_warp.data.capture import Capture
 from digs_warp.data.frame import Frame
 from digs_warp.data.layers import Layer
-from digs_warp.record.fields import Fields
-from digs_warp.record.files import read_json
-from digs_warp.record.layout import SENSOR_PLAN
-from digs_warp.show.report.causes import causes_apart, describe_causes, paint_causes
+from digs_warp.show.report.causes import describe_causes, paint_causes
 from digs_warp.show.report.markup import (
-    details,
-    figure,
     legend,
     part,
     picture,
     picture_grid,
     swatches,
-    table,
 )
 from digs_warp.show.report.pictures import (
     ColorScale,
@@ -32,50 +26,6 @@ from digs_warp.show.report.pictures import (
     shrink_factor,
 )
 from digs_warp.words import counted
-
-# Heading -> key in the plan.
-PATHS = {"On the images": "color", "On depth": "depth"}
-
-# What the user asked for; older plans do not list it.
-ASKED_FOR = {"After matching": "after"}
-
-
-def sensor_section(capture: Capture) -> str:
-    """Return the section, or nothing for a capture without a plan.
-
-    Raises:
-        DigsError: the file is not a valid plan; the message names it.
-    """
-    path = capture.folder / SENSOR_PLAN
-    if not path.is_file():
-        return ""
-    content = read_json(path, "sensor plan")
-    plan = Fields(content, f"sensor plan '{path}'", remedy="record again, or delete the file")
-    tables = {title: _rows(plan.sections(key)) for title, key in PATHS.items()}
-    rows = [row for group in tables.values() for row in group]
-    on = sum(row[1] == "on" for row in rows)
-    headings = ["Effect", "State", "Changes", "Costs [ms/MP]", "Measured", "Rule", "Because"]
-    tables |= {title: _rows(plan.sections(key, [])) for title, key in ASKED_FOR.items()}
-    parts = [
-        f"<h3>{title}</h3>{table(headings, group)}" for title, group in tables.items() if group
-    ]
-    fact = f"{on} of {len(rows)} effects of the depth camera, chosen by what the scene shows"
-    return part("sensor", "Sensor", fact, *parts)
-
-
-def _rows(choices: list[Fields]) -> list[tuple[str, ...]]:
-    return [
-        (
-            choice.text("effect"),
-            "on" if choice.flag("on") else "off",
-            # Plans of earlier versions have neither.
-            f"{choice.number('share', default=0.0):.1%}",
-            f"{choice.number('cost', default=0.0):.0f}",
-            *(choice.text(name) for name in ("statistic", "threshold", "reason")),
-        )
-        for choice in choices
-    ]
-
 
 MAX_FRAMES = 6
 THUMBNAIL_WIDTH = 400  # pixels; the columns are about half as wide on a common screen
@@ -132,22 +82,7 @@ def capture_section(capture: Capture, findings: Sequence[str] = ()) -> str:
         picture_grid(headings, rows),
         f"<div class=legends>{''.join(legends)}</div>",
         swatches(causes) if (causes := describe_causes(capture, frames)) else "",
-        _causes_apart(capture, frames),
     )
-
-
-def _causes_apart(capture: Capture, frames: Sequence[Frame]) -> str:
-    """Return a part that opens on click, with the causes in a frame one by one."""
-    frame = next((frame for frame in frames if frame.has(Layer.CAUSE)), None)
-    if frame is None or not (found := causes_apart(capture, frame)):
-        return ""
-    figures = []
-    for pixels, name in found:
-        image = shrink(pixels, THUMBNAIL_WIDTH // 2)
-        alt = f"Frame {frame.name}: black where the cause is {name}"
-        figures.append(figure(picture(data_uri(image), alt, image.shape[1], image.shape[0]), name))
-    summary = f"Causes one by one, black, in frame {frame.name}"
-    return details(summary, f"<div class=small>{''.join(figures)}</div>")
 
 
 def _scale_words(frames: Sequence[Frame]) -> str:

@@ -72,32 +72,9 @@ def describe_causes(capture: Capture, frames: Sequence[Frame]) -> list[tuple[str
         swatch = paint_causes(np.full((SWATCH_HEIGHT, SWATCH_WIDTH), code, np.uint8))
         share = counts[code] / counts.sum()
         percent = f"{share:.1%}" if share >= LEAST_SHARE else f"under {LEAST_SHARE:.1%}"
-        words = f"{_name(capture, code)} {percent}{_meaning(capture, code)}"
+        words = f"{_label(capture, code).replace('_', ' ')} {percent}{_meaning(capture, code)}"
         described.append((data_uri(swatch), words))
     return described
-
-
-def causes_apart(capture: Capture, frame: Frame) -> list[tuple[np.ndarray, str]]:
-    """Return a picture for each cause in a frame, black where it is, and its name; the largest first.
-
-    Where an area is thinner than a pattern, only this tells its cause without color.
-    """
-    causes = frame.load_cause()
-    counts = np.bincount(causes.ravel(), minlength=256)
-    counts[0] = 0
-    codes = np.argsort(-counts, kind="stable")[: np.count_nonzero(counts)]
-    black, white = np.uint8(0), np.uint8(255)
-    return [
-        (
-            np.repeat(np.where(causes == code, black, white)[..., None], 3, axis=2),
-            _name(capture, code),
-        )
-        for code in codes
-    ]
-
-
-def _name(capture: Capture, code: int) -> str:
-    return _label(capture, code).replace("_", " ")
 
 
 def _meaning(capture: Capture, code: int) -> str:

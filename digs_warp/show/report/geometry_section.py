@@ -1,4 +1,4 @@
-"""Where the cameras stood, and how far the surface is from the depth: charts and figures."""
+"""How far the surface is from the measured and the true depth."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -9,40 +9,11 @@ from digs_warp.data.frame import Frame
 from digs_warp.data.layers import Layer
 from digs_warp.data.posed_frames import PosedFrames
 from digs_warp.pipeline.reconstruction import Reconstruction
-from digs_warp.show.film.camera_path import find_framed_subject, up_of
 from digs_warp.show.report.markup import chart, part
-from digs_warp.show.report.plots import Line, line_chart, map_chart
+from digs_warp.show.report.plots import Line, line_chart
 from digs_warp.splat.device import DeviceGaussians
 from digs_warp.train.adherence import MeasuredView, load_measured_views, signed_distances
 from digs_warp.train.shutter import NO_MOTION, Shutter
-from digs_warp.words import counted
-
-
-def path_chart(by_time: Sequence[tuple[Frame, bool]], result: Reconstruction) -> str:
-    """Return the chart: every camera, which were held out, and the object where there is one."""
-    level = np.stack(_level_axes(up_of([frame.camera for frame, _ in by_time])))
-    eyes = np.array([frame.camera.center_world for frame, _ in by_time]) @ level.T
-    looks = np.array([frame.camera.world_from_cam[:3, 2] for frame, _ in by_time]) @ level.T
-    held_out = np.array([out for _, out in by_time])
-    ball = None
-    if result.poses.subject == "object":
-        subject = find_framed_subject(result.gaussians)
-        ball = (level @ subject.center_world, subject.radius)
-    unit = result.poses.metric_scale.unit if result.poses.metric_scale else "m"
-    svg = map_chart(eyes, looks, held_out, ball, unit)
-    seen = "; the dashed circle is the object" if ball else ""
-    caption = f"From above, in the order of the recording: the cameras and where they look{seen}."
-    alt = f"Path of {len(eyes)} cameras from above, {int(held_out.sum())} of them held out"
-    return chart(svg, alt, caption)
-
-
-def _level_axes(up: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return two horizontal axes of length 1 that are right and up on the map, seen from above."""
-    axis = np.eye(3)[int(np.abs(up).argmin())]
-    right = axis - (axis @ up) * up
-    right /= np.linalg.norm(right)
-    return right, np.cross(up, right)
-
 
 BINS = 60
 
@@ -59,7 +30,7 @@ class Errors:
 
 
 def geometry_section(result: Reconstruction, posed: PosedFrames) -> str:
-    """Return the part; without depth it has only the cameras.
+    """Return the part.
 
     Args:
         result: with at least one Gaussian.
@@ -68,13 +39,9 @@ def geometry_section(result: Reconstruction, posed: PosedFrames) -> str:
     views = posed.held_out or posed.training
     errors = depth_errors(result, views)
     which = "held-out views" if posed.held_out else "views"
-    charts = [path_chart(posed.by_time, result), _histogram(errors, which) if errors else ""]
-    return part(
-        "cameras",
-        "Cameras and depth" if errors else "Cameras",
-        counted(len(posed.by_time), "camera"),
-        f"<div class=charts>{''.join(charts)}</div>",
-    )
+    body = f"<div class=charts>{_histogram(errors, which)}</div>" if errors else ""
+    fact = "where the surface, the measurement and the truth differ" if errors else "not recorded"
+    return part("depth", "Depth", fact, body)
 
 
 def depth_errors(result: Reconstruction, frames: Sequence[Frame]) -> list[Errors]:

@@ -89,7 +89,6 @@ figcaption { color: var(--soft); font-size: .85rem; margin-top: .35rem; max-widt
   margin-bottom: 1rem; }
 .swatches img { display: inline-block; width: 1.5rem; height: 1rem; border-radius: 3px;
   margin-right: .35rem; outline: 1px solid var(--rule); vertical-align: -.15rem; }
-.small { display: grid; grid-template-columns: repeat(auto-fill, minmax(8rem, 1fr)); gap: 0 1rem; }
 .columns { display: grid; grid-template-columns: repeat(auto-fit, minmax(min(20rem, 100%), 1fr));
   gap: 0 2.5rem; align-items: start; }
 #view3d { padding: .75rem; margin-top: .5rem; position: relative; }

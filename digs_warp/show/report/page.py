@@ -10,7 +10,7 @@ from digs_warp.pipeline.reconstruction import Reconstruction
 from digs_warp.pipeline.verdict import COARSE, likeness
 from digs_warp.record import layout
 from digs_warp.record.files import write_atomically
-from digs_warp.show.report.capture_section import capture_section, sensor_section
+from digs_warp.show.report.capture_section import capture_section
 from digs_warp.show.report.course_section import course_section
 from digs_warp.show.report.geometry_section import geometry_section
 from digs_warp.show.report.markup import CSS, card, number, part
@@ -32,7 +32,7 @@ _ALLOWED = (
 _CONTENTS = {
     "view3d": "In 3D",
     "views": "Held-out views",
-    "cameras": "Cameras and depth",
+    "depth": "Depth",
     "training": "Training",
     "recording": "Recording",
     "figures": "All figures",
@@ -123,7 +123,6 @@ def _body(capture: Capture, result: Reconstruction, records: RunRecords, path: P
             geometry_section(result, posed) if some else "",
             course_section(result),
             capture_section(capture, result.poses.findings),
-            sensor_section(capture),
             figures_section(result),
             times_section(records),
             settings_section(records),

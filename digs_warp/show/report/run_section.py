@@ -16,7 +16,6 @@ from digs_warp.record.typed import to_json
 from digs_warp.settings import NO_FLAG
 from digs_warp.show.report.markup import (
     UNKNOWN,
-    chart,
     details,
     flat_items,
     number,
@@ -24,7 +23,6 @@ from digs_warp.show.report.markup import (
     section,
     table,
 )
-from digs_warp.show.report.plots import Bar, bar_chart
 from digs_warp.sim.config import SimulateConfig
 
 
@@ -120,29 +118,20 @@ def _scores(result: Reconstruction) -> dict[str, str]:
 
 def times_section(records: RunRecords) -> str:
     """Return the part with the stage times."""
-    bars = [
-        Bar(f"{group}: {stage}", seconds, group)
-        for group, record in (
-            ("simulation", records.capture),
-            ("reconstruction", records.reconstruction),
-        )
+    parts = {"simulation": records.capture, "reconstruction": records.reconstruction}
+    rows = [
+        (f"{group}: {stage}", number(seconds, 1, "s"))
+        for group, record in parts.items()
         for stage, seconds in _seconds(record).items()
     ]
     # The whole run counts the two above as one stage each; its other stages come last.
-    covered = {"simulate", "reconstruct"}
-    others = {k: v for k, v in _seconds(records.whole).items() if k not in covered}
-    bars += [Bar(stage, seconds, "rest") for stage, seconds in others.items()]
-    if not bars:
+    whole = _seconds(records.whole).items()
+    rows += [(k, number(v, 1, "s")) for k, v in whole if k not in ("simulate", "reconstruct")]
+    if not rows:
         return part("times", "Times", "no stage times were recorded")
-    longest = max(bars, key=lambda bar: bar.value)
-    alt = f"Seconds per stage; the longest is {longest.label} with {longest.value:.1f} s"
-    caption = "Frames are recorded side by side: their stages share the time that passes."
-    return part(
-        "times",
-        "Times",
-        f"{records.total_seconds:.1f} s in all",
-        chart(bar_chart(bars, "seconds"), alt, caption),
-    )
+    note = "<p>Frames are recorded side by side: their stages share the time that passes.</p>"
+    fact = f"{records.total_seconds:.1f} s in all"
+    return part("times", "Times", fact, table(["Stage", "Time"], rows), note)
 
 
 def settings_section(records: RunRecords) -> str:

@@ -2,7 +2,6 @@
 
 import errno
 import json
-import logging
 import os
 import sys
 import threading
@@ -11,17 +10,11 @@ import webbrowser
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager, suppress
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
-from pathlib import Path
-from typing import Any, cast
+from typing import Any
 from urllib.parse import unquote
 
-import numpy as np
-
 from digs_warp.checks import DigsError
-from digs_warp.data.gaussians import Gaussians
 from digs_warp.data.images import encode_jpeg
-from digs_warp.pipeline.reconstruction import Reconstruction
-from digs_warp.pipeline.scene_files import check_target, write_scene_file
 from digs_warp.show.report.view3d.pack import pack
 from digs_warp.show.view.contents import Contents, Stage
 from digs_warp.show.view.layers import load_picture
@@ -29,18 +22,13 @@ from digs_warp.show.view.page import page_of
 from digs_warp.splat.device import DeviceGaussians
 from digs_warp.train.session import Watch
 
-logger = logging.getLogger(__name__)
-
 # Gaussians of a layer take at most so many bytes.
 MOST_BYTES = 200_000_000
 # Ports that are tried after the first.
 PORTS = 100
 # A browser asks for news every second; one that has not for so long has gone [s].
 GONE = 5.0
-# Only pages of this server can send it, so no page from elsewhere can make it write a file.
-OWN_HEADER = "X-Digs-Warp"
 HOST, FIRST_PORT = "127.0.0.1", 8080
-_HERE = (HOST, "localhost")
 
 
 class View:
@@ -85,49 +73,6 @@ class View:
         self._layers[0] = self._contents[0].layers()
         self.version += 1
 
-    def save(self, asked: dict[str, Any]) -> str:
-        """Write the Gaussians in a box, in the world of their source; return what was done or why not.
-
-        Args:
-            asked: ``content`` and ``stage``, numbers; ``box``: its lowest and highest corner [m], or None;
-                ``file``: the suffix decides the format.
-        """
-        content = self._contents[int(asked["content"])]
-        if not content.stages:
-            return "Not saved: what is shown has no Gaussians."
-        gaussians = content.stages[int(asked["stage"])].gaussians
-        box = asked["box"]
-        keep = np.ones(len(gaussians), bool)
-        if box is not None:
-            keep = ((gaussians.means >= box[0]) & (gaussians.means <= box[1])).all(axis=1)
-        try:
-            target = Path(asked["file"]).expanduser()
-            return save_cropped(target, gaussians, keep, content.name)
-        except (DigsError, OSError) as error:
-            logger.warning("not saved: %s", error)
-            return f"Not saved: {error}"
-
-
-def save_cropped(target: Path, gaussians: Gaussians, keep: np.ndarray, source: str) -> str:
-    """Write the Gaussians that are kept, in the world of their source; return what was done.
-
-    Args:
-        target: the file; its suffix decides the format.
-        gaussians: in the world.
-        keep: which of them, shape (n,), bool.
-        source: where they come from, for a USD scene.
-
-    Raises:
-        DigsError: the suffix is unknown, the file exists, or nothing is kept.
-    """
-    check_target(target)
-    if target.exists():
-        raise DigsError(f"'{target}' exists; choose another name")
-    if not keep.any():
-        raise DigsError("no Gaussian lies in the box; move or enlarge it")
-    write_scene_file(target, Reconstruction(gaussians=gaussians.select(keep)), Path(source))
-    return f"{target}: {np.count_nonzero(keep):,} of {len(keep):,} Gaussians"
-
 
 class _Handler(BaseHTTPRequestHandler):
     view: View
@@ -146,16 +91,6 @@ class _Handler(BaseHTTPRequestHandler):
             self.send_error(404)
             return
         self._send(*found)
-
-    def do_POST(self) -> None:
-        # A name of elsewhere that leads to this machine would make another page one of this server.
-        host, _ = cast("tuple[str, int]", self.server.server_address)
-        is_here = host != HOST or self.headers["Host"].startswith(_HERE)
-        if self.path != "/save" or OWN_HEADER not in self.headers or not is_here:
-            self.send_error(403)
-            return
-        asked = json.loads(self.rfile.read(int(self.headers["Content-Length"])))
-        self._send("text/plain; charset=utf-8", self.view.save(asked).encode(), {})
 
     def _send(self, kind: str, content: bytes, headers: dict[str, str]) -> None:
         self.send_response(200)

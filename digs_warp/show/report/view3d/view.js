@@ -103,31 +103,18 @@ function connectPictures(kinds) {
 function connectCrop(content) {
   const corners = content.box.map((corner) => corner.map((value) => make("input", { type: "number", value: value.toFixed(3), step: 0.01 })));
   const cuts = make("input", { type: "checkbox" });
-  const file = make("input", { type: "text", value: "cropped.usdz", title: "Its suffix decides the format" });
-  const save = make("button", { type: "button" }, "Save what is shown");
   const said = make("p", {});
   const box = () => (cuts.checked ? corners.map((corner) => corner.map((input) => +input.value)) : null);
   const change = () => {
     viewer.box = box();
+    const numbers = corners.flat().map((input) => input.value).join(" ");
+    said.textContent = cuts.checked ? `digs-warp edit ${content.name} --keep-box ${numbers} --out cropped.usdz` : "";
     viewer.update();
   };
   for (const input of [cuts, ...corners.flat()]) input.addEventListener("change", change);
-  save.addEventListener("click", async () => {
-    const shown = viewer.chosen().find(({ layers }) => layers.some(({ name }) => name === "gaussians"));
-    const { stages } = shown.layers.find(({ name }) => name === "gaussians");
-    const asked = {
-      content: viewer.contents.indexOf(shown),
-      stage: Math.round(viewer.stage * (stages.length - 1)),
-      box: box(),
-      file: file.value,
-    };
-    const headers = { "Content-Type": "application/json", "X-Digs-Warp": "save" };
-    const answer = await fetch("save", { method: "POST", headers, body: JSON.stringify(asked) });
-    said.textContent = await answer.text();
-  });
   const rows = ["Lowest x, y, z [m]", "Highest x, y, z [m]"].flatMap((text, row) => [make("p", {}, text), ...corners[row]]);
   const cut = make("label", {}, "Crop to the box", cuts);
-  panel.append(make("details", {}, make("summary", {}, "Crop and save"), cut, ...rows, make("p", {}, "File"), file, save, said));
+  panel.append(make("details", {}, make("summary", {}, "Crop"), cut, ...rows, said));
 }
 
 // Shows a training while it runs.

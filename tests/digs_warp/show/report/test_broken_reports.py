@@ -13,7 +13,7 @@ from digs_warp.data.capture import Capture
 from digs_warp.data.images import write_image
 from digs_warp.pipeline.reconstruction import Reconstruction
 from digs_warp.show.report.page import write_report
-from reference.report_folder import report_on, write_and_parse
+from reference.report_folder import report_on
 
 NEEDED = ["evaluation.json", "training.jsonl", "gaussians.npz", "run.json"]
 
@@ -60,12 +60,6 @@ def test_another_capture_or_other_renders_are_refused(run: tuple[Capture, Path, 
     (run[1] / "evaluation.json").write_text(json.dumps(evaluation))
     with pytest.raises(DigsError, match=r"names view '\.\./\.\./secret', which capture"):
         report_on(run)
-
-
-def test_a_broken_sensor_plan_is_named(run: tuple[Capture, Path, Path]) -> None:
-    (run[0].folder / "sensor_plan.json").write_text('{"depth": [{}]}')
-    with pytest.raises(DigsError, match=r"sensor_plan\.json': has no 'color'; record again"):
-        write_and_parse(run)
 
 
 def test_what_is_only_in_memory_has_no_report(run: tuple[Capture, Path, Path]) -> None:

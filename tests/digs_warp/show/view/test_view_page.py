@@ -15,7 +15,6 @@ from digs_warp.checks import DigsError
 from digs_warp.data.gaussians import Gaussians
 from digs_warp.data.images import read_image
 from digs_warp.geometry.sh import sh_from_rgb
-from digs_warp.pipeline.scene_files import read_scene
 from digs_warp.show.view.contents import Contents, Stage, read_contents
 from digs_warp.show.view.server import live_page, started
 from digs_warp.splat.device import DeviceGaussians
@@ -151,27 +150,6 @@ def test_the_server_gives_what_the_page_asks_for_and_nothing_else(tmp_path: Path
         ):
             with pytest.raises(urllib.error.HTTPError, match="404"):
                 answer(f"{address}/{path}")
-
-
-def test_the_box_cuts_and_only_the_page_saves(address: str, tmp_path: Path) -> None:
-    gaussians = ball()
-    middle = np.median(gaussians.means, axis=0)
-    low, high = [float(middle[0]), -9.0, -9.0], [9.0, 9.0, 9.0]
-    target = tmp_path / "half.ply"
-    asked = {"content": 0, "stage": 1, "box": [low, high], "file": str(target)}
-    own = {"X-Digs-Warp": "save"}
-    for wrong in ({}, {**own, "Host": "elsewhere.example"}):
-        with pytest.raises(urllib.error.HTTPError, match="403"):
-            answer(f"{address}/save", asked, **wrong)
-    assert not target.exists()
-    said = answer(f"{address}/save", asked, **own).decode()
-    keep = gaussians.means[:, 0] >= np.float32(middle[0])
-    assert f"{keep.sum():,} of {len(gaussians):,}" in said
-    np.testing.assert_allclose(read_scene(target).gaussians.means, gaussians.means[keep], atol=1e-6)
-    others = {"exists": {}, "suffix": {"file": str(tmp_path / "a.txt")}}
-    others["no Gaussian lies in the box"] = {"box": [high, low], "file": str(tmp_path / "b.ply")}
-    for reason, change in others.items():
-        assert reason in answer(f"{address}/save", asked | change, **own).decode()
 
 
 def test_a_taken_port_gives_the_next_and_a_foreign_address_an_error(address: str) -> None:
