@@ -34,7 +34,11 @@ def course_section(result: Reconstruction) -> str:
         ),
         _chart([_line(rows, "", lambda row: row.splats)], "Gaussians", "Number of Gaussians."),
     ]
-    fact = "quality and size along the way" if any(charts) else "the training log holds too few records"
+    fact = (
+        "quality and size along the way"
+        if any(charts)
+        else "the training log holds too few records"
+    )
     return part("training", "Training", fact, f"<div class=charts>{''.join(charts)}</div>")
 
 
