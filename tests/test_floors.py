@@ -50,7 +50,7 @@ LINE_BUDGETS = {
     "pipeline": 2_423,
     "poses": 4_857,
     "record": 2_032,
-    "show": 3_204,
+    "show": 3_208,
     "sim.camera": 1_459,
     "sim.fit": 2_310,
     "sim.record": 2_060,
