@@ -19,9 +19,9 @@ from digs_warp.data.sfm_model import SfmModel
 from digs_warp.init.config import InitConfig as InitConfig
 from digs_warp.init.depth_points import NoPointsError, depth_points
 from digs_warp.init.hull import hull_points, random_points_in_hull
-from digs_warp.init.local_scales import pixels_at
 from digs_warp.init.multi_view_stereo import matched_depth
 from digs_warp.init.random_points import random_points, random_points_on_rays
+from digs_warp.init.scale import observed_pixels
 from digs_warp.init.scene_points import scene_points
 from digs_warp.init.start import DepthReport, Start, Subject
 from digs_warp.init.strategies import StrategyName, start_reason
@@ -239,18 +239,11 @@ def _unmasked_points_in_box(
     for frame in frames:
         if frame.name not in sfm.names:
             continue
-        index = sfm.names.index(frame.name)
-        mine = sfm.observations.cameras == index
-        points = sfm.observations.points[mine]
+        k = frame.camera.intrinsics
+        points, rows, columns = observed_pixels(sfm, frame.name, (k.height, k.width))
         seen[points] = True
-        if not frame.has(Layer.MASK):
-            continue
-        mask = frame.load_mask()
-        k = sfm.cameras[index].intrinsics
-        height, width = mask.shape
-        px = sfm.observations.px[mine] * np.array([width / k.width, height / k.height])
-        columns, rows = pixels_at(px, width, height)
-        rejected[points[mask[rows, columns] <= mask_threshold]] = True
+        if frame.has(Layer.MASK):
+            rejected[points[frame.load_mask()[rows, columns] <= mask_threshold]] = True
     positions = sfm.points.points_world
     in_box = np.all((positions >= box[0]) & (positions <= box[1]), axis=1)
     keep = seen & ~rejected & in_box

@@ -7,42 +7,45 @@ and occlusions are spread everywhere. The scale is the maximum of a kernel densi
 Stereo noise is symmetric in disparity, which is proportional to 1 / d, so the peak of d*/d is unbiased. The
 distribution of d/d* would be skewed, and its peak shifted by twice the squared relative noise.
 
-Bandwidth: the peak of a density is where its derivative vanishes, so the rule is the normal-scale rule for
-the *derivative*, h = (4 / 5)^(1/7) s n^(-1/7) (Chacon, Duong and Wand 2011, Statistica Sinica 21, eq. 3.2
-at dimension 1 and order 1). Here s is the standard deviation and n the size of the peak alone, so that
-outliers do not widen the kernel. Both are measured at the peak: first from the densest interval, then from
-the peak's width at half its height.
+The density is that of the ratios, over bins of their logarithm. The peak of a density is where its derivative
+vanishes, so the bandwidth follows the normal-scale rule for the *derivative*, h = (4 / 5)^(1/7) s n^(-1/7)
+(Chacon, Duong and Wand 2011, Statistica Sinica 21, eq. 3.2 at dimension 1 and order 1), with the standard
+deviation s and the number n of the values of the peak alone.
 """
 
 import logging
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
 import numpy as np
 
 from digs_warp.checks import DigsError
+from digs_warp.data.frame import Frame
+from digs_warp.data.layers import Layer
+from digs_warp.data.sfm_model import SfmModel
+from digs_warp.device.threads import default_threads
+from digs_warp.init.config import InitConfig
+from digs_warp.init.edges import smooth_depth
+from digs_warp.record.progress import progress
 from digs_warp.words import counted
 
 logger = logging.getLogger(__name__)
 
-BINS_PER_BANDWIDTH = 20
-REACH = 6.0  # bandwidths beyond which the kernel is negligible (exp(-18) = 1.5e-8)
+# With fewer ratios inside the masks, the whole image is used, because an object can lack texture. On six
+# recorded objects, the mode of 100 ratios from the object had a scale error of 0.2 %. The whole image, with
+# surroundings that are far away and measured less precisely, had up to 0.4 %.
+MIN_MASKED = 100
 
-# The shortest interval with this share of the values, and at least this many, gives the first estimate of the
-# peak. With few values it is the shortest half.
-CORE_SHARE = 0.05
-CORE_COUNT = 20
-REFINEMENTS = 3
-
-# Smallest spread [relative] of a peak: float32 depths cannot resolve less.
-RELATIVE_RESOLUTION = 1e-6
-
-# Only cells with at least this share of the fullest cell can hold a mode that is reported.
-CANDIDATE_SHARE = 0.5
+# The first bandwidth and the least one, relative to the scale, and how often it is chosen anew.
+FIRST_BANDWIDTH, LEAST_BANDWIDTH, REFINEMENTS = 1e-2, 2e-4, 3
+BINS_PER_BANDWIDTH = 10
+# Ratios that differ from the median by a larger factor are no scale in any unit.
+MOST_FACTOR = 1e4
 # A mode rises above its surroundings by at least this share of the highest mode; less is sampling noise.
 MODE_PROMINENCE = 0.15
 # A second mode of at least this relative height makes the choice of the first one doubtful.
 RIVAL_HEIGHT = 0.8
-
 # Half the width of a normal distribution at half its height, in standard deviations.
 HALF_WIDTH = float(np.sqrt(2 * np.log(2)))
 
@@ -56,7 +59,6 @@ class ScaleEstimate:
         width: standard deviation of the peak around it [sfm / m].
         values: number of ratios used.
         modes: number of distinct peaks of the density.
-        bandwidth: of the kernel [sfm / m].
         warning: why the result is doubtful; empty if it is not.
     """
 
@@ -64,7 +66,6 @@ class ScaleEstimate:
     width: float
     values: int
     modes: int
-    bandwidth: float
     warning: str = ""
 
     def __str__(self) -> str:
@@ -87,125 +88,50 @@ def estimate_scale(ratios: np.ndarray) -> ScaleEstimate:
     Raises:
         DigsError: no usable ratio.
     """
-    values = np.sort(_usable(ratios))
-    location, deviation, count = _core(values)
-    for _ in range(REFINEMENTS):
-        bandwidth = _bandwidth(location, deviation, count)
-        modes, _ = _modes(values, bandwidth)
-        deviation, count = _peak_spread(values, modes[0], bandwidth)
-        location = modes[0]
-    bandwidth = _bandwidth(location, deviation, count)
-    modes, heights = _modes(values, bandwidth)
-    width, _ = _peak_spread(values, modes[0], bandwidth)
-    warning = _rival_warning(modes, heights)
-    if warning:
-        logger.warning(warning)
-    return ScaleEstimate(float(modes[0]), width, len(values), len(modes), bandwidth, warning)
-
-
-def log_density(values: np.ndarray, at: np.ndarray, bandwidth: float) -> np.ndarray:
-    """Return the logarithm of the Gaussian kernel density of sorted ``values``, shape of ``at``.
-
-    Values are first counted in bins of a twentieth of the bandwidth. This changes the density by less than
-    10^-3 (the variance of a uniform bin widens the kernel by a relative h^2 / 4800).
-    """
-    from sklearn.neighbors import KernelDensity
-
-    bin_width = bandwidth / BINS_PER_BANDWIDTH
-    near = _near(values, at, REACH * bandwidth)
-    bins, counts = np.unique(np.floor(near / bin_width), return_counts=True)
-    density = KernelDensity(bandwidth=bandwidth, rtol=1e-6)  # pyright: ignore[reportArgumentType]
-    density.fit(((bins + 0.5) * bin_width)[:, None], sample_weight=counts)
-    # scikit-learn normalizes by the weights it was given; values out of reach must count, too.
-    return density.score_samples(at[:, None]) + np.log(len(near) / len(values))
-
-
-def _usable(ratios: np.ndarray) -> np.ndarray:
-    ratios = np.asarray(ratios, dtype=np.float64).ravel()
-    usable = ratios[np.isfinite(ratios) & (ratios > 0)]
-    if usable.size == 0:
+    values = np.asarray(ratios, dtype=np.float64).ravel()
+    logs = np.sort(np.log(values[np.isfinite(values) & (values > 0)]))
+    if not logs.size:
         raise DigsError(
-            f"scale: {ratios.size} points of structure from motion fall on measured depth, none of them "
+            f"scale: {values.size} points of structure from motion fall on measured depth, none of them "
             "with a finite ratio above 0; check that the depth maps belong to the images, or use "
             "the poses of the capture (--poses capture)"
         )
-    return usable
+    near = logs[np.abs(logs - np.median(logs)) <= np.log(MOST_FACTOR)]
+    bandwidth = FIRST_BANDWIDTH
+    for _ in range(REFINEMENTS):
+        modes, _, deviation = _modes(near, bandwidth)
+        first, last = np.searchsorted(near, [modes[0] - 3 * deviation, modes[0] + 3 * deviation])
+        bandwidth = (4 / 5) ** (1 / 7) * deviation * max(int(last - first), 1) ** (-1 / 7)
+        bandwidth = max(bandwidth, LEAST_BANDWIDTH)
+    modes, heights, deviation = _modes(near, bandwidth)
+    scales = np.exp(modes)
+    warning = _rival_warning(scales, heights)
+    if warning:
+        logger.warning(warning)
+    width = float(deviation * scales[0])
+    return ScaleEstimate(float(scales[0]), width, len(logs), len(modes), warning)
 
 
-def _core(values: np.ndarray) -> tuple[float, float, int]:
-    """Return center, standard deviation and size of the densest part of sorted values."""
-    few = min(CORE_COUNT, len(values) // 2 + 1)
-    inside = max(few, int(CORE_SHARE * len(values)))
-    widths = values[inside - 1 :] - values[: len(values) - inside + 1]
-    first = int(np.argmin(widths))
-    location = float(values[first + inside // 2])
-    # The densest p of a normal distribution spans 2 * (the quantile of 1/2 + p/2) deviations.
-    from scipy.special import ndtri
-
-    span = 2.0 * float(ndtri(0.5 + 0.5 * min(0.95, inside / len(values))))
-    return location, float(widths[first]) / span, inside
-
-
-def _bandwidth(location: float, deviation: float, count: int) -> float:
-    deviation = max(deviation, RELATIVE_RESOLUTION * location)
-    return float((4 / 5) ** (1 / 7) * deviation * max(count, 1) ** (-1 / 7))
-
-
-def _peak_spread(values: np.ndarray, location: float, bandwidth: float) -> tuple[float, int]:
-    """Return standard deviation and size of the peak, from its width at half its height."""
-    step = bandwidth / 4
-    reach = 4
-    while True:
-        at = location + step * np.arange(-reach, reach + 1)
-        height = np.exp(log_density(values, at, bandwidth))
-        low = np.flatnonzero(height < 0.5 * height[reach])
-        left, right = low[low < reach], low[low > reach]
-        if left.size and right.size:
-            break
-        reach *= 2
-    half_width = step * min(right[0] - reach, reach - left[-1]) / HALF_WIDTH
-    # The kernel's variance adds to that of the peak.
-    deviation = float(np.sqrt(max(half_width**2 - bandwidth**2, 0.0)))
-    deviation = float(max(deviation, RELATIVE_RESOLUTION * location))
-    low_end, high_end = np.searchsorted(
-        values, [location - 3 * deviation, location + 3 * deviation]
-    )
-    return deviation, int(high_end - low_end)
-
-
-def _modes(values: np.ndarray, bandwidth: float) -> tuple[np.ndarray, np.ndarray]:
-    """Return positions and relative heights of the distinct modes, the highest first."""
+def _modes(logs: np.ndarray, bandwidth: float) -> tuple[np.ndarray, np.ndarray, float]:
+    """Return logarithms and relative heights of the modes, the highest first, and its standard deviation."""
+    from scipy.ndimage import gaussian_filter1d
     from scipy.signal import find_peaks
 
-    grid = _candidates(values, bandwidth)
-    density = np.exp(log_density(values, grid, bandwidth))
-    # A gap in the grid is empty of values: let the density fall to zero there.
-    gap = np.flatnonzero(np.diff(grid) > 1.5 * bandwidth / BINS_PER_BANDWIDTH) + 1
-    grid = np.concatenate([[grid[0]], np.insert(grid, gap, grid[gap]), [grid[-1]]])
-    density = np.concatenate([[0.0], np.insert(density, gap, 0.0), [0.0]])
+    step = bandwidth / BINS_PER_BANDWIDTH
+    margin = 5 * BINS_PER_BANDWIDTH  # where the density falls to nothing
+    bins = ((logs - logs[0]) / step).astype(int) + margin
+    counts = np.bincount(bins, minlength=bins[-1] + margin + 1).astype(np.float64)
+    at = logs[0] + step * (np.arange(len(counts)) - margin + 0.5)
+    # Of the ratios, not of their logarithms: where noise is symmetric.
+    density = gaussian_filter1d(counts, BINS_PER_BANDWIDTH, mode="constant") * np.exp(logs[0] - at)
     peaks, _ = find_peaks(density, prominence=MODE_PROMINENCE * density.max())
-    order = np.argsort(-density[peaks], kind="stable")
-    return grid[peaks][order], density[peaks][order] / density.max()
-
-
-def _candidates(values: np.ndarray, bandwidth: float) -> np.ndarray:
-    """Return bin centers around all positions that can hold a relevant mode, ascending."""
-    cells = np.unique(np.floor(values / bandwidth))
-    ends = np.searchsorted(values, [(cells - 1) * bandwidth, (cells + 2) * bandwidth])
-    full = ends[1] - ends[0]
-    cells = cells[full >= CANDIDATE_SHARE * full.max()]
-    cells = np.unique(cells[:, None] + np.arange(-2, 3))
-    offsets = (np.arange(BINS_PER_BANDWIDTH) + 0.5) / BINS_PER_BANDWIDTH
-    return ((cells[:, None] + offsets) * bandwidth).ravel()
-
-
-def _near(values: np.ndarray, at: np.ndarray, reach: float) -> np.ndarray:
-    """Return the sorted values within ``reach`` of any of the ascending positions ``at``."""
-    gaps = np.flatnonzero(np.diff(at) > 2 * reach)
-    starts = np.concatenate([at[:1], at[gaps + 1]]) - reach
-    ends = np.concatenate([at[gaps], at[-1:]]) + reach
-    first, last = np.searchsorted(values, starts), np.searchsorted(values, ends, side="right")
-    return np.concatenate([values[a:b] for a, b in zip(first, last, strict=True)])
+    peaks = peaks[np.argsort(-density[peaks], kind="stable")]
+    low = np.flatnonzero(density < 0.5 * density[peaks[0]])
+    right = int(np.searchsorted(low, peaks[0]))
+    half_width = step * min(low[right] - peaks[0], peaks[0] - low[right - 1]) / HALF_WIDTH
+    # The kernel's variance adds to that of the peak.
+    deviation = np.sqrt(max(half_width**2 - bandwidth**2, LEAST_BANDWIDTH**2))
+    return at[peaks], density[peaks] / density[peaks[0]], float(deviation)
 
 
 def _rival_warning(modes: np.ndarray, heights: np.ndarray) -> str:
@@ -215,3 +141,73 @@ def _rival_warning(modes: np.ndarray, heights: np.ndarray) -> str:
         f"scale: a second mode at {modes[1]:.5g} sfm per metre is {heights[1]:.0%} as high as the one "
         f"at {modes[0]:.5g} that was used; check the depth unit of all frames and the masks"
     )
+
+
+def local_scales(sfm: SfmModel, frames: Sequence[Frame], config: InitConfig) -> np.ndarray:
+    """Return the ratios d*/d [sfm / m] of all observations in ``frames`` (eq. 6), float64, NaN-free.
+
+    As in the paper, depth is used where it was measured, inside the mask and away from depth jumps. If the
+    masks leave fewer than `MIN_MASKED` ratios, the whole image is used.
+
+    Args:
+        sfm: the model in [sfm]; only its observations in ``frames`` are used.
+        frames: frames with depth; held-out ones must not be among them.
+        config: its mask and edge filters.
+
+    Raises:
+        DigsError: the model knows none of the frames.
+    """
+    known = [frame for frame in frames if frame.name in sfm.names]
+    if not known:
+        raise DigsError(
+            f"scale: structure from motion registered none of the {len(frames)} training frames; "
+            f"it knows {len(sfm.names)} other names"
+        )
+    with (
+        ThreadPoolExecutor(default_threads()) as pool,
+        progress(len(known), "Estimating the scale", "frame") as bar,
+    ):
+        rows = []
+        for row in pool.map(lambda frame: _ratios_of_view(sfm, frame, config), known):
+            rows.append(row)
+            bar.update()
+    ratios, in_mask = np.concatenate(rows, axis=1)
+    masked = ratios[in_mask > 0]
+    if len(masked) >= MIN_MASKED:
+        return masked
+    logger.warning(
+        "scale: %d observations inside the masks have depth, using all %d of the images",
+        *(len(masked), len(ratios)),
+    )
+    return ratios
+
+
+def _ratios_of_view(sfm: SfmModel, frame: Frame, config: InitConfig) -> np.ndarray:
+    """Return the ratios, and whether each one lies in the mask, shape (2, n)."""
+    depth = frame.load_depth()
+    if config.edge_filter:
+        depth = np.where(smooth_depth(depth), depth, np.float32(np.nan))
+    points, rows, columns = observed_pixels(sfm, frame.name, depth.shape)
+    _, sfm_depths = sfm.cameras[sfm.names.index(frame.name)].project(
+        sfm.points.points_world[points]
+    )
+    measured = depth[rows, columns].astype(np.float64)
+    usable = np.isfinite(measured) & (sfm_depths > 0)
+    in_mask = np.ones(len(points), dtype=bool)
+    if frame.has(Layer.MASK):
+        in_mask = frame.load_mask()[rows, columns] > config.mask_level
+    return np.stack([sfm_depths[usable] / measured[usable], in_mask[usable]])
+
+
+def observed_pixels(
+    sfm: SfmModel, name: str, shape: tuple[int, ...]
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return the points that a frame observes, and row and column of their pixels in an image of a shape."""
+    index = sfm.names.index(name)
+    mine = sfm.observations.cameras == index
+    k = sfm.cameras[index].intrinsics
+    height, width = shape
+    px = sfm.observations.px[mine] * np.array([width / k.width, height / k.height])
+    columns = np.clip(np.floor(px[:, 0]).astype(np.int64), 0, width - 1)
+    rows = np.clip(np.floor(px[:, 1]).astype(np.int64), 0, height - 1)
+    return sfm.observations.points[mine], rows, columns

@@ -22,8 +22,7 @@ from digs_warp.data.viewpoints import looked_at
 from digs_warp.device.libraries import MissingLibraryError
 from digs_warp.geometry.camera import Camera
 from digs_warp.init.config import InitConfig
-from digs_warp.init.local_scales import local_scales
-from digs_warp.init.scale import ScaleEstimate, estimate_scale
+from digs_warp.init.scale import ScaleEstimate, estimate_scale, local_scales
 from digs_warp.poses.from_images.config import SfmConfig
 from digs_warp.poses.outcome import Tracking
 from digs_warp.words import counted

@@ -204,8 +204,7 @@ def _scale_error(capture: Capture, config: "ReconstructConfig", posed: PosedFram
     none, it is that of the scale that the depth gives to a perfect model of the poses: what the sensor alone
     does.
     """
-    from digs_warp.init.local_scales import local_scales
-    from digs_warp.init.scale import estimate_scale
+    from digs_warp.init.scale import estimate_scale, local_scales
     from digs_warp.poses.from_images.similarity import umeyama
     from digs_warp.study.engine.synthetic_sfm import sfm_from_truth
 

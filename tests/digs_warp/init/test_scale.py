@@ -1,4 +1,4 @@
-"""The mode of the local scales: precision, robustness, warnings; and against the direct density."""
+"""The mode of the local scales: precision, robustness, warnings."""
 
 import logging
 
@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from digs_warp.checks import DigsError
-from digs_warp.init.scale import estimate_scale, log_density
+from digs_warp.init.scale import estimate_scale
 
 TRUE = 1.7
 
@@ -25,23 +25,6 @@ def test_a_million_values_tell_the_mode_to_a_thousandth(deviation: float, outlie
     assert found.sfm_per_metre == pytest.approx(TRUE, rel=1e-3)
     assert found.width == pytest.approx(TRUE * deviation, rel=0.25)
     assert (found.modes, found.warning, found.values) == (1, "", 1_000_000)
-
-
-def test_the_bandwidth_is_the_rule_for_the_derivative_of_a_normal_density() -> None:
-    found = estimate_scale(noisy(200_000, 0.02, 0.5))
-    expected = (4 / 5) ** (1 / 7) * 0.02 * TRUE * 100_000 ** (-1 / 7)
-    assert found.bandwidth == pytest.approx(expected, rel=0.1)
-
-
-def test_binned_density_equals_the_direct_one() -> None:
-    values = np.sort(noisy(10_000, 0.02, 0.5))
-    bandwidth = estimate_scale(values).bandwidth
-    at = TRUE + bandwidth * np.linspace(-8, 8, 81)
-    kernel = np.exp(-0.5 * ((at[:, None] - values) / bandwidth) ** 2)
-    direct = kernel.sum(axis=1) / (len(values) * bandwidth * np.sqrt(2 * np.pi))
-    binned = np.exp(log_density(values, at, bandwidth))
-    # A bin of h / 20 moves a value by up to h / 40; the errors of a cell's many values average out.
-    np.testing.assert_allclose(binned, direct, rtol=0, atol=2e-3 * direct.max())
 
 
 def test_few_values_give_one_of_their_range_and_the_unit_does_not_matter() -> None:
@@ -82,13 +65,10 @@ def test_a_low_second_mode_is_counted_and_no_reason_to_warn() -> None:
     assert (found.modes, found.warning) == (2, "")
 
 
-def test_a_few_wild_values_do_not_widen_the_search() -> None:
-    values = np.append(noisy(1000, 0.01), [1e6, 1e9, 1e-9])
-    assert estimate_scale(values).sfm_per_metre == pytest.approx(TRUE, rel=5e-3)
-
-
-def test_order_does_not_matter_and_the_input_stays() -> None:
-    values = noisy(5000, 0.02, 0.2)
+def test_wild_values_and_their_order_do_not_matter() -> None:
+    values = noisy(5000, 0.01, 0.2)
     before = values.copy()
+    wild = estimate_scale(np.append(values, [1e6, 1e9, 1e-9]))
+    assert wild.sfm_per_metre == pytest.approx(TRUE, rel=5e-3)
     assert estimate_scale(values[::-1].reshape(50, 100)) == estimate_scale(values)
     np.testing.assert_array_equal(values, before)

@@ -18,9 +18,8 @@ from digs_warp.data.layers import Layer
 from digs_warp.data.rig import Rig
 from digs_warp.data.sfm_model import SfmModel
 from digs_warp.init.config import InitConfig
-from digs_warp.init.local_scales import MIN_MASKED, depth_at, local_scales
 from digs_warp.init.recipes import initial_points
-from digs_warp.init.scale import estimate_scale
+from digs_warp.init.scale import MIN_MASKED, estimate_scale, local_scales
 from digs_warp.sim.camera.shutter import Shutter
 from digs_warp.sim.config import SimulateConfig
 from digs_warp.sim.record.inputs import load_inputs
@@ -162,32 +161,3 @@ def test_the_metric_model_fits_the_depth_points(recording: Recording) -> None:
     inside = sparse[np.all((sparse > low) & (sparse < high), axis=1)]
     assert len(inside) > 200
     assert np.median(KDTree(points).query(inside)[0]) < 0.004
-
-
-# Depth at sub-pixel places: pixel centers lie at +0.5.
-PLANE = (1.0 + 0.001 * np.arange(8) + 0.002 * np.arange(6)[:, None]).astype(np.float32)
-
-
-def test_depth_at_is_bilinear_on_a_plane() -> None:
-    rng = np.random.default_rng(0)
-    px = rng.uniform((0.5, 0.5), (7.5, 5.5), (200, 2))
-    expected = 1.0 + 0.001 * (px[:, 0] - 0.5) + 0.002 * (px[:, 1] - 0.5)
-    np.testing.assert_allclose(depth_at(PLANE, px), expected, rtol=1e-6)
-
-
-def test_depth_at_a_jump_is_one_side_or_the_other() -> None:
-    depth = PLANE.copy()
-    depth[:, 4:] += 1.0
-    px = np.random.default_rng(1).uniform((3.5, 0.5), (4.5, 5.5), (200, 2))
-    found = depth_at(depth, px)
-    columns, rows = np.floor(px).astype(int).T
-    np.testing.assert_array_equal(found, depth[rows, columns].astype(np.float64))
-
-
-def test_depth_at_holes_takes_the_nearest_pixel_or_nothing() -> None:
-    depth = PLANE.copy()
-    depth[2, 3] = np.nan
-    px = np.array([[3.4, 2.6], [4.2, 2.5], [2.9, 2.5]])
-    np.testing.assert_array_equal(
-        depth_at(depth, px), [np.nan, np.float64(depth[2, 4]), np.float64(depth[2, 2])]
-    )
