@@ -169,7 +169,7 @@ def accumulate_kernel(
     report[1] = found
 
 
-FIRST_SLOT_BITS = 16
+FIRST_SLOT_BITS = 17
 
 
 def back_project(

@@ -30,7 +30,7 @@ from digs_warp.init.plane_sweep import (
     SweptView,
     sweep_kernel,
 )
-from digs_warp.init.scene_view import nearest_known
+from digs_warp.init.view_points import nearest_known
 from digs_warp.record.progress import progress
 
 wp.set_module_options({"enable_backward": False})

@@ -22,7 +22,6 @@ from digs_warp.init.hull import hull_points, random_points_in_hull
 from digs_warp.init.multi_view_stereo import matched_depth
 from digs_warp.init.random_points import random_points, random_points_on_rays
 from digs_warp.init.scale import observed_pixels
-from digs_warp.init.scene_points import scene_points
 from digs_warp.init.start import DepthReport, Start, Subject
 from digs_warp.init.strategies import StrategyName, start_reason
 from digs_warp.init.unseen import fills_unseen, shell_points, unseen_points
@@ -187,21 +186,16 @@ def _measured_points(
     frames: Sequence[Frame], config: InitConfig, sfm_per_metre: float | None, subject: Subject
 ) -> tuple[PointCloud, DepthReport]:
     """Return the points of the depth maps, without the edge filter where that drops nearly all of them."""
-
-    def measured(config: InitConfig) -> tuple[PointCloud, DepthReport]:
-        if subject == "scene":
-            return scene_points(frames, config)
-        return depth_points(frames, config, sfm_per_metre)
-
     try:
-        points, report = measured(config)
+        points, report = depth_points(frames, config, sfm_per_metre, subject)
         is_dotted = config.edge_filter and report.kept.get(EDGES, 1.0) < LEAST_KEPT
     except NoPointsError:
         if not config.edge_filter:
             raise
         is_dotted = True
     if is_dotted:
-        points, report = measured(replace(config, edge_filter=False))
+        config = replace(config, edge_filter=False)
+        points, report = depth_points(frames, config, sfm_per_metre, subject)
         logger.warning(
             "initialization: the edge filter would drop over %.0f %% of the depth, which consists of dots "
             "or thin lines: it is left out",

@@ -10,7 +10,6 @@ from digs_warp.record.results import Figure
 from digs_warp.record.typed import NOT_STORED
 
 if TYPE_CHECKING:
-    from digs_warp.init.scene_view import SceneView
     from digs_warp.init.view_points import ViewPoints
 
 # Later stages thin layers and coarsen grids: they keep little of many voxels, as they should.
@@ -55,10 +54,10 @@ class DepthReport:
             for (_, before), (name, after) in pairwise(counts.items())
         }
 
-    def add(self, view: "ViewPoints | SceneView") -> None:
+    def add(self, view: "ViewPoints") -> None:
         """Count a view."""
         for name, count in view.pixels.items():
-            self.pixels[name] += count
+            self.pixels[name] = self.pixels.get(name, 0) + count
         for name, seconds in view.seconds.items():
             self.seconds[name] = self.seconds.get(name, 0.0) + seconds
 

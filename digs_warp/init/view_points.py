@@ -1,9 +1,14 @@
-"""One view -> voxels: the conditions of eq. 9, back-projection (eq. 8) and the grid (paper section 3.3.1)."""
+"""One view -> voxels: the conditions of eq. 9, back-projection (eq. 8) and the grid (paper section 3.3.1).
+
+In a scene, pixels without depth, such as windows, shiny floors and what lies beyond the sensor's range, are
+placed at the depth of the nearest pixel that has one.
+"""
 
 import time
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from functools import partial
 from itertools import chain
 from typing import TypeVar
 
@@ -17,8 +22,11 @@ from digs_warp.init.back_project import back_project
 from digs_warp.init.config import InitConfig
 from digs_warp.init.edges import Box, smooth_depth
 from digs_warp.init.foreground import foreground_range
+from digs_warp.init.levels import Levels
+from digs_warp.init.start import Subject
 from digs_warp.init.voxel import VoxelSums
 from digs_warp.record.progress import progress
+from digs_warp.record.run_log import timed
 
 T = TypeVar("T")
 
@@ -51,75 +59,114 @@ NOTHING = 1e6
 # What is farther may be hidden by something in front of the object.
 BEYOND = 1.1
 
-# Conditions of eq. 9 in the order in which they are applied.
+# Conditions of eq. 9 in their order; of a scene the first is "in view", and there is no last.
 FILTERS = ("in the mask", "with depth", "away from edges", "in the foreground")
+IN_VIEW = "in view"
+
+# Guessed surfaces get grids coarser by this many levels than measured ones: more detail would be invented.
+GUESS_COARSER = 1
+
+# Voxels by the number of their grid.
+Sums = dict[int, VoxelSums]
 
 
 @dataclass(frozen=True, eq=False)
 class ViewPoints:
-    """One view reduced to the grid.
+    """One view reduced to the grids.
 
     Attributes:
         name: of the frame.
         camera: of the frame.
-        voxels: sums over the remaining pixels.
+        measured: sums over the remaining pixels.
+        guessed: of a scene: sums over pixels without depth, placed at that of the nearest pixel with depth.
         pixels: how many remained after each of `FILTERS`.
-        thinned_depth: of the object, see `thinned_object_depth`, for the visibility check; or None.
+        thinned_depth: for the visibility check; of an object see `thinned_object_depth`.
         seconds: CPU time of each stage [s]; "read" is the time for the files.
     """
 
     name: str
     camera: Camera
-    voxels: VoxelSums
+    measured: Sums
+    guessed: Sums
     pixels: dict[str, int]
-    thinned_depth: np.ndarray | None
+    thinned_depth: np.ndarray
     seconds: dict[str, float]
 
 
-class _Laps:
-    """CPU time of the calling thread from one `lap` to the next."""
-
-    def __init__(self) -> None:
-        self.seconds: dict[str, float] = {}
-        self._last = time.thread_time()
-
-    def lap(self, name: str) -> None:
-        now = time.thread_time()
-        self.seconds[name] = self.seconds.get(name, 0.0) + now - self._last
-        self._last = now
-
-
-def view_points(frame: Frame, config: InitConfig, voxel_size: float) -> ViewPoints:
+def view_points(frame: Frame, config: InitConfig, levels: Levels, subject: Subject) -> ViewPoints:
     """Apply the conditions of eq. 9 to one view, back-project the remaining pixels and sum them per voxel.
 
+    In a scene nothing is left out as background. Its edge filter looks at inverse depth: on a floor that
+    recedes, depth curves, inverse depth does not, and the noise of stereo is the same near and far.
+
     Args:
-        frame: a frame with image, depth and mask.
+        frame: a frame with image and depth, of an object with mask.
         config: which conditions.
-        voxel_size: edge length of the grid [m].
+        levels: which grid for which distance.
+        subject: what is reconstructed.
     """
-    laps = _Laps()
-    depth, image = frame.load_depth(), frame.load_image()
-    mask, unknown = frame.load_mask(), frame.load_unknown()
-    laps.lap("read")
-    in_mask = mask > config.mask_level
-    rows, columns = box = box_of(in_mask)
-    camera, near = frame.camera.cropped(rows, columns), depth[box]  # the part around the mask
-    keep = in_mask[box] & ~np.isnan(near)
-    pixels = {FILTERS[0]: int(np.count_nonzero(in_mask)), FILTERS[1]: int(np.count_nonzero(keep))}
-    laps.lap("mask")
-    if config.edge_filter:
-        keep &= smooth_depth(depth, box)
-    pixels[FILTERS[2]] = int(np.count_nonzero(keep))
-    laps.lap("edge filter")
-    if config.foreground_filter:
-        votes = depth if unknown is None else np.where(unknown, np.float32(np.nan), depth)
-        keep &= foreground_range(votes, in_mask).contains(near)
-    pixels[FILTERS[3]] = int(np.count_nonzero(keep))
-    laps.lap("foreground")
-    voxels = back_project(camera, image[box], near, keep, voxel_size)
-    laps.lap("back-project")
-    kept = thinned_object_depth(depth, in_mask, unknown) if config.visibility_check else None
-    return ViewPoints(frame.name, frame.camera, voxels, pixels, kept, laps.seconds)
+    seconds: dict[str, float] = {}
+    lap = partial(timed, seconds, clock=time.thread_time)
+    with lap("read"):
+        depth, image, unknown = frame.load_depth(), frame.load_image(), frame.load_unknown()
+        mask = frame.load_mask() if subject == "object" else None
+    known = ~np.isnan(depth)
+    in_mask = np.ones(depth.shape, bool) if mask is None else mask > config.mask_level
+    box = box_of(in_mask)  # the part that is looked at
+    keep = in_mask[box] & known[box]
+    pixels = {IN_VIEW if mask is None else FILTERS[0]: int(np.count_nonzero(in_mask))}
+    pixels[FILTERS[1]] = int(np.count_nonzero(keep))
+    with lap("edge filter"):
+        if config.edge_filter:
+            keep &= smooth_depth(1.0 / depth if mask is None else depth, box)
+        pixels[FILTERS[2]] = int(np.count_nonzero(keep))
+    if mask is not None:
+        with lap("foreground"):
+            if config.foreground_filter:
+                votes = depth if unknown is None else np.where(unknown, np.float32(np.nan), depth)
+                keep &= foreground_range(votes, in_mask).contains(depth[box])
+            pixels[FILTERS[3]] = int(np.count_nonzero(keep))
+    with lap("back-project"):
+        near = frame.camera.cropped(*box)
+        measured = _on_levels(near, image[box], depth[box], keep, levels, 0)
+        guessed: Sums = {}
+        if mask is None:
+            unmeasured = ~known if unknown is None else ~(known | unknown)
+            places = nearest_known(depth)
+            guessed = _on_levels(frame.camera, image, places, unmeasured, levels, GUESS_COARSER)
+    kept = thinned(depth) if mask is None else thinned_object_depth(depth, in_mask, unknown)
+    return ViewPoints(frame.name, frame.camera, measured, guessed, pixels, kept, seconds)
+
+
+def _on_levels(
+    camera: Camera,
+    image: np.ndarray,
+    depth: np.ndarray,
+    keep: np.ndarray,
+    levels: Levels,
+    coarser: int,
+) -> Sums:
+    keep = keep & ~np.isnan(depth)
+    level = levels.of_depth(depth, camera.intrinsics.fx) + coarser
+    return {
+        int(n): back_project(camera, image, depth, keep & (level == n), levels.edge(int(n)))
+        for n in np.flatnonzero(np.bincount(level[keep]))
+    }
+
+
+def nearest_known(depth: np.ndarray) -> np.ndarray:
+    """Return the depth with each unknown value, NaN, replaced by that of the nearest known pixel.
+
+    All of it stays NaN where nothing is known.
+    """
+    from scipy.ndimage import distance_transform_edt
+
+    unknown = np.isnan(depth)
+    if unknown.all() or not unknown.any():
+        return depth
+    places = distance_transform_edt(unknown, return_distances=False, return_indices=True)
+    rows, columns = np.asarray(places)
+    return depth[rows, columns]
 
 
 def thinned(depth: np.ndarray) -> np.ndarray:

@@ -21,7 +21,6 @@ from digs_warp.data.point_cloud import PointCloud
 from digs_warp.geometry.camera import Intrinsics
 from digs_warp.init.config import InitConfig
 from digs_warp.init.depth_points import NoPointsError, depth_points
-from digs_warp.init.scene_points import scene_points
 from digs_warp.init.visibility import DepthViews, confirmed
 from digs_warp.measure.thumbnails import front_points
 from digs_warp.record.files import copy_file
@@ -177,7 +176,7 @@ def start_points(capture: Capture) -> StartPoints:
         if with_mask:
             cloud, report = depth_points(with_mask, InitConfig())
         elif with_depth:
-            cloud, report = scene_points(with_depth, InitConfig())
+            cloud, report = depth_points(with_depth, InitConfig(), subject="scene")
         else:
             cloud = capture.load_points() or cloud
     except NoPointsError as error:

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from digs_warp.init.scene_view import Grid, Levels, count, finest_of
+from digs_warp.init.levels import Grid, Levels, count, finest_of
 from digs_warp.init.voxel import VoxelSums, voxel_keys
 
 

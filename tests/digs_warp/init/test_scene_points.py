@@ -1,6 +1,6 @@
 """Points of a whole scene: a ball in a large sphere, without masks."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -11,14 +11,20 @@ from digs_warp.checks import DigsError
 from digs_warp.data.frame import Frame
 from digs_warp.data.layers import Layer
 from digs_warp.data.point_cloud import PointCloud
-from digs_warp.init.depth_points import NoPointsError
+from digs_warp.init.depth_points import NoPointsError, depth_points
 from digs_warp.init.recipes import InitConfig
-from digs_warp.init.scene_points import scene_points
 from digs_warp.init.start import DepthReport
 from reference.ball_capture import INTRINSICS, RADIUS, WALL_RADIUS, View, ball_views, write_capture
 
 # The ball's rim is a depth jump in every view: a filter takes more of such small images than of photographs.
 CONFIG = InitConfig(edge_filter=False)
+
+
+def scene_points(
+    frames: Sequence[Frame], config: InitConfig = CONFIG
+) -> tuple[PointCloud, DepthReport]:
+    return depth_points(frames, config, subject="scene")
+
 
 # Rows and columns in which a view measures nothing.
 HOLE = (slice(0, 9), slice(0, 30))
@@ -36,7 +42,7 @@ def frames(views: list[View], tmp_path_factory: pytest.TempPathFactory) -> tuple
 
 @pytest.fixture(scope="module")
 def found(frames: tuple[Frame, ...]) -> tuple[PointCloud, DepthReport]:
-    return scene_points(frames, CONFIG)
+    return scene_points(frames)
 
 
 def radii(points: PointCloud) -> np.ndarray:
@@ -87,7 +93,7 @@ def test_voxels_are_as_wide_as_two_pixels_near_and_far(
 def test_what_no_view_measured_gets_the_depth_of_its_neighbors(frames: tuple[Frame, ...]) -> None:
     # The upper left corner of every view shows surround that no other view shows.
     holed = [with_hole(frame) for frame in frames]
-    points, report = scene_points(holed, CONFIG)
+    points, report = scene_points(holed)
     guessed = guesses_of(points)
     assert len(guessed) == report.voxels["guessed"] > 30
     px, depth = frames[0].camera.project(guessed)
@@ -98,7 +104,7 @@ def test_what_no_view_measured_gets_the_depth_of_its_neighbors(frames: tuple[Fra
 
 
 def test_a_guess_never_stands_before_what_another_view_measured(frames: tuple[Frame, ...]) -> None:
-    points, report = scene_points([*frames, with_hole(frames[0])], CONFIG)
+    points, report = scene_points([*frames, with_hole(frames[0])])
     # A few are left behind the surround, where it was taken to be farther away than it is.
     assert report.voxels["guessed"] < 30
     assert (np.linalg.norm(guesses_of(points), axis=1) > WALL_RADIUS).all()
@@ -111,7 +117,7 @@ def test_a_guess_that_other_views_see_through_is_dropped(frames: tuple[Frame, ..
         depth[depth > 1.5] = np.nan
 
     blind = [changed_depth(frames[0], only_ball), *frames[1:]]
-    points, _ = scene_points(blind, CONFIG)
+    points, _ = scene_points(blind)
     unchecked, _ = scene_points(blind, replace(CONFIG, visibility_check=False))
 
     def in_the_air(cloud: PointCloud) -> float:
@@ -127,7 +133,7 @@ def test_a_guess_that_other_views_see_through_is_dropped(frames: tuple[Frame, ..
 def test_the_wanted_number_of_points_is_kept(frames: tuple[Frame, ...]) -> None:
     points, report = scene_points(frames, replace(CONFIG, target_points=600))
     assert 400 < len(points) <= 600
-    assert report.voxel_size > scene_points(frames, CONFIG)[1].voxel_size
+    assert report.voxel_size > scene_points(frames)[1].voxel_size
 
 
 def test_the_edge_filter_keeps_a_receding_floor_and_drops_the_balls_rim(
@@ -147,17 +153,17 @@ def test_the_same_frames_give_the_same_bits_with_one_thread_and_four(
     results = []
     for threads in ("1", "4"):
         monkeypatch.setenv("DIGS_WARP_THREADS", threads)
-        results.append(scene_points(frames, CONFIG)[0].points_world)
+        results.append(scene_points(frames)[0].points_world)
     np.testing.assert_array_equal(*results)
 
 
 def test_a_scene_without_depth_says_what_to_check(frames: tuple[Frame, ...]) -> None:
     blind = [changed_depth(frame, lambda depth: depth.fill(np.nan)) for frame in frames]
-    with pytest.raises(NoPointsError, match=r"0 pixels with depth.*metres in EXR"):
-        scene_points(blind, CONFIG)
+    with pytest.raises(NoPointsError, match=r"0 of them with depth.*metres in EXR"):
+        scene_points(blind)
     lacking = [frame.without_layer(Layer.DEPTH) for frame in frames]
     with pytest.raises(DigsError, match="8 of 8 frames have no 'depth_file_path'"):
-        scene_points(lacking, CONFIG)
+        scene_points(lacking)
 
 
 def test_a_voxel_size_as_a_fraction_of_the_object_is_refused(frames: tuple[Frame, ...]) -> None:
