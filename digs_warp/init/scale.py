@@ -26,7 +26,6 @@ from digs_warp.data.layers import Layer
 from digs_warp.data.sfm_model import SfmModel
 from digs_warp.device.threads import default_threads
 from digs_warp.init.config import InitConfig
-from digs_warp.init.edges import smooth_depth
 from digs_warp.record.progress import progress
 from digs_warp.words import counted
 
@@ -184,6 +183,10 @@ def local_scales(sfm: SfmModel, frames: Sequence[Frame], config: InitConfig) -> 
 
 def _ratios_of_view(sfm: SfmModel, frame: Frame, config: InitConfig) -> np.ndarray:
     """Return the ratios, and whether each one lies in the mask, shape (2, n)."""
+    from digs_warp.init.edges import (
+        smooth_depth,
+    )  # has kernels, which who reads a result does not need
+
     depth = frame.load_depth()
     if config.edge_filter:
         depth = np.where(smooth_depth(depth), depth, np.float32(np.nan))
