@@ -117,7 +117,7 @@ class Run(ReconstructionOptions, _Recording):
         }
         with log.saved(record), log.stage("export"):
             scene = folder / layout.SCENE
-            write_capture_package(capture, [result.in_scene()], scene, WriteOptions())
+            write_capture_package(capture, [result], scene, WriteOptions())
             write_scene_file(folder / layout.SPLATS, result, reconstruction)
         with log.saved(record), log.stage("report"):
             write_report(capture, result, folder / layout.REPORT)

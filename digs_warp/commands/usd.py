@@ -62,8 +62,7 @@ class ExportUsd(Command):
         capture = read_capture(self.capture) if self.capture else None
         results = [read_scene(path, capture=capture) for path in (self.source, *self.also)]
         if capture is not None:
-            scenes = [result.in_scene() for result in results]
-            write_capture_package(capture, scenes, self.out, self.storage, self.surface)
+            write_capture_package(capture, results, self.out, self.storage, self.surface)
         else:
             first = results[0]
             write_gaussians(self.out, first.gaussians, first.scene_metadata, self.storage)

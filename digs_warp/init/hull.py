@@ -11,7 +11,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from digs_warp.checks import DigsError
 from digs_warp.data.frame import Frame
 from digs_warp.data.layers import Layer
 from digs_warp.data.point_cloud import PointCloud
@@ -21,7 +20,7 @@ from digs_warp.geometry.reproject import Reprojection, reproject
 from digs_warp.geometry.rigid import grown
 from digs_warp.init.config import InitConfig
 from digs_warp.init.depth_points import NoPointsError, require_layers
-from digs_warp.init.random_points import SEED, cube_looked_at
+from digs_warp.init.random_points import cube_looked_at
 from digs_warp.init.view_points import map_frames
 from digs_warp.words import counted
 
@@ -103,25 +102,6 @@ def hull_points(frames: Sequence[Frame], config: InitConfig) -> PointCloud:
     return cloud.select(np.sort(drawn))
 
 
-def random_points_in_hull(frames: Sequence[Frame], config: InitConfig, count: int) -> PointCloud:
-    """Return ``count`` points, uniform inside the visual hull, in random colors; always the same ones.
-
-    Args:
-        frames: with mask, at least two that look from different directions.
-        config: the edge of a cell, as of `hull_points`.
-        count: at least 1.
-
-    Raises:
-        DigsError: as of `hull_points`.
-    """
-    hull = visual_hull(frames, config)
-    rng = np.random.default_rng(SEED)
-    cells = np.argwhere(hull.inside)
-    cells = cells[rng.integers(len(cells), size=count)]
-    points = hull.low + hull.edge * (cells + rng.uniform(0.0, 1.0, (count, 3)))
-    return PointCloud(points, rng.uniform(0.0, 1.0, (count, 3)))
-
-
 def visual_hull(frames: Sequence[Frame], config: InitConfig, edge: float | None = None) -> Hull:
     """Return which cells of a grid lie inside the masks of the views that show them.
 
@@ -151,8 +131,8 @@ def visual_hull(frames: Sequence[Frame], config: InitConfig, edge: float | None 
     low, high = low + coarse * (found.min(axis=0) - 1), low + coarse * (found.max(axis=0) + 2)
     longest = float((high - low).max())
     if edge is None:
-        pixel = np.median([_pixel_at(frame.camera, center) for frame in frames])
-        edge = _edge(config, float(pixel), longest)
+        pixel = float(np.median([_pixel_at(frame.camera, center) for frame in frames]))
+        edge = config.voxel_size or config.voxel_pixels * pixel
     edge = max(edge, longest / FINEST)
     shape = tuple(np.ceil((high - low) / edge).astype(int) + 2)
     low = low - edge
@@ -160,16 +140,6 @@ def visual_hull(frames: Sequence[Frame], config: InitConfig, edge: float | None 
     if not inside.any():
         raise NoPointsError("initialization: the object is thinner than a cell of its hull")
     return Hull(low, edge, inside)
-
-
-def _edge(config: InitConfig, pixel: float, longest: float) -> float:
-    """Return the edge of a cell [m]; ``pixel``: width of one there, ``longest``: side of the object."""
-    wanted = config.voxel_pixels * pixel
-    if config.voxel_edge is not None:
-        if config.voxel_unit == "sfm":
-            raise DigsError("voxel_unit sfm: a hull has no such unit; choose metre or object")
-        wanted = config.voxel_edge * (longest if config.voxel_unit == "object" else 1.0)
-    return wanted
 
 
 def _load(frames: Sequence[Frame]) -> list[_View]:

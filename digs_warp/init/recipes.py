@@ -18,7 +18,7 @@ from digs_warp.data.point_cloud import PointCloud
 from digs_warp.data.sfm_model import SfmModel
 from digs_warp.init.config import InitConfig as InitConfig
 from digs_warp.init.depth_points import NoPointsError, depth_points
-from digs_warp.init.hull import hull_points, random_points_in_hull
+from digs_warp.init.hull import hull_points
 from digs_warp.init.multi_view_stereo import matched_depth
 from digs_warp.init.random_points import random_points, random_points_on_rays
 from digs_warp.init.scale import observed_pixels
@@ -146,19 +146,9 @@ def _without_depth(
         count = len(_needed(sfm, config).points if recorded is None else recorded)
     if subject == "scene":
         points = random_points_on_rays(frames, count)
-    elif _tell_the_hull(frames):
-        points = random_points_in_hull(frames, config, count)
     else:
         points = random_points([frame.camera for frame in frames], count)
     return Start(points, {"random": len(points)})
-
-
-def _tell_the_hull(frames: Sequence[Frame]) -> bool:
-    """Return whether random points are drawn inside the masks: elsewhere they only vanish in the training.
-
-    With depth they stay those of the paper, which knows nothing about the object: they are there to compare.
-    """
-    return all(f.has(Layer.MASK) and not f.has(Layer.DEPTH) for f in frames)
 
 
 def _from_depth(

@@ -48,7 +48,6 @@ from digs_warp.train.training import CourseRow, Training, load_snapshots, read_c
 from digs_warp.words import counted
 
 if TYPE_CHECKING:
-    from digs_warp.pipeline.usd_scene import SceneResult
     from digs_warp.splat.render import RenderOutput
 
 
@@ -170,7 +169,7 @@ class Reconstruction:
         if capture is None:
             write_gaussians(Path(path), self.gaussians, self.scene_metadata)
         else:
-            write_capture_package(capture, [self.in_scene()], Path(path))
+            write_capture_package(capture, [self], Path(path))
 
     @property
     def scene_metadata(self) -> dict[str, Any]:
@@ -178,19 +177,6 @@ class Reconstruction:
         from digs_warp.pipeline.usd_scene import scene_metadata
 
         return scene_metadata(self.gaussians, self.run, self.poses, self.scores)
-
-    def in_scene(self) -> "SceneResult":
-        """Return what the USD scene of a capture shows."""
-        from digs_warp.pipeline.usd_scene import SceneResult
-
-        return SceneResult(
-            name=self.strategy or (self.folder.resolve().name if self.folder else "gaussians"),
-            gaussians=self.gaussians,
-            poses=self.poses,
-            points=self.start.points if self.start else None,
-            metadata=self.scene_metadata,
-            instance=self.instance,
-        )
 
     def in_memory(self) -> "Reconstruction":
         """Return the reconstruction without its folder; masks that were made for it are loaded.

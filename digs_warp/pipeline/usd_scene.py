@@ -2,7 +2,7 @@
 
 import logging
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, replace
 from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -11,7 +11,6 @@ from digs_warp.checks import DigsError
 from digs_warp.data.capture import Capture
 from digs_warp.data.capture_writer import recorded_hash
 from digs_warp.data.gaussians import Gaussians
-from digs_warp.data.point_cloud import PointCloud
 from digs_warp.data.posed_frames import PosedFrames
 from digs_warp.measure.scores import Scores
 from digs_warp.pipeline.records import Poses
@@ -19,6 +18,7 @@ from digs_warp.record.run_log import RunRecord
 
 if TYPE_CHECKING:
     from digs_warp.data.triangle_mesh import TriangleMesh
+    from digs_warp.pipeline.reconstruction import Reconstruction
     from digs_warp.usd.cameras import CameraPath
     from digs_warp.usd.capture_scene import SceneVariant
     from digs_warp.usd.writer import WriteOptions
@@ -26,30 +26,9 @@ if TYPE_CHECKING:
 logger = logging.getLogger(__name__)
 
 
-@dataclass(frozen=True, eq=False)
-class SceneResult:
-    """What a scene shows of a reconstruction.
-
-    Attributes:
-        name: of its initialization or folder.
-        gaussians: the result.
-        poses: its frames as posed.
-        points: that the training started from; None: not known.
-        metadata: how it was made, see `scene_metadata`.
-        instance: the number of the one object that it is of, of several.
-    """
-
-    name: str
-    gaussians: Gaussians
-    poses: Poses
-    points: PointCloud | None
-    metadata: dict[str, Any]
-    instance: int | None
-
-
 def write_capture_package(
     capture: Capture,
-    results: Sequence[SceneResult],
+    results: Sequence["Reconstruction"],
     path: Path,
     options: "WriteOptions | None" = None,
     surface: bool = False,
@@ -72,11 +51,11 @@ def write_capture_package(
     posed = shown.poses.frames or PosedFrames.as_recorded(capture)
     poses = replace(shown.poses, frames=posed)
     scene = CaptureScene(
-        variants=tuple(map(_variant, results, variant_labels([each.name for each in results]))),
+        variants=tuple(map(_variant, results, variant_labels([*map(_name, results)]))),
         cameras=_camera_path(capture, posed),
         source_mesh=_source_mesh(capture, shown.instance),
         surface=_surface(shown.gaussians, poses) if surface else None,
-        metadata=shown.metadata | _origin(capture, shown.instance),
+        metadata=shown.scene_metadata | _origin(capture, shown.instance),
     )
     write_capture_scene(path, scene, options)
 
@@ -135,11 +114,17 @@ def variant_labels(names: Sequence[str]) -> list[str]:
     ]
 
 
-def _variant(result: SceneResult, name: str) -> "SceneVariant":
+def _name(result: "Reconstruction") -> str:
+    """Return the name of its initialization or folder."""
+    return result.strategy or (result.folder.resolve().name if result.folder else "gaussians")
+
+
+def _variant(result: "Reconstruction", name: str) -> "SceneVariant":
     from digs_warp.usd.capture_scene import SceneVariant
 
-    own = {key: value for key, value in result.metadata.items() if key in ("settings", "held_out")}
-    return SceneVariant(name, result.gaussians, result.points, own)
+    known = result.scene_metadata.items()
+    own = {key: value for key, value in known if key in ("settings", "held_out")}
+    return SceneVariant(name, result.gaussians, result.start and result.start.points, own)
 
 
 def _camera_path(capture: Capture, posed: PosedFrames) -> "CameraPath | None":

@@ -15,7 +15,6 @@ from digs_warp.data.images import read_image, write_image
 from digs_warp.data.layers import BASIC_LAYERS, Layer
 from digs_warp.data.objects import PlacedObject, matrix_rows
 from digs_warp.data.rig import UNKNOWN_EXPOSURE, CameraMotion, Exposure, InfraredPair, Rig
-from reference.file_hashes import file_hashes
 from reference.noise_capture import INTRINSICS, frame_images, view, write_capture
 
 
@@ -99,25 +98,6 @@ def test_arrays_and_files_of_every_layer_give_the_same_pixels(tmp_path: Path) ->
     assert np.isnan(on_disk.load_depth()[0, :5]).all()
     with pytest.raises(CaptureError, match="the capture has no 'confidence_file_path'"):
         plain.load_confidence()
-
-
-def test_a_layer_in_memory_has_no_file(tmp_path: Path) -> None:
-    frame = replace(write_capture(tmp_path, 1).frames[0], layers=frame_images(0).by_layer())
-    with pytest.raises(CaptureError, match="frame '0000', mask: in memory, expected a file"):
-        frame.path(Layer.MASK)
-    small = frame.with_layer(Layer.MASK, np.zeros((3, 4), np.uint8))
-    with pytest.raises(CaptureError, match="frame '0000', mask: 4x3 pixels, expected 12x9"):
-        small.load_mask()
-
-
-def test_writing_twice_gives_the_same_bytes(tmp_path: Path) -> None:
-    write_capture(tmp_path / "a")
-    write_capture(tmp_path / "b")
-    hashes = file_hashes(tmp_path / "a")
-    assert hashes == file_hashes(tmp_path / "b")
-    folders = {name.partition("/")[0] for name in hashes}
-    assert folders == {"transforms.json", "images", "right", "depth", "depth_true", "masks"}
-    assert len(hashes) == 1 + 5 * 3
 
 
 def test_frames_may_be_written_in_any_order_and_resumed(tmp_path: Path) -> None:

@@ -43,17 +43,6 @@ def test_a_file_is_decoded_once_and_each_caller_has_its_own_pixels(path: Path) -
     assert files == [path]
 
 
-def test_nothing_is_kept_outside_of_a_block(path: Path) -> None:
-    read, files = counting()
-    decoded(path, read)
-    with decoded_once(), decoded_once():
-        decoded(path, read)
-    decoded(path, read)
-    with decoded_once():
-        decoded(path, read)
-    assert len(files) == 4
-
-
 def test_a_file_that_changed_is_read_again(path: Path) -> None:
     read, files = counting()
     with decoded_once():

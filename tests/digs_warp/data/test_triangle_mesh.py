@@ -10,13 +10,6 @@ CORNERS = np.eye(3)
 GREY = np.full((3, 3), 0.5)
 
 
-def test_arrays_become_float32_and_int32() -> None:
-    mesh = TriangleMesh(CORNERS, np.array([[0, 1, 2]]), GREY)
-    assert (mesh.points_world.dtype, mesh.triangles.dtype) == (np.float32, np.int32)
-    assert mesh.colors.dtype == np.float32
-    assert len(mesh) == 1
-
-
 def test_arrays_that_do_not_fit_are_refused() -> None:
     assert len(TriangleMesh(np.zeros((0, 3)), np.zeros((0, 3)), np.zeros((0, 3)))) == 0
     for points, triangles, colors, message in (

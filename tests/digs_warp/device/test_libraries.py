@@ -1,13 +1,10 @@
 """What importing a library must not change in the process."""
 
-import gc
 import signal
 import subprocess
 import sys
 
 import pytest
-
-from digs_warp.device.libraries import loading
 
 # "{before}" sets what happens on SIGTERM before the library comes.
 PROGRAM = """
@@ -27,17 +24,3 @@ def test_a_process_with_pycolmap_still_ends_as_it_would_without(before: str, sta
         [sys.executable, "-c", program], capture_output=True, text=True, check=False
     )
     assert (done.returncode, done.stderr) == (status, "")
-
-
-def test_garbage_is_looked_for_again_after_loading() -> None:
-    with pytest.raises(ImportError), loading():
-        assert not gc.isenabled()
-        raise ImportError
-    assert gc.isenabled()
-    gc.disable()
-    try:
-        with loading():
-            pass
-        assert not gc.isenabled(), "as it was before"
-    finally:
-        gc.enable()

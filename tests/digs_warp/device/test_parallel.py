@@ -80,19 +80,6 @@ def test_a_changed_scalar_and_changed_contents_count_in_the_next_run(threads: in
     np.testing.assert_allclose(found.numpy(), expected * 2 / 3, rtol=1e-5, atol=1e-6)
 
 
-def test_the_callers_list_stays_as_it_is() -> None:
-    inputs: list[Any] = [wp.zeros(1, device="cpu"), 1.0, wp.zeros(4, device="cpu")]
-    ParallelLaunch(rough_sum, 4, inputs, threads=2).set_param(1, 5.0)
-    assert inputs[1] == 1.0
-
-
-def test_nothing_to_do_is_fine() -> None:
-    visits = wp.zeros(1, dtype=wp.int32, device="cpu")
-    launch_parallel(count_visits, 0, [visits, visits])
-    ParallelLaunch(count_visits, 0, [visits, visits]).run()
-    assert visits.numpy().tolist() == [0]
-
-
 def test_the_environment_sets_the_threads(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("DIGS_WARP_THREADS", "3")
     assert default_threads() == 3

@@ -30,21 +30,3 @@ def test_values_are_those_of_assign(
     other.assign(np.array(values, np.float32))
     np.testing.assert_array_equal(array.numpy(), other.numpy())
     assert array.ptr == place, "kernels hold the address"
-
-
-@BOTH
-def test_matrices_and_structures_are_set(put: Callable[[wp.array, Any], None]) -> None:
-    matrix = wp.zeros((2, 4), dtype=int, device="cpu")
-    put(matrix, np.arange(8).reshape(2, 4))
-    assert matrix.numpy().tolist() == [[0, 1, 2, 3], [4, 5, 6, 7]]
-    form: Any = Pair
-    record = np.array([(3, 0.25)], dtype=form.numpy_dtype())
-    pairs = wp.zeros(1, dtype=form, device="cpu")
-    put(pairs, record)
-    assert pairs.numpy().tolist() == [(3, 0.25)]
-
-
-@BOTH
-def test_another_number_of_values_is_an_error(put: Callable[[wp.array, Any], None]) -> None:
-    with pytest.raises(ValueError, match="broadcast"):
-        put(wp.zeros(3, dtype=float, device="cpu"), (1.0, 2.0))

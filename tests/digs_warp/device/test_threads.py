@@ -24,12 +24,6 @@ def test_slices_cover_all_rows_once_and_results_keep_their_order(monkeypatch, th
     assert over_rows(0, work) == []
 
 
-def test_several_threads_work_at_the_same_time(monkeypatch):
-    monkeypatch.setenv("DIGS_WARP_THREADS", "2")
-    both = threading.Barrier(2)
-    over_rows(2, lambda _: both.wait(timeout=60), chunk=1)  # breaks where only one comes
-
-
 def test_an_error_is_handed_on_and_ends_the_work(monkeypatch):
     monkeypatch.setenv("DIGS_WARP_THREADS", "2")
     done: list[int] = []
@@ -71,25 +65,3 @@ def test_items_keep_their_order_and_each_has_one_core(monkeypatch, threads: str)
     assert over_items(range(50), work) == [(number, 1, {1}) for number in range(50)]
     assert default_threads() == int(threads)
     assert over_items([], work) == []
-
-
-def test_several_items_are_worked_on_at_the_same_time(monkeypatch):
-    monkeypatch.setenv("DIGS_WARP_THREADS", "2")
-    both = threading.Barrier(2)
-    over_items([0, 1], lambda _: both.wait(timeout=60))  # breaks where only one comes
-
-
-def test_an_error_of_an_item_is_handed_on_and_ends_the_work(monkeypatch):
-    monkeypatch.setenv("DIGS_WARP_THREADS", "2")
-    done: list[int] = []
-
-    def work(item: int) -> None:
-        if item == 0:
-            raise DigsError("item 0")
-        time.sleep(0.002)
-        done.append(item)
-
-    with pytest.raises(DigsError, match="item 0"):
-        over_items(range(5000), work)
-    assert len(done) < 4999
-    assert over_items([1], lambda item: item) == [1]  # the thread may share out again

@@ -9,7 +9,6 @@ from digs_warp.geometry.rigid import (
     look_at,
     matrix_from_quat_xyzw,
     quat_multiply,
-    quat_xyzw_from_matrix,
     rigid,
     transform_points,
 )
@@ -49,12 +48,6 @@ def test_what_is_not_rigid_is_recognized():
     assert not is_rigid(np.eye(3)) and not is_rigid(np.zeros((4, 4)))
 
 
-def test_rigid_transforms_are_recognized_also_after_rounding_to_float32():
-    for seed in range(10):
-        assert is_rigid(random_rigid(seed))
-        assert is_rigid(random_rigid(seed).astype(np.float32))
-
-
 def test_look_at_points_forward_keeps_the_horizon_level_and_up_is_up():
     random = np.random.default_rng(0)
     for _ in range(20):
@@ -70,12 +63,6 @@ def test_look_at_points_forward_keeps_the_horizon_level_and_up_is_up():
         # The target lies on the optical axis, in front.
         in_cam = transform_points(invert_rigid(world_from_cam), target)
         assert_allclose(in_cam, np.array([0, 0, np.linalg.norm(target - eye)]), atol=1e-12)
-
-
-def test_look_at_by_hand():
-    # From -y towards the origin: right is +x, down is -z.
-    world_from_cam = look_at(np.array([0, -2, 0]), np.zeros(3), np.array([0, 0, 1]))
-    assert_allclose(world_from_cam[:3, :3], [[1, 0, 0], [0, 0, 1], [0, -1, 0]], atol=1e-15)
 
 
 def test_look_at_without_a_direction_is_an_error():
@@ -94,18 +81,6 @@ def test_quaternions_agree_with_an_independent_implementation_whatever_their_len
     assert_array_equal(matrix_from_quat_xyzw(np.zeros(4)), np.eye(3))
 
 
-def test_matrix_and_quaternion_are_inverse_and_w_is_not_negative():
-    rotations = Rotation.from_quat(np.random.default_rng(1).normal(size=(200, 4))).as_matrix()
-    # w = 0: the case in which naive formulas divide by zero.
-    half_turns = np.stack([np.diag(d) for d in ([1, -1, -1], [-1, 1, -1], [-1, -1, 1])])
-    for matrices in (rotations.reshape(2, 100, 3, 3), half_turns):
-        quats = quat_xyzw_from_matrix(matrices)
-        assert quats.shape == (*matrices.shape[:-2], 4)
-        assert (quats[..., 3] >= 0).all()
-        assert_allclose(np.linalg.norm(quats, axis=-1), 1.0, atol=1e-12)
-        assert_allclose(matrix_from_quat_xyzw(quats), matrices, atol=1e-12)
-
-
 def test_product_rotates_by_the_second_then_by_the_first():
     random = np.random.default_rng(3)
     a, b = random.normal(size=(2, 30, 4))
@@ -114,9 +89,3 @@ def test_product_rotates_by_the_second_then_by_the_first():
         matrix_from_quat_xyzw(a) @ matrix_from_quat_xyzw(b),
         atol=1e-12,
     )
-
-
-def test_product_of_the_units():
-    i, j, k = np.eye(4)[:3]
-    assert_array_equal(quat_multiply(i, j), k)
-    assert_array_equal(quat_multiply(j, i), -k)

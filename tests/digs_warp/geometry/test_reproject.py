@@ -55,11 +55,6 @@ def test_several_cameras_at_once_are_each_alone() -> None:
         assert_array_equal(both.rows[number], alone.rows)
 
 
-def test_pixels_behind_the_camera_and_infinite_ones_are_outside() -> None:
-    points = np.array([[0, 0, 1.0], [0, 0, -1.0], [0, 0, 0.0], [np.nan, 0, 1.0], [9, 0, 1.0]])
-    assert is_inside(*project(points, K), K).tolist() == [True, False, False, False, False]
-
-
 def test_frames_agree_within_the_tolerance_and_else_one_hides_or_contradicts_the_other() -> None:
     depth = np.full(5, 2.0)
     measured = np.array([2.03, 1.5, 2.5, np.nan, 1.95])

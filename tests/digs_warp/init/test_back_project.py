@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from digs_warp.checks import DigsError
-from digs_warp.geometry.camera import Camera, Intrinsics, pixel_centers
+from digs_warp.geometry.camera import Camera, Intrinsics
 from digs_warp.geometry.rigid import look_at
 from digs_warp.init.back_project import back_project
 from digs_warp.init.voxel import MAX_INDEX, VoxelSums
@@ -50,17 +50,6 @@ def test_voxels_equal_the_twin(voxel_size: float) -> None:
         assert len(found) == np.count_nonzero(keep)
     if voxel_size == 100.0:
         assert len(found) <= 8  # the voxels around the origin
-
-
-def test_projecting_the_points_gives_pixels_and_depths_back() -> None:
-    depth, image, keep = random_view(3)
-    found = back_project(CAMERA, image, depth, keep, TINY)
-    px, projected_depth = CAMERA.project(found.points_world)
-    expected = np.concatenate([pixel_centers(WIDTH, HEIGHT)[keep], depth[keep, None]], axis=1)
-    pixels = np.concatenate([px, projected_depth[:, None]], axis=1)
-    order = np.lexsort(np.floor(pixels[:, :2].T))
-    # What remains is rounding at a magnitude of 31 pixels.
-    np.testing.assert_allclose(pixels[order], expected, atol=1e-11)
 
 
 def test_more_voxels_than_the_table_starts_with() -> None:

@@ -63,20 +63,6 @@ def test_the_number_of_points_can_be_limited(frames: list[Frame]) -> None:
     assert len(initialize(frames, replace(HULL, target_points=100)).points) == 100
 
 
-def test_random_points_without_depth_fill_the_hull(frames: list[Frame]) -> None:
-    config = InitConfig(strategy="random", target_points=2000)
-    points = initialize(frames, config).points.points_world
-    assert len(points) == 2000
-    beside = points[np.abs(points[:, 2]) < 0.5 * RADIUS]
-    radii = np.linalg.norm(beside, axis=1)
-    assert (radii < RADIUS + 4 * 0.9 / INTRINSICS.fx).all()
-    # Uniform between two parallel planes at half the radius: the share of its volume within that radius.
-    assert np.mean(radii < 0.5 * RADIUS) == pytest.approx(2 / 11, abs=0.04)
-    maskless = [frame.without_layer(Layer.MASK) for frame in frames]
-    outside = initialize(maskless, config).points.points_world
-    assert np.linalg.norm(outside, axis=1).max() > 1.5 * RADIUS
-
-
 def test_masks_that_agree_on_no_place_are_named(frames: list[Frame]) -> None:
     """Each view has its object in another corner."""
     corners = []
@@ -93,11 +79,3 @@ def test_masks_that_agree_on_no_place_are_named(frames: list[Frame]) -> None:
 def test_masks_are_needed(frames: list[Frame]) -> None:
     with pytest.raises(DigsError, match="mask_path"):
         initialize([frame.without_layer(Layer.MASK) for frame in frames], HULL)
-
-
-def test_cells_can_be_a_share_of_the_object(frames: list[Frame]) -> None:
-    shares = [
-        InitConfig(strategy="hull", voxel_unit="object", voxel_size=size) for size in (0.05, 0.1)
-    ]
-    fine, coarse = (len(initialize(frames, config).points) for config in shares)
-    assert fine == pytest.approx(4 * coarse, rel=0.35)

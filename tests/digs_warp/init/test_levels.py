@@ -26,10 +26,6 @@ def test_the_grid_for_a_depth_is_as_wide_as_the_pixels_there() -> None:
         assert 2**-0.5 < levels.edge(number) / (2 * z / 500) < 2**0.5
 
 
-def test_a_fixed_size_has_one_grid() -> None:
-    assert not Levels(finest=0.01, pixels=None).of_depth(np.array([0.1, 9.0]), 500.0).any()
-
-
 def test_coarse_voxels_under_fine_ones_are_dropped_and_others_stay() -> None:
     fine, coarse = plate(0.01, 0.2), plate(0.02, 0.4)
     kept = finest_of([fine, coarse])

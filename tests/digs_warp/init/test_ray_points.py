@@ -5,9 +5,7 @@ import pytest
 
 from digs_warp.data.frame import Frame
 from digs_warp.data.layers import Layer
-from digs_warp.init.config import InitConfig
 from digs_warp.init.random_points import FARTHEST, NEAREST, random_points_on_rays
-from digs_warp.init.recipes import initialize
 from reference.ball_capture import ball_views, write_capture
 
 
@@ -32,13 +30,3 @@ def test_every_view_gives_points_of_its_own_colors(frames: list[Frame]) -> None:
         assert (depth < 1.01 * FARTHEST * distance).all()
         # They are spread over the whole image.
         assert np.ptp(columns) > 70 and np.ptp(rows) > 50
-
-
-def test_it_is_the_random_start_of_scenes_and_always_the_same(frames: list[Frame]) -> None:
-    config = InitConfig(strategy="random", target_points=200)
-    start = initialize(frames, config, subject="scene")
-    expected = random_points_on_rays(frames, 200).points_world
-    np.testing.assert_array_equal(start.points.points_world[:200], expected)
-    assert start.sources["random"] == 200
-    of_object = initialize(frames, config, subject="object").points.points_world
-    assert not np.array_equal(of_object, expected)

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from digs_warp.checks import CaptureError, DigsError
+from digs_warp.checks import DigsError
 from digs_warp.data.frame import Frame
 from digs_warp.data.layers import Layer
 from digs_warp.geometry.camera import Camera, Intrinsics
@@ -176,25 +176,6 @@ def test_a_frame_without_depth_only_gives_no_points(
     bare = [without(frame, Layer.DEPTH) for frame in (first, second)]
     with pytest.raises(DigsError, match=r"2 of 2 frames have no 'depth_file_path' .*EXR"):
         initial_points(bare, CONFIG)
-
-
-def test_an_unreadable_file_is_named_although_threads_read_it(
-    tmp_path: Path, views: list[View]
-) -> None:
-    capture = write_capture(tmp_path, views)
-    path = capture.frames[5].path(Layer.DEPTH)
-    path.write_bytes(path.read_bytes()[:200])
-    with pytest.raises(DigsError, match=r"depth '.*0005\.exr'"):
-        initial_points(capture.frames, CONFIG)
-
-
-def test_depth_of_another_size_than_the_image_raises(tmp_path: Path, views: list[View]) -> None:
-    from digs_warp.data.images import write_image
-
-    capture = write_capture(tmp_path, views[:2])
-    write_image(capture.frames[1].path(Layer.DEPTH), np.ones((30, 40), dtype=np.float32))
-    with pytest.raises(CaptureError, match=r"0001\.exr': 40x30 pixels, expected 80x60"):
-        initial_points(capture.frames, CONFIG)
 
 
 def test_nothing_to_start_from_tells_the_counts(tmp_path: Path, views: list[View]) -> None:

@@ -11,7 +11,7 @@ from digs_warp.data.layers import Layer
 from digs_warp.data.point_cloud import PointCloud, read_points, write_points
 from digs_warp.init.config import InitConfig
 from digs_warp.init.recipes import initialize
-from digs_warp.init.recorded_points import FEWEST, in_view, recorded_points
+from digs_warp.init.recorded_points import FEWEST, recorded_points
 from reference.ball_capture import ball_views, write_capture
 
 Sparse = Callable[[np.ndarray], Capture]
@@ -45,12 +45,6 @@ def test_points_that_no_view_shows_are_left_out(with_points: Sparse) -> None:
     start = initialize(capture.frames, InitConfig(strategy="default"), recorded=found)
     assert start.sources == {"recorded": 300}
     assert start.because == "the sparse points of the recording, which has no depth"
-
-
-def test_points_behind_the_camera_are_not_in_view() -> None:
-    camera, _ = ball_views(1)[0]
-    behind = camera.center_world - 0.5 * camera.world_from_cam[:3, 2]
-    np.testing.assert_array_equal(in_view(np.stack([np.zeros(3), behind]), [camera]), [True, False])
 
 
 def test_too_few_points_are_as_good_as_none(

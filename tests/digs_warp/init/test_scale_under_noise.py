@@ -18,7 +18,6 @@ from digs_warp.data.layers import Layer
 from digs_warp.data.rig import Rig
 from digs_warp.data.sfm_model import SfmModel
 from digs_warp.init.config import InitConfig
-from digs_warp.init.recipes import initial_points
 from digs_warp.init.scale import MIN_MASKED, estimate_scale, local_scales
 from digs_warp.sim.camera.shutter import Shutter
 from digs_warp.sim.config import SimulateConfig
@@ -35,11 +34,6 @@ FRAMES = 4
 def with_wrong_baseline(depth: np.ndarray, factor: float) -> np.ndarray:
     """Return depth [m] of a camera whose calibrated baseline is ``factor`` times the true one."""
     return depth * np.float32(factor)
-
-
-def with_disparity_offset(depth: np.ndarray, offset: float, focal_baseline: float) -> np.ndarray:
-    """Return depth [m] of a camera whose disparities are all ``offset`` [px] too large."""
-    return focal_baseline / (focal_baseline / depth + offset)
 
 
 @dataclass(frozen=True)
@@ -102,26 +96,6 @@ def test_a_wrong_baseline_goes_into_the_scale_and_leaves_the_points(
     assert recording.scale(frames) == pytest.approx(1 / 1.05, rel=1e-4)
 
 
-def test_a_disparity_offset_moves_points_and_no_scale_can_absorb_it(
-    recording: Recording, tmp_path: Path
-) -> None:
-    def sense(truth: FrameTruth) -> np.ndarray:
-        return with_disparity_offset(truth.depth, 0.2, truth.rig.focal_baseline)
-
-    frames = recording.sensed(tmp_path, sense)
-    scale = recording.scale(frames)
-    # d* / d = 1 + offset / disparity: at the object, where most ratios come from.
-    truth = recording.truths[0]
-    on_object = (recording.frames[0].load_mask() == 255) & (truth.depth < 1.5)
-    true = truth.depth[on_object]
-    disparity = truth.rig.focal_baseline / np.median(true)
-    assert scale == pytest.approx(1 + 0.2 / disparity, abs=1e-3)
-    # What lies dz before or behind the middle of the object still moves by dz times the same share.
-    metric = frames[0].load_depth()[on_object] * scale
-    moved = np.abs(metric - true).max()
-    assert 0.2 * np.ptp(true) * 0.2 / disparity < moved < np.ptp(true) * 0.2 / disparity
-
-
 def test_without_enough_texture_on_the_object_the_whole_image_counts(
     recording: Recording, caplog: pytest.LogCaptureFixture
 ) -> None:
@@ -143,21 +117,3 @@ def test_frames_that_were_not_registered_raise(recording: Recording) -> None:
     strangers = [replace(frame, name="x" + frame.name) for frame in recording.frames]
     with pytest.raises(DigsError, match="registered none of the 4 training frames"):
         local_scales(recording.sfm, strangers, InitConfig())
-
-
-def test_the_metric_model_fits_the_depth_points(recording: Recording) -> None:
-    """After in_metres, sparse points and depth points share one world."""
-    from scipy.spatial import KDTree
-
-    estimate = estimate_scale(local_scales(recording.sfm, recording.frames, InitConfig()))
-    metric = recording.sfm.in_metres(estimate.sfm_per_metre)
-    frames = [
-        replace(frame, camera=camera)
-        for frame, camera in zip(recording.frames, metric.cameras, strict=True)
-    ]
-    points = initial_points(frames, InitConfig()).points_world
-    low, high = points.min(axis=0), points.max(axis=0)
-    sparse = metric.points.points_world
-    inside = sparse[np.all((sparse > low) & (sparse < high), axis=1)]
-    assert len(inside) > 200
-    assert np.median(KDTree(points).query(inside)[0]) < 0.004

@@ -147,16 +147,6 @@ def test_the_edge_filter_keeps_a_receding_floor_and_drops_the_balls_rim(
     assert not between.any()
 
 
-def test_the_same_frames_give_the_same_bits_with_one_thread_and_four(
-    frames: tuple[Frame, ...], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    results = []
-    for threads in ("1", "4"):
-        monkeypatch.setenv("DIGS_WARP_THREADS", threads)
-        results.append(scene_points(frames)[0].points_world)
-    np.testing.assert_array_equal(*results)
-
-
 def test_a_scene_without_depth_says_what_to_check(frames: tuple[Frame, ...]) -> None:
     blind = [changed_depth(frame, lambda depth: depth.fill(np.nan)) for frame in frames]
     with pytest.raises(NoPointsError, match=r"0 of them with depth.*metres in EXR"):
@@ -164,8 +154,3 @@ def test_a_scene_without_depth_says_what_to_check(frames: tuple[Frame, ...]) -> 
     lacking = [frame.without_layer(Layer.DEPTH) for frame in frames]
     with pytest.raises(DigsError, match="8 of 8 frames have no 'depth_file_path'"):
         scene_points(lacking)
-
-
-def test_a_voxel_size_as_a_fraction_of_the_object_is_refused(frames: tuple[Frame, ...]) -> None:
-    with pytest.raises(DigsError, match="voxel_unit object: a whole scene has no object"):
-        scene_points(frames, replace(CONFIG, voxel_unit="object"))

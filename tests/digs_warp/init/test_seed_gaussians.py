@@ -67,12 +67,6 @@ def test_gaussians_show_the_colors_of_the_points_from_every_side() -> None:
     assert (np.ptp(gaussians.log_scales, axis=1) == 0).all()
 
 
-def test_an_opacity_without_a_logit_raises() -> None:
-    for opacity in (0.0, 1.0, float("nan")):
-        with pytest.raises(ValueError, match="opacity"):
-            seed_gaussians(PointCloud(np.zeros((1, 3)), np.zeros((1, 3))), opacity=opacity)
-
-
 def test_guessed_places_start_almost_transparent(tmp_path: Path) -> None:
     measured = PointCloud(grid(2, 0.02), np.full((8, 3), 0.5))
     guessed = PointCloud(grid(2, 0.02) + 1.0, np.full((8, 3), 0.5), guessed=np.ones(8, dtype=bool))

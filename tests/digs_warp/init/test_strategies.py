@@ -59,18 +59,6 @@ def test_depth_is_coarser_than_highdepth_by_the_papers_ratio(ball_ring: Capture)
         np.testing.assert_allclose(radii(found.points.points_world), RADIUS, atol=below)
 
 
-def test_fusion_unites_depth_with_unmasked_sparse_points(
-    ball_ring: Capture, metric: SfmModel
-) -> None:
-    alone = initialize(ball_ring.frames, InitConfig()).points
-    found = initialize(ball_ring.frames, InitConfig(strategy="fusion"), metric)
-    assert found.sources["depth"] == len(alone)
-    np.testing.assert_array_equal(found.points.points_world[: len(alone)], alone.points_world)
-    added = found.points.points_world[len(alone) :]
-    assert len(added) == found.sources["sfm"] > 200
-    np.testing.assert_allclose(radii(added), RADIUS, atol=1e-3)
-
-
 def test_fusion_rejects_by_brute_force_what_the_formula_rejects(
     ball_ring: Capture, metric: SfmModel
 ) -> None:
@@ -91,21 +79,6 @@ def test_fusion_rejects_by_brute_force_what_the_formula_rejects(
             kept.append(point)
     found = initialize(ball_ring.frames, InitConfig(strategy="fusion"), metric)
     np.testing.assert_array_equal(found.points.points_world[found.sources["depth"] :], kept)
-
-
-def test_fusion_does_not_ask_held_out_views(ball_ring: Capture, metric: SfmModel) -> None:
-    """Half of the ring trains; what only the other half saw is left out, however good it is."""
-    found = initialize(ball_ring.frames[6:], InitConfig(strategy="fusion"), metric)
-    seen = np.isin(metric.observations.cameras, range(6, 12))
-    only_held_out = np.setdiff1d(
-        metric.observations.points[~seen], metric.observations.points[seen]
-    )
-    strangers = metric.points.points_world[only_held_out]
-    low, high = found.points.bounds
-    in_box = np.all((strangers >= low) & (strangers <= high), axis=1)
-    assert np.count_nonzero(in_box) > 20
-    fused = {tuple(p) for p in found.points.points_world[found.sources["depth"] :]}
-    assert fused.isdisjoint(map(tuple, strangers[in_box]))
 
 
 def test_random_points_fill_the_cube_that_the_cameras_look_at(
@@ -162,18 +135,6 @@ def spoiled(
         write_image(path, array)
         changed.append(frame.with_layer(key, path))
     return changed
-
-
-def test_depth_with_holes(ball_ring: Capture, tmp_path: Path) -> None:
-    rng = np.random.default_rng(0)
-    depths = [frame.load_depth() for frame in ball_ring.frames]
-    for depth in depths:
-        depth[rng.random(depth.shape) < 0.5] = np.nan
-    frames = spoiled(tmp_path, ball_ring.frames, Layer.DEPTH, depths)
-    # Half of the pixels missing leave hardly a full neighborhood: the edge filter cannot judge.
-    points = initialize(frames, InitConfig(edge_filter=False)).points.points_world
-    assert len(points) > 1000
-    assert np.percentile(radii(points), 95) < RADIUS + 0.001
 
 
 def test_masks_that_disagree_with_the_depth_are_told(

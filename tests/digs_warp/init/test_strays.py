@@ -44,12 +44,6 @@ def test_depth_maps_coarser_than_the_voxels_lose_nothing(spacing: float) -> None
     np.testing.assert_array_equal(not_isolated(stray, VOXEL), np.arange(len(stray)) < len(surface))
 
 
-@pytest.mark.parametrize("count", [0, 3])
-def test_a_handful_of_points_is_kept(count: int) -> None:
-    points = np.random.default_rng(0).uniform(-1, 1, (count, 3))
-    assert not_isolated(points, VOXEL).all()
-
-
 def test_a_wrong_pixel_of_a_recording_leaves_no_point_in_the_air(tmp_path: Path) -> None:
     """It lies 0.2 m before one camera; every other filter is off."""
     (camera, images), *others = ball_views()

@@ -59,12 +59,6 @@ def test_nothing_is_put_before_a_measured_surface_or_far_beyond_it(frames: list[
     assert np.linalg.norm(unseen, axis=1).max() < 1.6 * RADIUS
 
 
-def test_unseen_points_have_the_colors_around(frames: list[Frame]) -> None:
-    start = initialize(frames, CLOSED)
-    measured, unseen = np.split(start.points.colors, [start.sources["depth"]])
-    assert (unseen >= measured.min(axis=0)).all() and (unseen <= measured.max(axis=0)).all()
-
-
 def test_hidden_points_start_opaque_and_are_stored(frames: list[Frame], tmp_path: Path) -> None:
     points = initialize(frames, CLOSED).points
     opacities = seed_gaussians(points, opacity=0.8).opacities

@@ -105,16 +105,6 @@ def test_white_that_only_long_exposures_clip_is_no_gloss() -> None:
     assert chosen(directions, in_one_exposure(changed)).degree == 1
 
 
-def test_clipped_highlights_are_gloss_where_other_photographs_see_them_darker() -> None:
-    directions, matte = seen(0, points=200)
-    toward = np.broadcast_to(directions @ [0.6, 0.0, -0.8], matte.shape[:2])
-    shiny = matte + 0.9 * np.exp(-12 * (1 - toward))[..., None]
-    directions, changed, _ = adapting(directions, shiny)
-    changed = np.clip(changed, 0.0, 1.0)
-    assert (changed == 1.0).any()
-    assert chosen(directions, in_one_exposure(changed)).degree == 3
-
-
 def off_the_surface(points: int = 12000, off: float = 0.01) -> SeenColors:
     """A matte ball, of which a half has texture, and points beside its surface by about ``off``.
 
@@ -149,20 +139,6 @@ def test_texture_seen_by_points_off_the_surface_is_no_gloss() -> None:
         matte.points_world, matte.centers_world, matte.colors + 0.4 * highlight[..., None]
     )
     assert view_dependence(shiny).degree == 3
-
-
-def test_points_that_few_photographs_see_tell_no_exposure_of_a_room() -> None:
-    """Many points are seen twice, from places where their colors have nothing in common."""
-    directions, changed, _ = adapting(*seen(1, points=200))
-    random = np.random.default_rng(2)
-    twice = np.full((6000, 52, 3), np.nan)
-    for row in twice:
-        row[random.choice(52, 2, replace=False)] = random.uniform(0.1, 0.9, (2, 3))
-    points = random.normal(size=(len(directions) + len(twice), 3)) * 1e-6
-    colors = np.concatenate([changed, twice])
-    assert view_dependence(SeenColors(points, -directions[0], colors)).degree == 1
-    uneven = FirstExposures.of(colors).removed(changed)
-    assert chosen(directions, uneven).degree == 3
 
 
 def test_predictions_are_those_of_fits_without_the_color() -> None:

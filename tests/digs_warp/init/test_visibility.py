@@ -60,20 +60,6 @@ def test_views_agree_with_the_points_that_the_twin_says() -> None:
     assert ((found > 0) & (found < 1)).any()
 
 
-def test_views_agree_with_the_middle_of_a_thick_cloud() -> None:
-    rng = np.random.default_rng(0)
-    exact = [(camera, images.depth) for camera, images in ball_views(24)]
-    off = [(c, depth + np.float32(0.02 * rng.normal())) for c, depth in exact]
-    points = points_around(400)
-    points *= RADIUS / np.linalg.norm(points, axis=1, keepdims=True)
-    on_surface, in_front = (
-        np.median(agreement_of_views(scale * points, DepthViews.of(off), VOXEL))
-        for scale in (1.0, 1.15)
-    )
-    exactly = np.median(agreement_of_views(points, DepthViews.of(exact), VOXEL))
-    assert in_front < 0.8 * on_surface < 0.6 * exactly
-
-
 def test_a_point_is_seen_hidden_or_seen_through() -> None:
     camera, images = ball_views(1)[0]
     view = (camera, images.depth)

@@ -61,9 +61,3 @@ def test_indices_just_below_the_limit_work_and_above_it_raise() -> None:
     assert len(voxel_sums(points, points, 1.0)) == 3
     with pytest.raises(DigsError, match=r"points up to 1\.04858e\+06 m"):
         voxel_sums(points * 1.00001, points, 1.0)
-
-
-@pytest.mark.parametrize("voxel_size", [0.0, float("nan")])
-def test_a_voxel_size_that_is_no_length_raises(voxel_size: float) -> None:
-    with pytest.raises(DigsError, match="voxel size"):
-        voxel_downsample(cloud(3), voxel_size)

@@ -161,13 +161,6 @@ def test_unknown_poses_have_to_be_estimated(capture: Capture) -> None:
         check_front_end(unknown, FrontEndConfig())
 
 
-def test_given_poses_and_depth_need_no_matching(capture: Capture, tmp_path: Path) -> None:
-    log = RunLog("test", {})
-    front_end(capture, FrontEndConfig(test_every=4), tmp_path, log)
-    assert "structure from motion" not in log.seconds
-    assert not (tmp_path / "sfm").exists()
-
-
 def test_a_capture_that_does_not_fit_together_is_found_and_recorded(
     capture: Capture, tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
@@ -182,18 +175,6 @@ def test_a_capture_that_does_not_fit_together_is_found_and_recorded(
     assert finding in caplog.text and log.results["poses"]["findings"] == [finding]
     log.save(tmp_path / "wrong/run.json")
     assert load_front_end(wrong, tmp_path / "wrong").poses.findings == (finding,)
-
-
-def test_findings_are_said_also_where_nothing_can_be_made(
-    capture: Capture, tmp_path: Path, caplog: pytest.LogCaptureFixture
-) -> None:
-    wrong = other_focal(capture, 1.3)
-    k = wrong.frames[0].camera.intrinsics
-    nothing = np.zeros((k.height, k.width), np.uint8)
-    frames = tuple(frame.with_layer(Layer.MASK, nothing) for frame in wrong.frames)
-    with pytest.raises(DigsError, match="0 pixels inside the masks"):
-        front_end(replace(wrong, frames=frames), FrontEndConfig(), tmp_path, RunLog("test", {}))
-    assert "focal length (about 0.77 times the given one fits)" in caplog.text
 
 
 def test_frames_that_were_not_registered_are_left_out(
@@ -227,20 +208,6 @@ def test_other_masks_serve_the_training_and_not_the_measurement(
         assert frame.path(Layer.MASK) == original.path(Layer.MASK)
     again = PosedFrames.load(capture, tmp_path)
     assert [frame.layers for frame in again.training] == [frame.layers for frame in frames.training]
-
-
-def test_a_recording_without_masks_gets_them_for_all_frames(
-    capture: Capture, tmp_path: Path
-) -> None:
-    bare = [
-        replace(frame, layers={k: v for k, v in frame.layers.items() if k != Layer.MASK})
-        for frame in capture.frames
-    ]
-    config = FrontEndConfig(test_every=4, segment=SegmentConfig(masks="depth"))
-    maskless = replace(capture, frames=tuple(bare))
-    frames = front_end(maskless, config, tmp_path, RunLog("test", {})).poses.posed
-    for frame in (*frames.training, *frames.held_out):
-        assert frame.load_mask().max() == 255
 
 
 def test_a_single_frame_is_refused(capture: Capture) -> None:

@@ -1,12 +1,10 @@
 """`reconstruct --instance 2`: the second of two objects, and everything after it is held against that one."""
 
-import re
 from pathlib import Path
 
 import numpy as np
 import pytest
 import trimesh
-from scipy.spatial import KDTree
 
 from digs_warp.cli import EXIT_BAD_INPUT, EXIT_OK, main
 from digs_warp.data.capture import read_capture
@@ -17,7 +15,6 @@ from digs_warp.splat.device import DeviceGaussians
 from digs_warp.splat.renderer import SplatRenderer
 from digs_warp.surface.true_surface import read_true_surface
 from reference.mesh_files import save
-from reference.optional import open3d_or_skip
 
 MM = 1e-3
 
@@ -95,35 +92,6 @@ def test_what_the_other_object_hides_is_not_taken_for_empty(capture: Path, secon
     assert len(covered) > 100  # the recording tests it
     # 85 %, and 74 % if training takes the pixels of the other object for empty space
     assert np.mean(covered > 0.5) > 0.8
-
-
-def test_its_mesh_is_held_against_its_own_surface(
-    capture: Path, second: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    open3d_or_skip()
-    out = second.parent / "second.ply"
-    assert main(["mesh", str(second), "--out", str(out), "--voxel-size", "0.01"]) == EXIT_OK
-    found = re.search(r"mesh to truth (\S+) mm, truth to mesh (\S+) mm", capsys.readouterr().out)
-    assert found
-    assert float(found[1]) < 15
-    assert float(found[2]) < 25  # of both objects together: 60 and more
-
-
-def test_the_scene_has_its_source_mesh(capture: Path, second: Path) -> None:
-    from pxr import Usd, UsdGeom
-
-    out = second.parent / "second.usdz"
-    flags = ["--capture", str(capture), "--out", str(out)]
-    assert main(["export-usd", str(second), *flags]) == EXIT_OK
-    stage = Usd.Stage.Open(str(out))
-    meshes = [UsdGeom.Mesh(prim) for prim in stage.Traverse() if prim.IsA(UsdGeom.Mesh)]
-    assert len(meshes) == 1
-    points = np.array(meshes[0].GetPointsAttr().Get())
-    world = np.stack([points[:, 0], -points[:, 2], points[:, 1]], axis=1)  # Y up to z up
-    surface = read_true_surface(capture, 2)
-    assert surface is not None
-    assert KDTree(world).query(surface.points_world)[0].max() < 1e-5
-    assert KDTree(surface.points_world).query(world)[0].max() < 1e-5
 
 
 def test_an_object_that_is_not_there_is_named(

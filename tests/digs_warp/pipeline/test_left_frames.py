@@ -15,14 +15,10 @@ from digs_warp.data.layers import Layer
 from digs_warp.data.posed_frames import PosedFrames
 from digs_warp.init.config import InitConfig
 from digs_warp.masks.config import SegmentConfig
-from digs_warp.pipeline.config import FrontEndConfig
-from digs_warp.pipeline.front_end import front_end
 from digs_warp.pipeline.reconstruct import ReconstructConfig, reconstruct
 from digs_warp.pipeline.refine_poses import with_held_out
 from digs_warp.poses.from_images.config import SfmConfig
-from digs_warp.record.run_log import RunLog
 from digs_warp.train.config import Stop, TrainConfig
-from reference.sfm_views import arc, record
 from reference.trained_ball import assert_same_bits, interrupt
 
 FRAMES = 12
@@ -79,28 +75,6 @@ def test_another_frame_measures_the_result_also_after_a_resumed_run(
     assert_same_bits(resumed.gaussians, whole.gaussians)
 
 
-def test_structure_from_motion_may_lose_the_only_held_out_frame(
-    tmp_path: Path, caplog: pytest.LogCaptureFixture
-) -> None:
-    capture = record(arc(8, 60.0), tmp_path / "capture")
-    noise = np.random.default_rng(0).integers(0, 256, capture.frames[4].load_image().shape)
-    write_image(capture.frames[4].path(Layer.IMAGE), noise.astype(np.uint8))
-    sfm = SfmConfig(
-        double_size=True,
-        features=1500,
-        pairing="sequential",
-        overlap=4,
-        loop_images=0,
-        min_registered=0.8,
-    )
-    config = FrontEndConfig(sfm=sfm, test_every=8, init=InitConfig(voxel_size=0.01))
-    prepared = front_end(capture, config, tmp_path / "result", RunLog("test", config))
-    names = names_of(capture.frames)
-    assert f"not registered and left out: 1 frame ({names[4]})" in caplog.text
-    assert names_of(prepared.poses.posed.held_out) == names[3:4]
-    assert names_of(prepared.poses.posed.training) == names[:3] + names[5:]
-
-
 def left_of(capture: Capture, test_every: int, lost: Sequence[int]) -> PosedFrames:
     names = {capture.frames[number].name for number in lost}
     whole = PosedFrames.split(capture, test_every)
@@ -109,11 +83,6 @@ def left_of(capture: Capture, test_every: int, lost: Sequence[int]) -> PosedFram
         for group in (whole.training, whole.held_out)
     )
     return replace(whole, training=training, held_out=held_out)
-
-
-def test_frames_that_are_still_held_out_stay(mirrored: Capture) -> None:
-    left = left_of(mirrored, 8, [0, 3])  # the tenth frame is another one
-    assert with_held_out(left, mirrored, 8) is left
 
 
 def test_what_holds_out_nothing_stays_without(mirrored: Capture) -> None:

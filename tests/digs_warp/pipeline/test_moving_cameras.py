@@ -3,7 +3,6 @@
 import json
 from collections.abc import Callable
 from dataclasses import replace
-from functools import partial
 from pathlib import Path
 
 import pytest
@@ -15,7 +14,7 @@ from digs_warp.pipeline.reconstruction import Reconstruction
 from digs_warp.poses.from_images.config import SfmConfig
 from digs_warp.train.config import Stop, TrainConfig
 from reference.tiny_capture import READOUT_TIME, write_tiny_capture
-from reference.trained_ball import assert_same_bits, interrupt, score_of_perfect_views
+from reference.trained_ball import score_of_perfect_views
 
 ROLLING = ReconstructConfig(
     init=InitConfig(voxel_size=0.012),
@@ -102,22 +101,3 @@ def test_the_readout_time_of_the_settings_counts_more_than_that_of_the_recording
         tmp_path,
     )
     assert found.training.rolling_shutter is not None and not found.training.rolling_shutter.drawn
-
-
-def test_an_interrupted_run_resumes_to_the_same_bits(
-    rolling: Capture,
-    blurred: Capture,
-    corrected: Reconstruction,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    short = replace(BLURRED, train=replace(BLURRED.train, stop=Stop(iterations=16)))
-    whole = reconstruct(blurred, short, tmp_path / "whole")
-    for capture, config, step, expected in (
-        (rolling, ROLLING, 37, corrected),
-        (blurred, short, 9, whole),
-    ):
-        out = tmp_path / str(step)
-        interrupt(partial(reconstruct, capture, config, out), step, monkeypatch)
-        resumed = reconstruct(capture, config, out, resume=True)
-        assert_same_bits(resumed.gaussians, expected.gaussians)

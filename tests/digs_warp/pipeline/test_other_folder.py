@@ -42,24 +42,3 @@ def test_another_projects_recording_is_not_taken_for_it(
     with_index(tmp_path / "other" / NOTED)
     monkeypatch.chdir(tmp_path / "other")
     assert find_capture(result, NOTED) == capture
-
-
-def test_results_far_from_the_recording_are_read_where_they_were_made(
-    tmp_path: Path, result: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    capture = with_index(tmp_path / "other" / NOTED)
-    monkeypatch.chdir(tmp_path / "other")
-    assert find_capture(result, NOTED) == NOTED
-    assert find_capture(result, capture) == capture
-    monkeypatch.chdir(tmp_path)
-    assert find_capture(result, NOTED) is None
-
-
-def test_a_run_knows_its_recording_from_inside(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    capture = with_index(tmp_path / "run/capture")
-    (tmp_path / "run/reconstruction").mkdir()
-    monkeypatch.chdir(tmp_path / "run/reconstruction")
-    found = find_capture(Path(), Path("out/run/capture"))
-    assert found is not None and found.samefile(capture)

@@ -65,12 +65,6 @@ def test_a_result_is_what_its_folder_holds(result: Reconstruction) -> None:
     assert result.training.iterations == 10
 
 
-def test_the_folder_of_a_whole_run_is_its_reconstruction(
-    capture: Capture, result: Reconstruction
-) -> None:
-    assert_same(Reconstruction.load(capture.folder.parent), result)
-
-
 def test_a_saved_copy_needs_nothing_of_the_first_folder(
     result: Reconstruction, tmp_path: Path
 ) -> None:
@@ -134,16 +128,6 @@ def test_results_of_another_form_are_named(result: Reconstruction, tmp_path: Pat
         DigsError, match=r"run\.json', results, poses, scale: has no 'sfm_per_metre'; reconstruct"
     ):
         Reconstruction.load(folder)
-
-
-def test_a_resumed_run_keeps_the_results_of_finished_stages(
-    capture: Capture, result: Reconstruction, tmp_path: Path
-) -> None:
-    assert result.folder is not None
-    folder = Path(shutil.copytree(result.folder, tmp_path / "copy"))
-    again = reconstruct(capture, CONFIG, folder, resume=True)
-    assert again.results == result.results
-    assert Reconstruction.load(folder).results == result.results
 
 
 def test_gaussians_alone_have_no_folder(result: Reconstruction) -> None:

@@ -15,7 +15,7 @@ from digs_warp.masks.config import SegmentConfig
 from digs_warp.pipeline.config import FrontEndConfig, SubjectChoice, subject_of
 from digs_warp.pipeline.front_end import FrontEnd, front_end, load_front_end
 from digs_warp.record.run_log import RunLog, RunRecord
-from reference.ball_capture import RADIUS, WALL_RADIUS, ball_views, write_capture
+from reference.ball_capture import WALL_RADIUS, ball_views, write_capture
 
 CONFIG = FrontEndConfig(init=InitConfig(edge_filter=False), test_every=4)
 
@@ -74,13 +74,6 @@ def test_a_scene_leaves_the_masks_of_the_recording_alone(masked: Capture, tmp_pa
     again = load_front_end(masked, tmp_path)
     assert again.poses.subject == "scene"
     assert not any(frame.has(Layer.MASK) for frame in again.poses.posed.training)
-
-
-def test_an_object_keeps_its_masks(masked: Capture, tmp_path: Path) -> None:
-    result = prepared(masked, tmp_path)
-    assert result.poses.subject == "object" and farthest(result) < 1.1 * RADIUS
-    assert all(frame.has(Layer.MASK) for frame in result.poses.posed.training)
-    assert load_front_end(masked, tmp_path).poses.posed.training[0].has(Layer.MASK)
 
 
 def test_an_object_without_masks_says_where_to_get_them(unmasked: Capture, tmp_path: Path) -> None:

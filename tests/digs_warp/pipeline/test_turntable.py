@@ -99,8 +99,3 @@ def test_without_masks_or_poses_it_is_refused(
     bare = turntable if poses == "capture" else without_masks(turntable)
     with pytest.raises(DigsError, match=r"stands still.*masks.*--poses auto"):
         front_end(bare, config, tmp_path, RunLog("test", {}))
-
-
-def test_turntables_of_several_objects_are_refused() -> None:
-    with pytest.raises(DigsError, match="one object turns"):
-        SimulateConfig(labels="flow", walk=WalkSettings(path="turntable"))

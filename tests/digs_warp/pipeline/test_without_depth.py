@@ -89,17 +89,6 @@ def test_a_start_that_was_asked_for_is_taken(from_colmap: Capture) -> None:
     assert result.poses.sfm is None  # nothing was matched
 
 
-def test_depth_is_taken_where_there_is_some(with_depth: Capture) -> None:
-    result = dw.reconstruct(with_depth, **QUICK)
-    assert result.strategy == "highdepth" and result.start is not None
-    assert result.start.because == "points from the depth maps"
-
-
 def test_images_that_hardly_match_are_named_with_what_to_do(photographs: Capture) -> None:
     with pytest.raises(DigsError, match="--strategy random --target-points"):
         dw.reconstruct(without_masks(photographs), **QUICK)
-
-
-def test_one_photograph_is_too_few(photographs: Capture) -> None:
-    with pytest.raises(DigsError, match="1 frame, expected at least 2"):
-        dw.reconstruct(replace(photographs, frames=photographs.frames[:1]), **QUICK)
