@@ -5,8 +5,7 @@ of the step, so the mask also supervises the area outside the object: a Gaussian
 penalized.
 """
 
-from collections.abc import Callable
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 import warp as wp
@@ -23,22 +22,8 @@ DSSIM_WEIGHT = 0.2
 _LAYOUT, _L1_WEIGHT, _DSSIM_WEIGHT = 0, 4, 5
 
 
-class Similarity(Protocol):
-    """Launches that fill a gradient, and sums of |x - y| and of 1 - SSIM over parts of the image, (n, 2)."""
-
-    sums: wp.array
-
-    def weigh(self, layout: Any, l1_weight: float, dssim_weight: float) -> None:
-        """Set the `PlaneLayout` of the view, and the weights of a pixel's terms."""
-        ...
-
-    def run(self) -> None:
-        """Compute."""
-        ...
-
-
 class StripSimilarity:
-    """`similarity_kernel`, for CPUs; the arguments are those of `PixelSimilarity`."""
+    """`similarity_kernel`, for CPUs; arguments and attributes are those of `PixelSimilarity`."""
 
     def __init__(
         self,
@@ -86,7 +71,7 @@ class PhotometricLoss:
         image: ImagePlanes,
         target: ImagePlanes,
         adj_image: ImagePlanes,
-        similarity: Callable[..., Similarity] | None = None,
+        similarity: type[StripSimilarity] | type[PixelSimilarity] | None = None,
     ) -> None:
         device = str(image.data.device)
         width, height = image.max_width, image.max_height

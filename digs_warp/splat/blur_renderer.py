@@ -1,60 +1,28 @@
 """Render views with motion blur: `digs_warp.splat.camera_motion` has the formulas."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 import warp as wp
 
 from digs_warp.device.contiguous import flat, floats_from
-from digs_warp.device.image_planes import ALIGNMENT, ImagePlanes
-from digs_warp.device.parallel import ParallelLaunch, put, run_together, values_per_thread
+from digs_warp.device.image_planes import ImagePlanes
+from digs_warp.device.parallel import ParallelLaunch, run_together, values_per_thread
 from digs_warp.geometry.camera import Camera
 from digs_warp.geometry.rigid import PixelBox
-from digs_warp.splat.bin_tiles import pixels_of, tiles_with_background
+from digs_warp.splat.bin_tiles import pixels_of
 from digs_warp.splat.camera_motion import Blur, RowMotion
-from digs_warp.splat.config import DEFAULT_OPTIONS, TILE_SIZE, RasterOptions
+from digs_warp.splat.config import DEFAULT_OPTIONS, RasterOptions
 from digs_warp.splat.device import DeviceGaussians, SplatStatistics
 from digs_warp.splat.renderer import WHITE, SplatRenderer
 
 wp.set_module_options({"enable_backward": False, "max_unroll": 1})
 
-# Values of a gradient that one thread adds on a CPU.
+# Values that one thread adds on a CPU.
 BLOCK = 4096
 
-_PIECE = wp.constant(ALIGNMENT)
 _BLOCK = wp.constant(BLOCK)
-
-
-@wp.kernel
-def add_share_kernel(
-    first: int,
-    box: wp.array[int],  # [4] x0, y0, x1, y1
-    pitch: int,
-    plane: int,
-    origin: int,
-    channels: int,
-    share: float,
-    begins: int,  # 1: the sum begins with this one
-    source: wp.array[float],  # padded planes
-    # outputs
-    target: wp.array[float],  # padded planes of the same layout
-):
-    """Add ``share * source`` to one row of the target."""
-    y = first + wp.tid()
-    if y < box[1] or y >= box[3]:
-        return
-    pieces = (box[2] - box[0] + _PIECE - 1) // _PIECE
-    for channel in range(channels):
-        start = origin + channel * plane + y * pitch + box[0]
-        for piece in range(pieces):
-            here = floats_from(source, start + piece * _PIECE, _PIECE)
-            there = floats_from(target, start + piece * _PIECE, _PIECE)
-            if begins != 0:
-                for x in range(_PIECE):
-                    there[x] = share * here[x]
-            else:
-                for z in range(_PIECE):
-                    there[z] = there[z] + share * here[z]
 
 
 @wp.kernel
@@ -80,8 +48,8 @@ def mean_kernel(
             there[j] = share * (there[j] + here[j])
 
 
-# Places of the shares among the inputs of the kernels.
-_SHARE, _SHARE_OF_SUM = 5, 1
+# Place of the share among the inputs of the kernel.
+_SHARE = 1
 
 
 class BlurRenderer:
@@ -132,8 +100,10 @@ class BlurRenderer:
             device = gaussians.device
             self.image = ImagePlanes(width, height, 3, device)
             self.transmittance = ImagePlanes(width, height, 1, device)
-        self._box = wp.zeros(4, dtype=int, device=gaussians.device)
-        self._shares = [self._share_launches(renderer) for renderer in self._renderers]
+        means = self.image.data, self.transmittance.data
+        self._views = [
+            self._sum_launches((r.image.data, r.transmittance.data), means) for r in others
+        ]
         self._drawn = self._renderers[:1]
         self._sums: list[list[ParallelLaunch]] = []
         self._bind_gradients()
@@ -210,17 +180,19 @@ class BlurRenderer:
                 rows=rows,
             )
         if self.image is not self.middle.image:
-            self._average(content)
+            for mean, first in (
+                (self.image, self.middle.image),
+                (self.transmittance, self.middle.transmittance),
+            ):
+                mean.resize(first.width, first.height)
+                wp.copy(mean.data, first.data)
+            self._sum(self._views)
 
     def backward(self) -> None:
         """Fill ``gradients`` from the ``adj_`` planes for the last `forward`."""
         for renderer in self._drawn:
             renderer.backward()
-        last = len(self._drawn) - 1
-        for number, launches in enumerate(self._sums[:last], start=1):
-            for launch in launches:
-                launch.set_param(_SHARE_OF_SUM, 1.0 / (last + 1) if number == last else 1.0)
-            run_together(launches)
+        self._sum(self._sums)
 
     def drawn_tiles(self) -> np.ndarray:
         """Return which tiles have splats at any moment, shape (rows, columns), bool."""
@@ -231,56 +203,32 @@ class BlurRenderer:
         image = self.middle.image
         return pixels_of(self.drawn_tiles(), image.width, image.height)
 
-    def _average(self, content: PixelBox | None) -> None:
-        """Fill ``image`` and ``transmittance`` where the views hold something."""
-        middle = self.middle
-        size = middle.image.width, middle.image.height
-        boxes = None if content is None else [self.drawn_box(), content]
-        tiles = tiles_with_background(boxes, middle.binner.columns, middle.binner.rows)
-        x0, x1, y0, y1 = np.maximum(TILE_SIZE * tiles, 0).tolist()
-        put(self._box, (x0, y0, min(x1, size[0]), min(y1, size[1])))
-        for planes in (self.image, self.transmittance):
-            planes.resize(*size)
-        for launches in self._shares[: self.moments]:
+    def _sum(self, of_others: list[list[ParallelLaunch]]) -> None:
+        """Turn what the first moment gives into the mean over all that are drawn."""
+        last = len(self._drawn) - 1
+        for number, launches in enumerate(of_others[:last], start=1):
             for launch in launches:
-                launch.set_param(_SHARE, 1.0 / self.moments)
+                launch.set_param(_SHARE, 1.0 / (last + 1) if number == last else 1.0)
             run_together(launches)
 
-    def _share_launches(self, renderer: SplatRenderer) -> list[ParallelLaunch]:
-        """Record what adds the share of a moment to the means."""
-        pairs = ((renderer.image, self.image), (renderer.transmittance, self.transmittance))
-        begins = int(renderer is self.middle)
-        return [
-            ParallelLaunch(
-                add_share_kernel,
-                source.max_height,
-                [self._box, source.pitch, source.plane, source.origin, source.channels]
-                + [1.0, begins, source.data, target.data],
-                renderer.device,
-                renderer.threads,
-            )
-            for source, target in pairs
-        ]
+    def _sum_launches(
+        self, sources: Sequence[wp.array], targets: Sequence[wp.array]
+    ) -> list[ParallelLaunch]:
+        """Record what adds flat arrays to others, see `mean_kernel`."""
+        device, threads = self.middle.device, self.middle.threads
+        block = values_per_thread(device, BLOCK)
+        launches = []
+        for source, target in zip(sources, targets, strict=True):
+            count = target.shape[0]
+            given = [count, 1.0, block, source, target]
+            blocks = -(-count // block)
+            launches.append(ParallelLaunch(mean_kernel, blocks, given, device, threads, even=True))
+        return launches
 
     def _bind_gradients(self) -> None:
         """Record what adds the gradients of every further moment to those of the first."""
-        first = self.middle
-        block = values_per_thread(first.device, BLOCK)
+        first = [*map(flat, self.middle.gradients.arrays)]
         self._sums = [
-            [
-                ParallelLaunch(
-                    mean_kernel,
-                    -(-target.shape[0] // block),
-                    [target.shape[0], 1.0, block, source, target],
-                    first.device,
-                    first.threads,
-                    even=True,
-                )
-                for source, target in zip(
-                    map(flat, renderer.gradients.arrays),
-                    map(flat, first.gradients.arrays),
-                    strict=True,
-                )
-            ]
+            self._sum_launches([*map(flat, renderer.gradients.arrays)], first)
             for renderer in self._renderers[1:]
         ]

@@ -181,45 +181,35 @@ def _largest(values: np.ndarray, candidates: np.ndarray, room: int) -> np.ndarra
 
 
 class DensityControl:
-    """How the population changes during a run. This one keeps it as it is: enough for a dense start.
+    """How the population changes during a run.
+
+    Args:
+        count: Gaussians at the start.
+        config: settings.
+        extent: of the scene [m].
 
     Attributes:
-        statistics: what the renderer accumulates in every backward pass; None for nothing.
+        statistics: what the renderer accumulates in every backward pass.
+
+    Raises:
+        DigsError: ``count`` is more than the cap allows.
     """
 
-    statistics: SplatStatistics | None = None
-
-    def after_update(self, gaussians: DeviceGaussians, step: int) -> Refinement | None:
-        """Update the population after an optimizer step.
-
-        Args:
-            gaussians: the population.
-            step: steps taken so far: 1, 2, ...
-
-        Returns:
-            The new population, or None when it stays the same.
-        """
-        return None
-
-    def state(self) -> dict[str, np.ndarray]:
-        """Return what a checkpoint has to hold; draws follow from (seed, step)."""
-        return {}
-
-    def restore(self, state: dict[str, np.ndarray]) -> None:
-        """Continue from a `state`."""
-
-
-class Adaptive(DensityControl):
-    """Clone, split, prune and reset."""
+    statistics: SplatStatistics
 
     def __init__(self, count: int, config: TrainConfig, extent: float) -> None:
+        if count > config.density.max_splats:
+            raise DigsError(
+                f"training: starts with {count:,} Gaussians, but --max-splats allows only "
+                f"{config.density.max_splats:,}; raise it, or start with fewer points (a larger --voxel-size)"
+            )
         self._config = config
         self._extent = extent
         self._schedule = Schedule(config.stop.iterations)
         self._start_sums(count)
 
     def after_update(self, gaussians: DeviceGaussians, step: int) -> Refinement | None:
-        """Refine, then reset, when it is time."""
+        """Refine, then reset, when it is time; return the new population, None where it stays."""
         refined = self._refined(gaussians, step) if self._schedule.refines(step) else None
         if self._schedule.resets(step):
             refined = with_low_opacities(refined or unchanged(gaussians.to_numpy()))
@@ -252,27 +242,8 @@ class Adaptive(DensityControl):
             array.assign(state[name])
 
     def _sums(self) -> dict[str, wp.array]:
-        statistics = self.statistics
-        assert statistics is not None
-        return {"sums": statistics.gradient_sums, "counts": statistics.counts}
+        return {"sums": self.statistics.gradient_sums, "counts": self.statistics.counts}
 
     def _mean_gradients(self) -> np.ndarray:
         values = {name: array.numpy() for name, array in self._sums().items()}
         return values["sums"] / np.maximum(values["counts"], 1)
-
-
-def density_control(count: int, config: TrainConfig, extent: float) -> DensityControl:
-    """Return the strategy that ``config`` names, for a run that starts with ``count`` Gaussians.
-
-    Raises:
-        DigsError: ``count`` is more than the cap allows.
-    """
-    density = config.density
-    if density.strategy == "fixed":
-        return DensityControl()
-    if count > density.max_splats:
-        raise DigsError(
-            f"training: starts with {count:,} Gaussians, but --max-splats allows only "
-            f"{density.max_splats:,}; raise it, or start with fewer points (a larger --voxel-size)"
-        )
-    return Adaptive(count, config, extent)

@@ -27,9 +27,8 @@ from digs_warp.train.evaluate import MeasuredViews, TestViews, moved_views
 from digs_warp.train.objective import OwnLoss
 from digs_warp.train.recorder import LOG_EVERY, CourseRecorder
 from digs_warp.train.shutter import NO_SHUTTER, Shutter
-from digs_warp.train.time_plan import TimePlan, plan_time
 from digs_warp.train.trainer import Resolved, Trainer
-from digs_warp.train.training import Training
+from digs_warp.train.training import TimePlan, Training
 from digs_warp.train.view_store import ViewStore, open_views
 
 logger = logging.getLogger(__name__)
@@ -268,7 +267,9 @@ def plan_training(seeds: Gaussians, data: TrainingData, config: TrainConfig) -> 
     while steps < PLANNING_STEPS or copy.seconds < PLANNING_SHARE * budget:
         copy.step()
         steps += 1
-    plan = plan_time(budget, config.stop.iterations, copy.seconds / steps)
+    step_seconds = copy.seconds / steps
+    fit = max(1, int(min(budget / step_seconds, config.stop.iterations)))
+    plan = TimePlan(fit, budget, step_seconds)
     logger.info("time budget of %g s: %s", budget, plan)
     return plan
 

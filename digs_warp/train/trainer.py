@@ -16,7 +16,7 @@ from digs_warp.splat.device import DeviceGaussians, move_gaussians
 from digs_warp.splat.footprint import near_plane
 from digs_warp.splat.surface_depth import surface_place
 from digs_warp.train.config import BACKGROUND, TrainConfig
-from digs_warp.train.density import Refinement, density_control
+from digs_warp.train.density import DensityControl, Refinement
 from digs_warp.train.depth_errors import (
     NO_ERRORS,
     TRUSTED_IN_SCENES,
@@ -71,7 +71,7 @@ class Trainer:
             copy.
         optimizer: holds the step count and the moments.
         smoothing: the filter in 3D, with the scales that are learned.
-        control: the strategy that changes the number of Gaussians.
+        control: changes the number of Gaussians; None where that stays.
         exposures: the gains of the photographs; None where they are not fitted.
         depth_judge: knows the errors of the measured depth; None where that does not count.
         poses: of the views; None where they are not trained.
@@ -111,7 +111,9 @@ class Trainer:
         self.objective = Objective(self.renderer, depth_weight)
         self._loss = resolved.loss
         self._center = gaussians.means.mean(axis=0)
-        self.control = density_control(len(gaussians), config, self._extent)
+        self.control: DensityControl | None = None
+        if config.density.strategy == "adaptive":
+            self.control = DensityControl(len(gaussians), config, self._extent)
         self.exposures: Exposures | None = None
         if config.fit_exposure == "on":
             self.exposures = Exposures(len(views), resolved.constant_exposure)
@@ -154,9 +156,10 @@ class Trainer:
         self.optimizer.update(self.progress)
         self.smoothing.after_update(self.optimizer.step)
         self._require_finite(view)
-        refinement = self.control.after_update(self.gaussians, self.optimizer.step)
-        if refinement is not None:
-            self.adopt(refinement)
+        if self.control is not None:
+            refinement = self.control.after_update(self.gaussians, self.optimizer.step)
+            if refinement is not None:
+                self.adopt(refinement)
         self.seconds += time.perf_counter() - start
 
     def adopt(self, refinement: Refinement) -> None:
@@ -218,7 +221,7 @@ class Trainer:
 
     def _build_optimizer(self, step: int) -> None:
         """Create everything bound to the arrays of the current population, with zero moments."""
-        self.renderer.statistics = self.control.statistics
+        self.renderer.statistics = self.control.statistics if self.control else None
         gradients, rates = self.renderer.gradients, self.config.learning_rates
         self.optimizer = Adam(self.gaussians, gradients, rates, self._extent)
         self.optimizer.step = step

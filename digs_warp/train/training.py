@@ -21,7 +21,6 @@ from digs_warp.record.layout import COURSE
 from digs_warp.record.results import Figure
 from digs_warp.record.typed import COUNT, NOT_STORED, Expect, from_json, to_json
 from digs_warp.train.shutter import MotionPlan
-from digs_warp.train.time_plan import TimePlan
 
 
 @dataclass(frozen=True)
@@ -87,6 +86,24 @@ def read_course(path: Path) -> tuple[CourseRow, ...]:
                 "'seconds', 'loss' and 'splats'"
             ) from error
     return tuple(sorted(rows, key=lambda row: row.iteration))
+
+
+@dataclass(frozen=True)
+class TimePlan:
+    """What was chosen for a time budget.
+
+    Attributes:
+        iterations: steps that fit, at least one.
+        budget: time for the steps [s].
+        step_seconds: time of a step, as measured [s].
+    """
+
+    iterations: int
+    budget: float
+    step_seconds: float
+
+    def __str__(self) -> str:
+        return f"{self.iterations:,} iterations: a step takes {1e3 * self.step_seconds:.0f} ms"
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

@@ -1,6 +1,6 @@
 # torch is an extra that type checking need not have:
 # pyright: reportMissingImports=false, reportOptionalMemberAccess=false
-"""Rendering under autograd, where PyTorch is installed: the twin's gradients, and `gradcheck`."""
+"""Rendering under autograd, where PyTorch is installed: the gradients of `render`."""
 
 from pathlib import Path
 from typing import Any
@@ -11,11 +11,10 @@ import pytest
 from digs_warp.checks import DigsError
 from digs_warp.data.capture import read_capture
 from digs_warp.data.gaussians import FIELDS
-from digs_warp.splat.camera_gradient import moved_camera
+from digs_warp.splat.camera_gradient import moved_camera, pose_gradient
 from digs_warp.splat.config import RasterOptions
 from digs_warp.splat.render import render as render_numpy
 from reference.splat_scenes import BACKGROUND, NEAR, camera, random_gaussians
-from reference.splat_twin import Adjoints, Parameters, render_twin, twin_gradients
 
 torch = pytest.importorskip("torch", reason="torch is not installed")
 from digs_warp.torch import CaptureDataset, TorchView, render  # noqa: E402 (after the check for torch)
@@ -54,6 +53,23 @@ def test_several_cameras_are_a_batch() -> None:
     assert render(*inputs, camera=cameras).depth is None
 
 
+@pytest.mark.parametrize("dtype", [torch.float32, torch.float64])
+def test_gradients_are_those_of_render(dtype: Any) -> None:
+    rng = np.random.default_rng(0)
+    image, alpha = rng.normal(size=(27, 33, 3)), rng.normal(size=(27, 33))
+    pose = torch.tensor([0.02, -0.03, 0.02, 0.01, -0.01, 0.02], dtype=dtype, requires_grad=True)
+    inputs = tensors(dtype)
+    view = render(*inputs, camera=VIEW, pose=pose, near=NEAR)
+    ((view.image * torch.tensor(image)).sum() + (view.alpha * torch.tensor(alpha)).sum()).backward()
+    moved = pose.detach().double().numpy()
+    plain = render_numpy(SCENE, moved_camera(VIEW, moved), near=NEAR)
+    wanted = plain.backward(adj_image=image, adj_alpha=alpha)
+    for name, tensor in zip(FIELDS, inputs, strict=True):
+        assert tensor.grad.dtype == dtype
+        np.testing.assert_allclose(tensor.grad, getattr(wanted, name), rtol=1e-5, atol=1e-6)
+    np.testing.assert_allclose(pose.grad, pose_gradient(wanted.camera, moved), rtol=1e-5)
+
+
 @pytest.mark.parametrize("workers", [0, 2])
 def test_a_recording_is_a_data_set(capture_folder: Path, workers: int) -> None:
     capture = read_capture(capture_folder)
@@ -67,65 +83,6 @@ def test_a_recording_is_a_data_set(capture_folder: Path, workers: int) -> None:
     first = CaptureDataset(capture, capture.split()[1])[0]
     np.testing.assert_allclose(first["K"], capture.frames[0].camera.intrinsics.matrix, rtol=1e-6)
     assert set(first) >= {"mask", "world_from_cam"} and first["mask"].max() == 1
-
-
-@pytest.mark.parametrize("dtype", [torch.float32, torch.float64])
-def test_autograd_gives_the_gradients_of_the_twin(dtype: Any) -> None:
-    parameters = Parameters.of(SCENE)
-    twin = render_twin(parameters, VIEW, NEAR, BACKGROUND, ALL)
-    rng = np.random.default_rng(0)
-    weights = [rng.normal(size=shape) for shape in ((27, 33, 3), (27, 33), (27, 33))]
-    for weight in weights:
-        weight[twin.ambiguous] = 0
-    image, alpha, depth = weights
-    adjoints = Adjoints(image, -alpha, depth)
-    wanted = twin_gradients(parameters, VIEW, twin, BACKGROUND, adjoints, ALL).parameters
-
-    inputs = tensors(dtype)
-    view = render(*inputs, camera=VIEW, near=NEAR, background=BEHIND, options=ALL)
-    terms = [
-        (output.nan_to_num() * torch.tensor(weight, dtype=dtype)).sum()
-        for output, weight in zip(view, weights, strict=True)
-    ]
-    torch.stack(terms).sum().backward()
-    for name, tensor in zip(FIELDS, inputs, strict=True):
-        expected = getattr(wanted, name)
-        assert tensor.grad.dtype == dtype
-        limit = 2e-3 * np.abs(expected).max()
-        np.testing.assert_allclose(tensor.grad, expected, rtol=0, atol=limit, err_msg=name)
-
-
-def test_gradcheck() -> None:
-    """Central differences of float32 kernels: with colors, in which the image is linear, and opacities."""
-    means, log_scales, quats, opacities, sh = tensors(torch.float64)
-    faint = (opacities.detach() - 1.0).requires_grad_()
-
-    def weighted(opacities: Any, sh: Any) -> Any:
-        view = render(means, log_scales, quats, opacities, sh, VIEW, near=NEAR, options=smooth)
-        weights = torch.linspace(0.5, 1.5, 27 * 33, dtype=torch.float64).reshape(27, 33)
-        return (view.image.sum(dim=2) * weights).sum() + (view.alpha * weights).sum()
-
-    smooth = RasterOptions(min_transmittance=0.0)  # no pixel stops early
-    means, log_scales, quats = (tensor.detach() for tensor in (means, log_scales, quats))
-    assert torch.autograd.gradcheck(weighted, (faint, sh), eps=1e-2, atol=0.05, rtol=0.02)
-
-
-def test_a_wrong_pose_finds_back() -> None:
-    truth = np.array([0.02, -0.03, 0.02, 0.01, -0.01, 0.02])
-    target = render_numpy(SCENE, moved_camera(VIEW, truth), near=NEAR).image
-    pose = torch.zeros(6, dtype=torch.float64, requires_grad=True)
-    optimizer = torch.optim.Adam([pose], lr=2e-3)
-    fixed = [tensor.detach() for tensor in tensors()]
-    losses = []
-    for _ in range(100):
-        optimizer.zero_grad()
-        view = render(*fixed, camera=VIEW, pose=pose, near=NEAR)
-        loss = ((view.image - torch.tensor(target)) ** 2).sum()
-        loss.backward()
-        optimizer.step()
-        losses.append(loss.item())
-    assert losses[-1] < 0.02 * losses[0]
-    assert all(tensor.grad is None for tensor in fixed)
 
 
 def test_a_wrong_shape_is_named() -> None:

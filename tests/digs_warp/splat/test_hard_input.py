@@ -5,7 +5,6 @@ import pytest
 
 from digs_warp.checks import DigsError
 from digs_warp.data.gaussians import FIELDS, Gaussians
-from digs_warp.geometry.camera import Intrinsics
 from digs_warp.splat.config import RasterOptions
 from digs_warp.splat.device import DeviceGaussians, SplatStatistics
 from digs_warp.splat.render import SplatRenderer, render
@@ -15,25 +14,8 @@ MANY = random_gaussians(600, seed=1)
 SIZE = (90, 70)
 VIEW = camera(*SIZE, fx=80.0, fy=80.0)
 ALL = RasterOptions(outputs="depth")
-NASTY = np.array(
-    [
-        np.nan,
-        np.inf,
-        -np.inf,
-        1e38,
-        -1e38,
-        1e-40,
-        -1e-40,
-        0.0,
-        -0.0,
-        3.4e38,
-        1e19,
-        -1e10,
-        88.0,
-        -104.0,
-    ],
-    dtype=np.float32,
-)
+SOME = "nan inf -inf 1e38 -1e38 1e-40 -1e-40 0 -0.0 3.4e38 1e19 -1e10 1e30 -1e30 88 -104"
+NASTY = np.array(SOME.split(), dtype=np.float32)
 
 
 def renderer_of(gaussians: Gaussians, **options) -> SplatRenderer:
@@ -97,16 +79,6 @@ def test_the_door_refuses_values_that_are_not_finite() -> None:
             render(broken, VIEW)
 
 
-@pytest.mark.parametrize("log_scale", [88.0, 1e30, -1e30, -104.0])
-def test_extreme_sizes_are_drawn_or_dropped(log_scale: float) -> None:
-    renderer = renderer_of(MANY, options=ALL)
-    values = renderer.gaussians.log_scales.numpy().copy()
-    values[:200] = log_scale
-    values[200:300, 0] = log_scale
-    renderer.gaussians.log_scales.assign(values)
-    check_finite_view(renderer)
-
-
 def test_thousands_of_opaque_gaussians_in_one_place() -> None:
     """Two saturate a pixel (1 - 0.99^2 leaves 1e-4): those behind must not show, nor take forever."""
     count = 5000
@@ -133,18 +105,6 @@ def test_a_view_of_one_by_four_thousand_pixels() -> None:
         assert np.isfinite(whole.image).all()
         assert whole.alpha.max() > 0.5
         assert whole.image.shape == (k.height, k.width, 3)
-
-
-@pytest.mark.parametrize(
-    ("focal", "center"),
-    [(1e-30, -5000.0), (1e-3, 1e7), (1e30, -1e30)],
-)
-def test_any_camera_that_can_be_made_gives_a_finite_view(focal: float, center: float) -> None:
-    k = Intrinsics(*SIZE, focal, focal, center, 35.0)
-    view = type(VIEW)(k, VIEW.world_from_cam)
-    drawn = render(MANY, view, near=NEAR, options=ALL)
-    assert np.isfinite(drawn.image).all()
-    assert np.isfinite(drawn.alpha).all()
 
 
 def test_a_near_plane_or_a_background_that_is_none_is_refused() -> None:

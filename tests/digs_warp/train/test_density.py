@@ -91,26 +91,17 @@ def test_a_childs_place_belongs_to_its_parent() -> None:
     np.testing.assert_array_equal(first_alone, first_together)
 
 
-def test_the_transparent_are_removed() -> None:
+def test_the_transparent_and_the_huge_are_removed() -> None:
     before = population(5)
-    logits = before.opacity_logits.copy()
+    logits, log_scales = before.opacity_logits.copy(), before.log_scales.copy()
     logits[[0, 3]] = np.log(MIN_OPACITY) - 0.01
-    result = refined(replace(before, opacity_logits=logits), pulled(5, 3))
-    np.testing.assert_array_equal(result.sources, [1, 2, 4])  # the clone of 3 went with it
-
-
-def test_the_huge_are_removed_once_opacities_were_reset() -> None:
-    before = population(3)
-    log_scales = before.log_scales.copy()
     log_scales[1, 2] = HUGE
-    before = replace(before, log_scales=log_scales)
-    assert len(refined(before, np.zeros(3)).gaussians) == 3
-    np.testing.assert_array_equal(refined(before, np.zeros(3), remove_large=True).sources, [0, 2])
-
-
-def test_an_all_transparent_population_keeps_its_most_opaque() -> None:
-    before = replace(population(4), opacity_logits=np.array([-9.0, -8.0, -12.0, -9.0]))
-    np.testing.assert_array_equal(refined(before, np.zeros(4)).sources, [1])
+    some = replace(before, opacity_logits=logits, log_scales=log_scales)
+    # The clone of 3 goes with it; the huge stay until opacities were reset.
+    np.testing.assert_array_equal(refined(some, pulled(5, 3)).sources, [1, 2, 4])
+    np.testing.assert_array_equal(refined(some, np.zeros(5), remove_large=True).sources, [2, 4])
+    faint = replace(population(4), opacity_logits=np.array([-9.0, -8.0, -12.0, -9.0]))
+    np.testing.assert_array_equal(refined(faint, np.zeros(4)).sources, [1])  # the most opaque
 
 
 @pytest.mark.parametrize("room", [0, 3])

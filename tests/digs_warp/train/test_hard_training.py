@@ -59,15 +59,6 @@ def assert_finite(gaussians: Gaussians) -> None:
         assert np.isfinite(getattr(gaussians, name)).all(), name
 
 
-@pytest.mark.parametrize(("color", "background"), [(0, "white"), (255, "black")])
-def test_images_of_one_color(color: int, background: str) -> None:
-    """SSIM of constants: no variance, and for black no mean either."""
-    config = TrainConfig(stop=Stop(iterations=25), background=background)  # pyright: ignore[reportArgumentType]
-    trainer = train([painted(n, color=color) for n in range(3)], config)
-    assert_finite(trainer.gaussians.to_numpy())
-    assert np.isfinite(trainer.loss_value())
-
-
 def test_views_without_foreground_push_everything_away() -> None:
     empty = [
         packed_view(

@@ -72,14 +72,10 @@ def test_some_or_all_frames_may_lack_depth(capture: Capture) -> None:
     off = trained(capture.frames, TrainConfig(depth_weight=0.0))
     assert np.array_equal(without.gaussians.means.numpy(), off.gaussians.means.numpy())
     assert not without.renderer.middle.options.has_depth
-    some = trained([*bare[:3], *capture.frames[3:]], TrainConfig()).gaussians.means.numpy()
-    assert np.isfinite(some).all() and not np.array_equal(some, off.gaussians.means.numpy())
-
-
-def test_a_weight_of_depth_without_depth_is_refused(capture: Capture) -> None:
-    bare = [frame.without_layer(Layer.DEPTH) for frame in capture.frames]
     with pytest.raises(CaptureError, match="no 'depth_file_path'"):
         trained(bare, TrainConfig(depth_weight=0.004))
+    some = trained([*bare[:3], *capture.frames[3:]], TrainConfig()).gaussians.means.numpy()
+    assert np.isfinite(some).all() and not np.array_equal(some, off.gaussians.means.numpy())
 
 
 @pytest.mark.parametrize("factor", [np.nan, 1e6])

@@ -18,7 +18,6 @@ from digs_warp.train.other_sizes import (
     SIZES,
     at_size,
     measure_other_sizes,
-    over_areas,
     psnr_at_size,
 )
 
@@ -91,24 +90,6 @@ def test_a_scene_that_erodes_when_drawn_larger_loses_and_a_filtered_one_does_not
     assert at["double"][0] < 15 < 25 < at["double"][1]
     assert at["double"][0] < at["four_thirds"][0] - 2 < at["trained"][0] - 4
     assert at["half"][1] > at["half"][0] + 2
-
-
-@pytest.mark.parametrize(("width", "height"), [(20, 15), (33, 35)])
-def test_means_over_areas_are_those_of_overlaps(width: int, height: int) -> None:
-    """The twin: weights are the overlaps of pixels, in float64."""
-    image = np.random.default_rng(0).uniform(-0.5, 1.5, (36, 64, 3)).astype(np.float32)
-    down, across = overlaps(36, height), overlaps(64, width)
-    wanted = np.einsum("ab,bcx,dc->adx", down, image.astype(np.float64), across)
-    np.testing.assert_allclose(over_areas(image, width, height), wanted, atol=2e-6)
-
-
-def overlaps(fine: int, coarse: int) -> np.ndarray:
-    """Share of each of the coarse pixels that each fine one covers, (coarse, fine)."""
-    ends = np.arange(coarse + 1) / coarse
-    edges = np.arange(fine + 1) / fine
-    low = np.maximum(ends[:-1, None], edges[None, :-1])
-    high = np.minimum(ends[1:, None], edges[None, 1:])
-    return np.maximum(high - low, 0.0) * coarse
 
 
 def test_a_view_from_afar_has_the_photograph_of_fewer_pixels() -> None:
