@@ -23,7 +23,7 @@ _STEP = 1e-4
 
 
 def camera_gradient(
-    gaussians: Gaussians, gradients: "RenderGradients", camera: Camera
+    gaussians: Gaussians, gradients: "Gaussians | RenderGradients", camera: Camera
 ) -> np.ndarray:
     """Return the gradient of the camera that saw ``gaussians``, whose ``gradients`` are given, shape (6,).
 
