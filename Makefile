@@ -62,7 +62,7 @@ studies: setup ## Run the studies within their budgets and write docs/study; an 
 	$(BIN)/python -m studies page studies
 
 pages: setup demo ## Run all benchmarks and draw all pictures for the documentation; an hour on a quiet machine
-	$(BIN)/python -m studies page raster training surface trained usd realism sensor-fit \
+	$(BIN)/python -m studies page raster surface trained usd realism sensor-fit \
 		demo sensor randomization gallery real-recordings
 
 # Threads of NumPy's matrix products, which wait by turning, would take the cores from the other process.

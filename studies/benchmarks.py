@@ -71,12 +71,6 @@ BENCHMARKS = (
     ),
     # The demo, stage by stage, beside what it took at the commit of the page.
     Benchmark("budget", ("budget.bench_budget",), ("research/performance.md",)),
-    # A training step, stage by stage.
-    Benchmark(
-        "training",
-        ("training_step.bench_train",),
-        ("training.md",),
-    ),
     # The trained surface against the true one, beside fused depth: two sensors.
     Benchmark(
         "surface",

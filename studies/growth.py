@@ -24,6 +24,8 @@ from studies.timing import peak_memory
 FRAMES, WIDTHS = (20, 60, 200, 1000), (640, 1280, 1920)
 ITERATIONS = 20
 MEMORY = "peak memory [MB]"
+# Stages of the tables; the others are in the sum.
+SHOWN = ("record", "initialize", "train", "reconstruct", MEMORY)
 
 Cost = dict[str, float]  # stage -> CPU seconds; MEMORY -> megabytes
 
@@ -47,7 +49,7 @@ def results(
 ) -> list[Result]:
     """Return a row for each stage: its cost at each size, and the exponent between the two largest."""
     rows = []
-    for stage in costs[-1]:
+    for stage in (name for name in SHOWN if name in costs[-1]):
         values = {c: cost.get(stage, 0.0) for c, cost in zip(columns, costs, strict=True)}
         before, last = (max(cost.get(stage, 0.0), 1e-3) for cost in costs[-2:])
         exponent = float(np.log(last / before) / np.log(sizes[-1] / sizes[-2]))

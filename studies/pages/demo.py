@@ -37,12 +37,12 @@ HIDDEN, DOT = 0.03, 1
 # A browser without a graphics card takes this long at most for the first picture [s].
 LONGEST = 120
 
-DESK, PHONE, VIEW = (1280, 800), (390, 844), (1280, 720)
+DESK, VIEW = (1280, 800), (1280, 720)
 CANVAS = "document.querySelector('#view3d canvas')"
 
 
 def main(run: Path = Path("out/demo")) -> None:
-    """Draw demo.jpg, sizes.jpg, report.jpg, report-phone.jpg and view.jpg."""
+    """Draw demo.jpg, sizes.jpg, report.jpg and view.jpg."""
     draw_stages(run)
     draw_sizes(run)
     photograph_report(run)
@@ -117,14 +117,11 @@ def points_picture(points: PointCloud, camera: Camera, depth_true: np.ndarray) -
 
 
 def photograph_report(run: Path) -> None:
-    """Open the report at both sizes, the second one with its cameras, and keep what the browser shows."""
+    """Open the report, and keep what the browser shows."""
     with tempfile.TemporaryDirectory() as folder, browser(Path(folder), DESK) as tab:
         tab.resize(*DESK)
         tab.visit((run / "report.html").resolve().as_uri())
         save(shown(tab), "report.jpg")
-        tab.resize(*PHONE)
-        tab.click("#view3d input")
-        save(shown(tab), "report-phone.jpg")
 
 
 def shown(tab: Browser) -> np.ndarray:

@@ -1,7 +1,6 @@
-"""The tables of docs/simulate.md: what can be drawn, and what the shipped randomizations draw."""
+"""What can be drawn, in docs/simulate.md."""
 
-from digs_warp.sim.record.randomize.draws import SHIPPED, known_keys, load_randomization
-from digs_warp.study.table import Table
+from digs_warp.sim.record.randomize.draws import known_keys
 from scripts.page_marks import fill
 
 PAGE = "simulate.md"
@@ -15,13 +14,6 @@ def main() -> None:
 
 def texts() -> dict[str, str]:
     """Return the tables by mark."""
-    ours = {name: load_randomization(name).entries for name in SHIPPED}
-    drawn = [key for key in known_keys() if any(key in entries for entries in ours.values())]
-    shipped = [
-        [f"`{key}`", *(f"`{e[key].words}`" if key in e else "" for e in ours.values())]
-        for key in drawn
-    ]
     return {
-        "ours": Table("ours", ["key", *(f"`{name}`" for name in ours)], shipped).markdown(),
         "keys": ", ".join(f"`{key}`" for key in known_keys()) + ".",
     }

@@ -3,7 +3,6 @@
 from collections.abc import Sequence
 from inspect import getdoc
 
-from digs_warp.sim.camera.profiles import IMAGE_FIGURES, RIG_FIGURES, load_profile
 from digs_warp.sim.sensor.color import COLOR_EFFECTS
 from digs_warp.sim.sensor.effects import EFFECTS
 from digs_warp.sim.sensor.effects.protocol import Choice, SensorEffect
@@ -14,7 +13,6 @@ from studies.pages.sensor_pictures import WITHOUT_PICTURE, SensorStudio, draw_al
 
 PAGE = "sensor.md"
 PICTURES = "images/sensor"
-SHOWN_PROFILE = "zed2-720"
 
 
 def main() -> None:
@@ -25,9 +23,6 @@ def main() -> None:
         "depth": f"{effects_table(EFFECTS, studio)}\n\n{pictures()}",
         "color": effects_table(COLOR_EFFECTS, studio),
         "causes": Table("causes", ["number", "cause", "meaning"], cause_rows()).markdown(),
-        "figures": Table(
-            "figures", ["figure", "value", "origin", "note"], figure_rows()
-        ).markdown(),
     }
     for mark, text in texts.items():
         fill(PAGE, mark, text)
@@ -65,12 +60,3 @@ def first_paragraph(thing: object) -> str:
 def cause_rows() -> list[list[str]]:
     """Return the table of causes."""
     return [[str(cause.value), cause.name.lower(), cause.meaning] for cause in Cause]
-
-
-def figure_rows() -> list[list[str]]:
-    """Return the table of a profile's figures."""
-    figures = load_profile(SHOWN_PROFILE).figures
-    return [
-        [f"`{name}`", f"{figures[name].value:g}", figures[name].origin, figures[name].note]
-        for name in (*IMAGE_FIGURES, *RIG_FIGURES)
-    ]

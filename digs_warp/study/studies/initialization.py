@@ -111,9 +111,8 @@ def _lead(records: Sequence[Record]) -> Section:
     headings += [f"dB after {i}" for i in reached]
     text = (
         "PSNR of Highdepth minus PSNR of Default on the held-out views. A good start pays off until the "
-        "training catches up, so the lead is largest after few steps. It is larger where the sparse points "
-        "leave gaps, so read it together with their number. The paper has larger images and more views, and "
-        "its objects fill a different share of the image."
+        "training catches up. It is larger where the sparse points leave gaps, so read it together with "
+        "their number."
     )
     return Section("Highdepth ahead of Default", text, [Table("lead", headings, rows)])
 
@@ -189,7 +188,6 @@ def _geometry(records: Sequence[Record]) -> Section:
         of = partial(number, "surface", key)
         columns += [
             Column(f"{heading}: Chamfer [mm]", 1, of("chamfer", factor=1e3)),
-            Column(f"{heading}: median [mm]", 1, of("accuracy_median", factor=1e3)),
             Column(f"{heading}: coverage at 5 mm [%]", 1, of("recall", factor=100)),
             Column(f"{heading}: spacing ratio", 2, of("spacing_ratio")),
         ]
