@@ -1,4 +1,4 @@
-"""Runs the examples of the gallery in docs/results.md in out/gallery, and photographs their reports.
+"""Runs the examples of the gallery in docs/results.md, photographs their reports, and films one.
 
 Runs that are there are kept. Needs Chromium (apt-get install chromium), and the sample data for its meshes.
 """
@@ -22,6 +22,7 @@ from studies.pages.demo import shown
 
 PAGE, PICTURES = "results.md", "images/gallery"
 FOLDER = Path("out/gallery")
+FILMED, FILM = "helmet", "--width 300 --height 360 --seconds 4 --fps 12"  # of README
 WINDOW, SHOWN = (1280, 800), 645  # [px] height of verdict and view in it
 
 
@@ -77,6 +78,8 @@ def main(folder: Path = FOLDER) -> None:
     """Make what is missing, and write the gallery."""
     sections = [section(example, folder / example.name) for example in EXAMPLES]
     fill(PAGE, "examples", "\n\n".join(sections))
+    film = ["render", str(folder / FILMED), "--out", str(DOCS / "images/orbit.gif"), *FILM.split()]
+    subprocess.run([sys.executable, "-m", "digs_warp", *film, "--overwrite"], check=True)
 
 
 def section(example: Example, run: Path) -> str:
