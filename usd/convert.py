@@ -1,6 +1,5 @@
 """Gaussians <-> the arrays of the USD schema: activation, frames, precision, checks. NumPy only."""
 
-from collections.abc import Callable
 from dataclasses import dataclass, fields, replace
 from functools import lru_cache
 from typing import Literal
@@ -199,22 +198,21 @@ def _quat_products(rotation: bytes) -> np.ndarray:
     return quat_multiply(quat_xyzw_from_matrix(matrix), np.eye(4)).T.copy()
 
 
-# Directions, evenly spread, at which colors in another space are looked at.
+# Directions, evenly spread, at which linear colors are looked at.
 _DIRECTIONS = 64
 
 
-def srgb_coefficients(sh: np.ndarray, linear_of: Callable[[np.ndarray], np.ndarray]) -> np.ndarray:
-    """Return coefficients, (n, K, 3), float32, in sRGB of colors in another space.
+def srgb_coefficients(sh: np.ndarray) -> np.ndarray:
+    """Return coefficients, (n, K, 3), float32, in sRGB of linear colors of Rec.709.
 
     Exact for colors that are the same from all sides; for others, the nearest over all directions.
-    ``linear_of`` returns linear Rec.709 values of colors, (..., 3).
     """
     turn = np.arange(_DIRECTIONS) + 0.5
     height = 1 - 2 * turn / _DIRECTIONS
     angle, radius = turn * (np.pi * (3 - np.sqrt(5))), np.sqrt(1 - height**2)
     directions = np.stack([radius * np.cos(angle), radius * np.sin(angle), height], axis=1)
     basis = sh_basis(directions, degree_from_count(sh.shape[1]))
-    colors = srgb_from_linear(linear_of(np.maximum(0.5 + basis @ sh.astype(np.float64), 0.0)))
+    colors = srgb_from_linear(np.maximum(0.5 + basis @ sh.astype(np.float64), 0.0))
     return (np.linalg.pinv(basis) @ (colors - 0.5)).astype(np.float32)
 
 

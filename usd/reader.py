@@ -1,7 +1,7 @@
 """Reads Gaussians, or facts about them, from a USD scene, ours or another program's, into our world."""
 
 import logging
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -48,8 +48,8 @@ if TYPE_CHECKING:
 
 _log = logging.getLogger(__name__)
 
-# sRGB as the scene or as the display: one curve.
-_SRGB = "srgb_rec709"
+# As the scene or as the display: one curve.
+_SRGB, _LINEAR = "srgb_rec709", "lin_rec709"
 
 # Splats that tell where a scene lies.
 SAMPLED = 65536
@@ -122,7 +122,7 @@ def _read(stage: "Usd.Stage", prim: "Usd.Prim", path: Path) -> UsdScene:
 
 def _read_gaussians(prim: "Usd.Prim", what: str) -> Gaussians:
     arrays = read_arrays(prim, what)
-    linear_of = _linear_colors(prim, what)
+    is_linear = _has_linear_colors(prim, what)
     world_from_local = world_from_prim(prim, what)
     offset = stage_offset(prim.GetStage())
     some = arrays.positions[:: 1 + len(arrays) // SAMPLED].astype(np.float64)
@@ -146,8 +146,8 @@ def _read_gaussians(prim: "Usd.Prim", what: str) -> Gaussians:
     def work(rows: slice) -> None:
         part = arrays.floats(rows)
         _check(part, what)
-        if linear_of is not None:
-            part = replace(part, sh=srgb_coefficients(part.sh, linear_of))
+        if is_linear:
+            part = replace(part, sh=srgb_coefficients(part.sh))
         # The coefficients are most of the data: they are written straight to their place.
         part = transformed(part, similarity, read.sh[rows])
         raw = gaussians_from_arrays(part)
@@ -162,35 +162,20 @@ def _read_gaussians(prim: "Usd.Prim", what: str) -> Gaussians:
     return read
 
 
-def _linear_colors(prim: "Usd.Prim", what: str) -> Callable[[np.ndarray], np.ndarray] | None:
-    """Return what makes linear Rec.709 of a field's colors; None: they are sRGB, or no space is known."""
-    from pxr import Gf
-
+def _has_linear_colors(prim: "Usd.Prim", what: str) -> bool:
+    """Whether a field's colors are linear ones of Rec.709; others are taken for sRGB."""
     if value_of(prim, names.SH_COEFFICIENTS) is None:  # display colors have a space of their own
-        return None
-    name, space = color_space(prim)
-    if name.startswith(_SRGB) or (space is not None and space.IsData()) or not name:
-        return None
-    if space is None:
-        usual = f"{name.removesuffix('_display')}_scene"  # of glTF, and older names of USD
-        if not Gf.ColorSpace.IsValid(usual):
-            _log.warning("%s: color space %s is not known, taken for sRGB", what, quoted(name))
-            return None
-        space = Gf.ColorSpace(usual)
-    _log.warning(
-        "%s: its colors are in '%s'; converted to sRGB. Where splats overlap, they blend otherwise",
-        *(what, name),
-    )
-    rgb_from_xyz = np.linalg.inv(np.array(Gf.ColorSpace(f"{_SRGB}_scene").GetRGBToXYZ()))
-    matrix = rgb_from_xyz @ np.array(space.GetRGBToXYZ())
-    gamma, bias = space.GetGamma(), space.GetLinearBias()
-    knee, slope = space.GetTransferFunctionParams()
-
-    def linear(colors: np.ndarray) -> np.ndarray:
-        curve = ((colors + bias) / (1 + bias)) ** gamma
-        return np.where(colors < knee, colors / slope, curve) @ matrix.T
-
-    return linear
+        return False
+    name, _ = color_space(prim)
+    if name.startswith(_LINEAR):
+        _log.warning(
+            "%s: its colors are in '%s'; converted to sRGB. Where splats overlap, they blend otherwise",
+            *(what, name),
+        )
+        return True
+    if name and name not in ("raw", "data") and not name.startswith(_SRGB):
+        _log.warning("%s: colors in %s are taken for sRGB", what, quoted(name))
+    return False
 
 
 def _check(arrays: SplatArrays, what: str) -> None:

@@ -54,19 +54,6 @@ def test_a_group_becomes_the_gaussian_of_the_same_moments():
     assert_allclose(merged.sh[0], np.einsum("n,nkc->kc", weights, gaussians.sh), atol=1e-6)
 
 
-def test_a_merged_splat_blocks_as_much_light_as_its_group():
-    """Ten equal, faint splats in a row: the sum of opacity times area stays."""
-    row = replace(
-        splats(10),
-        means=np.linspace(0, 0.1, 10)[:, None] * [1.0, 0, 0],
-        log_scales=np.full((10, 3), np.log(0.02)),
-        opacity_logits=np.full(10, -3.0),
-    )
-    merged = merged_in_voxels(row, 1)
-    area = np.prod(np.sort(merged.scales[0])[1:])
-    assert_allclose(merged.opacities[0] * area, row.opacities.sum() * 0.02**2, rtol=1e-5)
-
-
 def test_hard_cases_come_out_finite():
     cases = {
         "invisible": replace(splats(10), opacity_logits=np.full(10, -1e4)),

@@ -161,7 +161,7 @@ def _read_primitive(
     coefficients = [values(name) for name in _coefficient_names(degree)]
     sh = np.stack(coefficients, axis=1).reshape(-1, coefficient_count(degree), 3)
     if extension.get("colorSpace") == LINEAR:
-        sh = srgb_coefficients(sh, lambda color: color)
+        sh = srgb_coefficients(sh)
     arrays = SplatArrays(
         values("POSITION"),
         values(f"{SPLATS}:ROTATION"),

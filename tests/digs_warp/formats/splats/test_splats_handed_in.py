@@ -73,23 +73,6 @@ def test_a_scene_at_survey_coordinates_keeps_its_places(
         np.testing.assert_allclose(found, places, atol=1e-5, rtol=0)
 
 
-@pytest.mark.parametrize("suffix", FORMATS)
-def test_the_flag_for_antialiasing_is_kept_or_missed(
-    tmp_path: Path, suffix: str, capsys: pytest.CaptureFixture[str]
-) -> None:
-    write_splat_file(tmp_path / "a.spz", scene())
-    out = tmp_path / f"b{suffix}"
-    assert main(["convert", str(tmp_path / "a.spz"), "--out", str(out)]) == 0
-    said = capsys.readouterr().err
-    if suffix == ".splat":
-        assert "cannot say that its splats are for antialiasing" in said
-    else:
-        assert read_scene(out).gaussians.screen_filter == ANTIALIASED
-    if not suffix.startswith(".usd"):
-        assert main(["info", str(out)]) == 0
-        assert ("antialiased" in capsys.readouterr().out) == (suffix != ".splat")
-
-
 def spoilt(which: str) -> Gaussians:
     good = scene()
     if which == "scales":

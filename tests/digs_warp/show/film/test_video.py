@@ -78,21 +78,6 @@ def test_a_gif_shows_the_frames_and_repeats(tmp_path: Path, frames) -> None:
 
 
 @pytest.mark.parametrize("name", ["a.mp4", "a.gif"])
-def test_a_film_that_breaks_off_leaves_the_old_one(tmp_path: Path, frames, name: str) -> None:
-    write_video(tmp_path / name, iter(frames), 10.0)
-    before = (tmp_path / name).read_bytes()
-
-    def breaking():
-        yield frames[0]
-        raise KeyboardInterrupt
-
-    with pytest.raises(KeyboardInterrupt):
-        write_video(tmp_path / name, breaking(), 10.0)
-    assert (tmp_path / name).read_bytes() == before
-    assert [path.name for path in tmp_path.iterdir()] == [name]
-
-
-@pytest.mark.parametrize("name", ["a.mp4", "a.gif"])
 def test_a_film_that_does_not_fit_on_the_disk_leaves_the_old_one(
     tmp_path: Path, frames, name: str
 ) -> None:

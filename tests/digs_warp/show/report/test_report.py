@@ -120,18 +120,6 @@ def test_findings_about_the_capture_are_shown(run: tuple[Capture, Path, Path]) -
     )
 
 
-def test_columns_that_the_capture_lacks_are_left_out(tmp_path: Path) -> None:
-    capture = write_capture(tmp_path / "capture", full=False)
-    write_reconstruction(tmp_path / "reconstruction", capture)
-    page = write_and_parse((capture, tmp_path / "reconstruction", tmp_path / "report.html"))
-    alts = " ".join(str(image["alt"]) for image in page.images)
-    assert "sensed depth" in alts
-    for lacking in ("right image", "true depth"):
-        assert lacking not in alts
-    assert "Depth error" not in page.text
-    assert "simulation" not in page.text
-
-
 def test_a_color_only_capture_without_masks_is_fine(tmp_path: Path) -> None:
     capture = write_capture(tmp_path / "capture")
     write_reconstruction(tmp_path / "reconstruction", capture)
