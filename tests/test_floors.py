@@ -36,12 +36,12 @@ FLOORS = {
 LINE_BUDGETS = {
     "api": 436,
     "check": 1_765,
-    "commands": 3_328,
+    "commands": 3_327,
     "data": 3_293,
     "device": 919,
     "engines": 1_000,
     "files at the top": 800,
-    "formats": 5_723,
+    "formats": 5_722,
     "geometry": 621,
     "init": 4_615,
     "losses": 732,
@@ -63,7 +63,7 @@ LINE_BUDGETS = {
     "surface": 571,
     "torch": 193,
     "train": 3_653,
-    "usd": 2_765,
+    "usd": 2_748,
 }
 MOST_FILES = 514  # of the product; 65,000 lines in 500 files are the goal
 # A shorter file with a single client in its folder belongs into that client.
