@@ -59,8 +59,10 @@ class SimulateConfig(Settings):
     """Number of stereo frames, evenly spaced in time over the walk. Default: 60, or fps times duration."""
 
     profile: str | None = None
-    """The camera: zed2-2k, zed2-1080, zed2-720, zed2-vga, d435, d455, gemini-335, oak-d, or a YAML file.
-    Default: zed2-720, at 60 degrees."""
+    """The camera: d435, d455, gemini-335, oak-d, zed2-2k, zed2-1080, zed2-720, zed2-vga, bare-matcher, or a
+    YAML file. Default: d435, a RealSense at 640 x 360, its depth as rough and as full of holes as that of one
+    (docs/research/devices.md). It has no right color image: stereo labels and right images need a camera
+    whose left eye takes the images, such as zed2-720."""
 
     width: Annotated[int | None, SIDE] = None
     """Image width [px]. Default: that of the profile; 640 without one."""

@@ -16,6 +16,7 @@ from digs_warp.sim.sensor.color.recorded import recorded_images
 from digs_warp.sim.sensor.facts import SceneFacts, measure_facts
 from digs_warp.sim.sensor.frame import FrameTruth, Sensed
 from digs_warp.sim.sensor.tiers import sense
+from digs_warp.study.engine.case import STUDIED_CAMERA
 from digs_warp.study.scenes import OBJECT_SIZE
 
 FRAMES = 60  # of the walk
@@ -75,6 +76,7 @@ class Place:
     def scene(self, width: int, number: int = NUMBER, frames: int = FRAMES) -> Scene:
         """Render a frame of a walk of so many, ``width`` pixels wide."""
         config = SimulateConfig(
+            profile=STUDIED_CAMERA,
             mesh=self.mesh,
             environment=self.environment,
             object_size=None if self.mesh is None else OBJECT_SIZE,

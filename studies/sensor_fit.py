@@ -12,6 +12,7 @@ from digs_warp.sim.fit.result import text
 from digs_warp.sim.fit.textured_wall import in_memory, record_wall
 from digs_warp.sim.fit.wall import read_wall
 from digs_warp.sim.sensor.drift import Drift
+from digs_warp.study.engine.case import STUDIED_CAMERA
 from studies.results import Result
 
 # Of the walls: image size and frames at each of the five places.
@@ -43,7 +44,7 @@ def bench_sensor_fit() -> list[Result]:
 
 
 def _walls() -> Iterator[Result]:
-    base = load_profile("zed2-720").rig(*SIZE, 60)
+    base = load_profile(STUDIED_CAMERA).rig(*SIZE)
     for seed, figures in WALLS.items():
         drift = DRIFTS[seed]
         rig = replace(base, unit=seed, **RANGE, **figures)
@@ -59,7 +60,7 @@ def _walls() -> Iterator[Result]:
 
 
 def _law() -> Iterator[Result]:
-    base = load_profile("zed2-720").rig(*SIZE, 60)
+    base = load_profile(STUDIED_CAMERA).rig(*SIZE)
     rig = replace(base, **LAW)
     fit = fit_wall(read_wall(record_wall(in_memory(rig), rig, "law", frames=FRAMES), 1.0), base)
     found = {figure.name: figure.estimate for figure in fit.figures}

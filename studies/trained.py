@@ -26,6 +26,7 @@ from digs_warp.record.progress import progress
 from digs_warp.show.film.camera_path import find_subject, orbit
 from digs_warp.splat.device import DeviceGaussians
 from digs_warp.splat.render import render
+from digs_warp.study.engine.case import STUDIED_CAMERA
 from digs_warp.study.engine.scores import psnr_with_one_gain
 from digs_warp.study.scenes import VOXEL
 from digs_warp.study.timing import Stopwatch
@@ -81,7 +82,12 @@ def trained_object() -> TrainedObject:
 
     width, height = TRAINING_SIZE
     recording = SimulateConfig(
-        frames=TRAINING_FRAMES, width=width, height=height, samples_per_pixel=1, tier="law"
+        profile=STUDIED_CAMERA,
+        frames=TRAINING_FRAMES,
+        width=width,
+        height=height,
+        samples_per_pixel=1,
+        tier="law",
     )
     init = InitConfig(voxel_size=VOXEL)
     train = TrainConfig(stop=Stop(iterations=TRAINING_STEPS), sh_degree=SH_DEGREE)
@@ -109,6 +115,7 @@ def true_views(folder: Path) -> dict[str, Sequence[TestView]]:
     for name, share, samples in TRUE_SIZES:
         width, height = (round(share * side) for side in TRAINING_SIZE)
         config = SimulateConfig(
+            profile=STUDIED_CAMERA,
             frames=TRUE_VIEWS,
             width=width,
             height=height,

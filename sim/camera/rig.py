@@ -7,11 +7,6 @@ import numpy as np
 from digs_warp.checks import DigsError, check_positive
 from digs_warp.geometry.camera import Intrinsics
 
-# A real ZED 2 has a horizontal field of view of 92 to 101 degrees [measured: factory calibration]. An
-# object at arm's length would fill a quarter of its frame, so the default is the angle of a center crop: at
-# 60 degrees an object of 0.5 m fills the height of a 16:9 frame at about 0.9 m [tuned].
-DEFAULT_FOV_DEG = 60.0
-
 # Of smooth noise [px]; smaller ones cannot be told from white noise.
 SHORTEST_CORRELATION = 1.5
 

@@ -6,19 +6,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from digs_warp.checks import DigsError
-from digs_warp.sim.camera.profiles import Profile, load_profile
-from digs_warp.sim.camera.rig import DEFAULT_FOV_DEG, StereoRig
+from digs_warp.sim.camera.profiles import DEFAULT_PROFILE, DEFAULT_SIZE, Profile, load_profile
+from digs_warp.sim.camera.rig import StereoRig
 from digs_warp.sim.camera.working_range import check_reach
 from digs_warp.sim.config import SimulateConfig
 from digs_warp.sim.scene.appearance import refinished, relit
 from digs_warp.sim.scene.builtin import builtin_environment, builtin_scene
 from digs_warp.sim.scene.environment import Environment, load_environment
 from digs_warp.sim.scene.scene import Scene
-
-# Camera and image size without a profile: a quarter of the pixels of HD720, for speed.
-DEFAULT_PROFILE = "zed2-720"
-DEFAULT_WIDTH = 640
-DEFAULT_ASPECT = 16 / 9
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,9 +79,8 @@ def _load_object(config: SimulateConfig) -> Scene:
 
 def rig_of(config: SimulateConfig) -> StereoRig:
     """Return the camera at the image size that the settings name."""
-    profile = load_profile(config.profile or DEFAULT_PROFILE)
     if config.profile is not None:
-        return profile.rig(config.width, config.height)
-    width = config.width or DEFAULT_WIDTH
-    height = config.height or max(1, round(width / DEFAULT_ASPECT))
-    return profile.rig(width, height, DEFAULT_FOV_DEG)
+        return load_profile(config.profile).rig(config.width, config.height)
+    width = config.width or DEFAULT_SIZE[0]
+    height = config.height or max(1, round(width * DEFAULT_SIZE[1] / DEFAULT_SIZE[0]))
+    return load_profile(DEFAULT_PROFILE).rig(width, height)

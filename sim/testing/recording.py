@@ -20,10 +20,9 @@ from digs_warp.record.fields import is_number
 from digs_warp.record.manifest import Content, recorded_files
 from digs_warp.record.progress import progress
 from digs_warp.settings import FRAMES, SEED, Settings
-from digs_warp.sim.camera.profiles import RIG_FIGURES, load_profile
+from digs_warp.sim.camera.profiles import DEFAULT_PROFILE, RIG_FIGURES, load_profile
 from digs_warp.sim.camera.rig import StereoRig
 from digs_warp.sim.record.frame_maker import COLOR_SEED
-from digs_warp.sim.record.inputs import DEFAULT_PROFILE
 from digs_warp.sim.record.sensor_plan import ALL_EFFECT_NAMES
 from digs_warp.sim.sensor.infrared.pair import in_three_channels, one_channel
 from digs_warp.sim.sensor.on_recordings import EFFECTS_ON_RECORDINGS, worse_depth, worse_images

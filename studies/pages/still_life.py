@@ -21,8 +21,9 @@ from digs_warp.sim.scene.finishes import periodic_noise
 from digs_warp.sim.scene.scene import Material, Scene
 from digs_warp.sim.scene.shapes import Patch, revolve
 from digs_warp.sim.sensor.frame import FrameTruth, Motion
+from digs_warp.study.engine.case import STUDIED_CAMERA
 
-WIDTH, HEIGHT, FOV_DEG = 640, 400, 62.0
+WIDTH, HEIGHT = 640, 400
 SURROUND_RADIUS = 25.0  # [m], beyond the 20 m of the camera
 SAMPLES = 12
 TEXTURE_SIZE = 512  # [px]
@@ -64,7 +65,7 @@ def still_life() -> tuple[Scene, Environment]:
 
 def still_life_rig() -> StereoRig:
     """Return a ZED-2-class camera at the size of the pictures."""
-    return load_profile("zed2-720").rig(WIDTH, HEIGHT, FOV_DEG)
+    return load_profile(STUDIED_CAMERA).rig(WIDTH, HEIGHT)
 
 
 def photograph(renderer: RaycastRenderer, scene: Scene, rig: StereoRig) -> FrameTruth:

@@ -60,6 +60,7 @@ def record_scene(
     ``drifts``: with the calibration of a recording that differs from the factory's.
     """
     config = SimulateConfig(
+        profile="bare-matcher",
         mesh=mesh,
         environment=environment,
         object_size=None if mesh is None else 0.5,

@@ -72,5 +72,7 @@ def _renderer(intrinsics: Intrinsics) -> "RaycastRenderer":
 
     # The thresholds of the tests are for a wall all around, 4 m away.
     width, height = intrinsics.width, intrinsics.height
-    config = SimulateConfig(frames=3, width=width, height=height, ground="none")
+    config = SimulateConfig(
+        profile="bare-matcher", frames=3, width=width, height=height, ground="none"
+    )
     return prepare_session(config, load_inputs(config)).renderer

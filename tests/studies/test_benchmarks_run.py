@@ -96,7 +96,9 @@ def test_every_surface_stands_beside_the_fused_depth_and_parts_have_medians(
 ) -> None:
     open3d_or_skip()
     monkeypatch.setenv("DIGS_WARP_SAMPLE_DATA", str(tmp_path))  # the built-in object alone
-    small = SimulateConfig(frames=10, width=128, height=72, samples_per_pixel=1)
+    small = SimulateConfig(
+        profile="bare-matcher", frames=10, width=128, height=72, samples_per_pixel=1
+    )
     scope = Scope(tiers=("truth",), weights=(0.0, 0.2), recording=small, iterations=30)
     found = bench_surface(scope=scope)
     rows = {r.labels["surface"]: r.values for r in found if r.table == "objects"}
@@ -117,7 +119,9 @@ def test_every_surface_stands_beside_the_fused_depth_and_parts_have_medians(
 
 
 def test_recordings_have_figures_and_a_failure_is_a_row_with_its_error(tmp_path: Path) -> None:
-    small = SimulateConfig(frames=10, width=64, samples_per_pixel=1, tier="law")
+    small = SimulateConfig(
+        profile="bare-matcher", frames=10, width=64, samples_per_pixel=1, tier="law"
+    )
     export_capture(simulate(small, tmp_path / "capture"), "tum", tmp_path / "rgbd/orbit")
     (tmp_path / "rgbd/broken").mkdir()
     kinds = [RealRecording("broken", "tum"), RealRecording("orbit", "tum")]

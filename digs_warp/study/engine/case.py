@@ -11,6 +11,9 @@ from digs_warp.words import did_you_mean
 
 T = TypeVar("T")
 
+# The camera of the studies: a bare matcher errs more than a device, and all their figures rest on it.
+STUDIED_CAMERA = "bare-matcher"
+
 
 @dataclass(frozen=True)
 class Case:

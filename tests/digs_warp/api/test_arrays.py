@@ -14,7 +14,7 @@ FRAMES, WIDTH = 6, 96
 
 @pytest.fixture(scope="module")
 def recorded() -> dw.Capture:
-    return dw.simulate(frames=FRAMES, width=WIDTH)
+    return dw.simulate(profile="bare-matcher", frames=FRAMES, width=WIDTH)
 
 
 @pytest.fixture

@@ -33,7 +33,7 @@ from reference.real_captures import recorded
 
 MARGIN = 1.5  # between each limit and what is good or wrong
 OTHER_ORDER = np.random.default_rng(1).permutation(18).tolist()
-CONFIG = SimulateConfig(frames=18, width=160, height=90)
+CONFIG = SimulateConfig(profile="bare-matcher", frames=18, width=160, height=90)
 EVERY_EFFECT = tuple(Choice(effect.name, True, "", "", "") for effect in EFFECTS)
 
 

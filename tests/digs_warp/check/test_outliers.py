@@ -36,7 +36,9 @@ def look_for(capture: Capture, *kinds: str) -> list[Finding]:
 @pytest.fixture(scope="module")
 def good() -> Capture:
     return simulate_in_memory(
-        SimulateConfig(frames=FRAMES, width=WIDTH, height=90, samples_per_pixel=1)
+        SimulateConfig(
+            profile="bare-matcher", frames=FRAMES, width=WIDTH, height=90, samples_per_pixel=1
+        )
     )
 
 
@@ -120,7 +122,9 @@ def test_a_camera_at_rest_and_doubled_frames_are_told(good: Capture, noise: floa
 def photographs() -> Capture:
     """An arc around the built-in object in its room, without depth and masks."""
     walk = WalkSettings(path="arc", elevations=(30.0,))
-    config = SimulateConfig(frames=STEPS, width=320, height=180, samples_per_pixel=1, walk=walk)
+    config = SimulateConfig(
+        profile="bare-matcher", frames=STEPS, width=320, height=180, samples_per_pixel=1, walk=walk
+    )
     return bare(simulate_in_memory(config))
 
 

@@ -42,7 +42,9 @@ def built_in(tmp_path_factory: pytest.TempPathFactory) -> Path:
     The record is that of a real recording, its frames are too few and small to see the whole object.
     """
     folder = tmp_path_factory.mktemp("run")
-    config = SimulateConfig(frames=1, width=32, height=18, samples_per_pixel=1, tier="law")
+    config = SimulateConfig(
+        profile="bare-matcher", frames=1, width=32, height=18, samples_per_pixel=1, tier="law"
+    )
     simulate(config, folder / "recording")
     surface = read_true_surface(folder / "recording")
     assert surface is not None

@@ -36,7 +36,7 @@ def test_a_wall_is_recorded_with_the_figures_to_find(
 @pytest.fixture(scope="module")
 def wall(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A recording of a wall from two places, two frames each."""
-    rig = replace(load_profile("zed2-720").rig(240, 136, 60), image_noise=NOISE, static_field=FIELD)
+    rig = replace(load_profile("bare-matcher").rig(240, 136), image_noise=NOISE, static_field=FIELD)
     writer = CaptureWriter(tmp_path_factory.mktemp("wall"), rig.intrinsics, Rig(rig.baseline))
     record_wall(writer, rig, "guided", PLACES[1:3], frames=2)
     return writer.folder
@@ -84,7 +84,7 @@ def test_wrong_flags_are_explained(
 def test_a_recording_of_something_else_is_no_wall(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    rig = load_profile("zed2-720").rig(64, 48, 60)
+    rig = load_profile("bare-matcher").rig(64, 48)
     writer = CaptureWriter(tmp_path / "fence", rig.intrinsics, Rig(rig.baseline))
     fence = np.where(np.indices((48, 64))[1] // 8 % 2, 0.2, 0.6)
     images = FrameImages(image=np.zeros((48, 64, 3), np.uint8), depth=fence.astype(np.float32))

@@ -62,7 +62,9 @@ class Recording:
 @pytest.fixture(scope="module")
 def recording(tmp_path_factory: pytest.TempPathFactory) -> Recording:
     # At 640 px a disparity is about 70 px: 0.07 px is a thousandth.
-    config = SimulateConfig(frames=FRAMES, width=640, samples_per_pixel=1, ground="none")
+    config = SimulateConfig(
+        profile="bare-matcher", frames=FRAMES, width=640, samples_per_pixel=1, ground="none"
+    )
     session = prepare_session(config, load_inputs(config))
     k = session.rig.intrinsics
     writer = CaptureWriter(tmp_path_factory.mktemp("truth"), k, Rig(session.rig.baseline))

@@ -23,7 +23,9 @@ WRONG = {2: "empty", 5: "cut", 7: "neighbor", 11: "empty"}
 
 @pytest.fixture(scope="module")
 def good() -> Capture:
-    config = SimulateConfig(frames=16, width=160, height=90, samples_per_pixel=2)
+    config = SimulateConfig(
+        profile="bare-matcher", frames=16, width=160, height=90, samples_per_pixel=2
+    )
     return simulate_in_memory(config)
 
 

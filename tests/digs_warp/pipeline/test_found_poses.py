@@ -31,7 +31,7 @@ def capture(tmp_path_factory: pytest.TempPathFactory) -> Capture:
     tile = np.random.default_rng(1).uniform(40, 230, (16, 16, 3)).repeat(4, 0).repeat(4, 1)
     write_image(wall, np.tile(tile, (8, REPEATS, 1)).astype(np.uint8))
     settings = {"environment": wall, "width": 320, "tier": "law", "camera_path": "arc", "seed": 3}
-    whole = dw.simulate(frames=20, elevations=(20.0,), **settings)
+    whole = dw.simulate(profile="bare-matcher", frames=20, elevations=(20.0,), **settings)
     return replace(whole, frames=whole.frames[:7])
 
 

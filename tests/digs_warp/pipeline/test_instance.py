@@ -27,7 +27,13 @@ def capture(tmp_path_factory: pytest.TempPathFactory) -> Path:
         save(folder / "post.ply", trimesh.creation.box((0.08, 0.08, 0.2))),
     )
     config = SimulateConfig(
-        scene=boxes, frames=16, width=128, tier="truth", unit="m", samples_per_pixel=1
+        profile="bare-matcher",
+        scene=boxes,
+        frames=16,
+        width=128,
+        tier="truth",
+        unit="m",
+        samples_per_pixel=1,
     )
     simulate(config, folder / "capture")
     return folder / "capture"

@@ -32,7 +32,9 @@ def mirrored(tmp_path_factory: pytest.TempPathFactory) -> Capture:
     """Half a turn around the built-in object; no camera sees what the middle frame shows."""
     settings = {"width": 320, "tier": "law", "camera_path": "arc", "seed": 3}
     folder = tmp_path_factory.mktemp("mirrored") / "capture"
-    frames = dw.simulate(frames=FRAMES, elevations=(20.0,), out=folder, **settings).frames
+    frames = dw.simulate(
+        profile="bare-matcher", frames=FRAMES, elevations=(20.0,), out=folder, **settings
+    ).frames
     odd = frames[MIDDLE]
     for layer, values in ((Layer.IMAGE, odd.load_image()), (Layer.DEPTH, odd.load_depth())):
         write_image(odd.path(layer), np.ascontiguousarray(values[:, ::-1]))

@@ -34,7 +34,7 @@ def capture(tmp_path_factory: pytest.TempPathFactory) -> Capture:
     pixels = np.broadcast_to(228 + 8 * across, (64, 128, 3)).astype(np.uint8)
     write_image(white, np.ascontiguousarray(pixels))
     settings = {"environment": white, "width": 240, "tier": "law", "camera_path": "arc", "seed": 2}
-    whole = dw.simulate(frames=40, elevations=(35.0,), **settings)
+    whole = dw.simulate(profile="bare-matcher", frames=40, elevations=(35.0,), **settings)
     return replace(whole, frames=whole.frames[:18])
 
 

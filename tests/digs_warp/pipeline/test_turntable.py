@@ -37,7 +37,7 @@ CENTERS_MM, TURNS_DEG = 8.0, 1.6
 @pytest.fixture(scope="module")
 def turntable() -> Capture:
     walk = WalkSettings(path="turntable")
-    size = SimulateConfig(width=240, height=136, samples_per_pixel=1)
+    size = SimulateConfig(profile="bare-matcher", width=240, height=136, samples_per_pixel=1)
     return simulate_in_memory(replace(size, frames=FRAMES, tier="law", walk=walk))
 
 
@@ -71,7 +71,9 @@ def test_poses_before_the_object_are_right(turntable: Capture) -> None:
 
 
 def test_a_moving_camera_does_not_stand_still() -> None:
-    walked = simulate_in_memory(SimulateConfig(frames=8, width=160, height=90, samples_per_pixel=1))
+    walked = simulate_in_memory(
+        SimulateConfig(profile="bare-matcher", frames=8, width=160, height=90, samples_per_pixel=1)
+    )
     found = stillness(walked.frames)
     assert found is not None and not found.is_still and found.still < 0.1
 

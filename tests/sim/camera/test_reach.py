@@ -25,7 +25,7 @@ def box(folder: Path, longest: float) -> Path:
 def test_an_object_that_the_camera_can_measure_fills_the_image(
     tmp_path: Path, longest: float, caplog: pytest.LogCaptureFixture
 ) -> None:
-    config = SimulateConfig(mesh=box(tmp_path, longest), frames=1, width=64)
+    config = SimulateConfig(profile="bare-matcher", mesh=box(tmp_path, longest), frames=1, width=64)
     inputs = load_inputs(config)
     session = prepare_session(config, inputs)
     fitting = fitting_distance(inputs.scene.radius, inputs.rig.intrinsics)
@@ -53,7 +53,7 @@ def test_a_small_object_is_seen_from_the_nearest_depth_with_a_warning(
 def test_a_small_object_is_as_far_away_as_both_eyes_ask_for_with_a_warning(
     tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
-    config = SimulateConfig(mesh=box(tmp_path, 0.08), frames=1)
+    config = SimulateConfig(profile="bare-matcher", mesh=box(tmp_path, 0.08), frames=1)
     inputs = load_inputs(config)
     k, baseline = inputs.rig.image_intrinsics, inputs.rig.baseline
     away = fitting_distance(inputs.scene.radius, k, baseline=baseline)
@@ -68,7 +68,7 @@ def test_a_small_object_is_as_far_away_as_both_eyes_ask_for_with_a_warning(
 def test_an_object_partly_beyond_the_farthest_depth_is_warned_of(
     tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
-    load_inputs(SimulateConfig(mesh=box(tmp_path, 9.0), frames=1))
+    load_inputs(SimulateConfig(profile="bare-matcher", mesh=box(tmp_path, 9.0), frames=1))
     assert "object of 9 m: fits the image from " in caplog.text
     assert "this camera measures 0.3 to 20 m; only its near parts get depth" in caplog.text
 
@@ -76,7 +76,7 @@ def test_an_object_partly_beyond_the_farthest_depth_is_warned_of(
 def test_an_object_that_would_be_out_of_reach_is_seen_from_nearer(
     tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
-    config = SimulateConfig(mesh=box(tmp_path, 12.0), frames=1)
+    config = SimulateConfig(profile="bare-matcher", mesh=box(tmp_path, 12.0), frames=1)
     inputs = load_inputs(config)
     assert fitting_distance(inputs.scene.radius, inputs.rig.intrinsics) > 20 + inputs.scene.radius
     assert camera_distance(inputs.scene, inputs.rig, config.walk) == 20
@@ -87,7 +87,7 @@ def test_an_object_that_would_be_out_of_reach_is_seen_from_nearer(
 
 
 def test_an_object_beyond_the_farthest_depth_is_refused_before_rendering(tmp_path: Path) -> None:
-    config = SimulateConfig(mesh=box(tmp_path, 111.0), frames=1)
+    config = SimulateConfig(profile="bare-matcher", mesh=box(tmp_path, 111.0), frames=1)
     with pytest.raises(
         DigsError, match=r"object of 111 m: .*0\.3 to 20 m.*glTF is in metres.*--mesh-unit"
     ):

@@ -48,7 +48,7 @@ OF_SEEDS = [0, *(pytest.param(seed, marks=pytest.mark.long) for seed in (1, 2))]
 
 
 def base() -> StereoRig:
-    return load_profile("zed2-720").rig(*SIZE, 60)
+    return load_profile("bare-matcher").rig(*SIZE)
 
 
 def fitted(

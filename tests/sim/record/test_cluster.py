@@ -97,7 +97,13 @@ def test_what_is_recorded_touches_its_ground_and_nothing_else(
     boxes: list[Path], ground: Ground
 ) -> None:
     config = SimulateConfig(
-        scene=tuple(boxes), ground=ground, object_turn=35.0, distractors=2, frames=1, width=32
+        profile="bare-matcher",
+        scene=tuple(boxes),
+        ground=ground,
+        object_turn=35.0,
+        distractors=2,
+        frames=1,
+        width=32,
     )
     session = prepare_session(config, load_inputs(config))
     scene, floor = session.scene, session.environment.floor

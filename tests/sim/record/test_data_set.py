@@ -19,7 +19,7 @@ from digs_warp.sim.record.record import simulate
 from reference.file_hashes import file_hashes
 from reference.mesh_files import TETRAHEDRON
 
-TINY = SimulateConfig(frames=2, width=48, samples_per_pixel=1)
+TINY = SimulateConfig(profile="bare-matcher", frames=2, width=48, samples_per_pixel=1)
 FLAGS = ["--frames", "2", "--width", "48", "--samples-per-pixel", "1", "--tier", "law"]
 
 

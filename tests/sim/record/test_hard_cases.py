@@ -13,7 +13,7 @@ from digs_warp.data.images import write_image
 from digs_warp.sim.config import SimulateConfig
 from digs_warp.sim.record.record import simulate
 
-SMALL = SimulateConfig(frames=1, width=96, height=72, samples_per_pixel=1)
+SMALL = SimulateConfig(profile="bare-matcher", frames=1, width=96, height=72, samples_per_pixel=1)
 SUN = 70_000.0
 
 

@@ -14,8 +14,8 @@ from digs_warp.sim.record.record import simulate, simulate_in_memory
 from digs_warp.sim.record.stream import stream
 
 CONFIGS = (
-    SimulateConfig(frames=2, width=64, labels="all"),
-    SimulateConfig(frames=2, width=64, tier="truth"),
+    SimulateConfig(profile="bare-matcher", frames=2, width=64, labels="all"),
+    SimulateConfig(profile="bare-matcher", frames=2, width=64, tier="truth"),
 )
 LOADERS = {
     Layer.IMAGE: Frame.load_image,
@@ -84,7 +84,7 @@ def test_a_capture_in_memory_has_no_folder() -> None:
 
 
 def test_a_wrong_mesh_is_named_by_both(tmp_path: Path) -> None:
-    config = SimulateConfig(mesh=tmp_path / "gone.glb", frames=1, width=64)
+    config = SimulateConfig(profile="bare-matcher", mesh=tmp_path / "gone.glb", frames=1, width=64)
     for begin in (simulate_in_memory, lambda config: next(stream(config))):
         with pytest.raises(DigsError, match=r"gone\.glb"):
             begin(config)

@@ -37,7 +37,9 @@ def boxes(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, ...]:
 
 @pytest.fixture(scope="module")
 def config(boxes: tuple[Path, ...]) -> SimulateConfig:
-    return SimulateConfig(scene=boxes, frames=6, width=160, samples_per_pixel=1, tier="truth")
+    return SimulateConfig(
+        profile="bare-matcher", scene=boxes, frames=6, width=160, samples_per_pixel=1, tier="truth"
+    )
 
 
 @pytest.fixture(scope="module")

@@ -41,6 +41,7 @@ def config(tmp_path_factory: pytest.TempPathFactory) -> SimulateConfig:
     sky = np.random.default_rng(0).integers(0, 256, (16, 32, 3), dtype=np.uint8)
     write_image(folder / "sky.png", sky)
     return SimulateConfig(
+        profile="bare-matcher",
         mesh=folder / "box.obj",
         environment=folder / "sky.png",
         frames=4,

@@ -23,7 +23,7 @@ from digs_warp.sim.sensor.post_filters.chain import COSTS, AfterMatching, choice
 from digs_warp.sim.sensor.post_filters.names import FILTERS
 from reference.file_hashes import file_hashes
 
-CONFIG = SimulateConfig(frames=2, width=96, samples_per_pixel=1, seed=5)
+CONFIG = SimulateConfig(profile="bare-matcher", frames=2, width=96, samples_per_pixel=1, seed=5)
 ALL = "dense,spatial,temporal,hole-filling"
 
 

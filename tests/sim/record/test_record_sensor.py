@@ -24,7 +24,9 @@ from digs_warp.sim.sensor.frame import Cause
 from digs_warp.sim.sensor.matcher import match, search_range
 from reference.file_hashes import file_hashes
 
-CONFIG = SimulateConfig(frames=3, width=80, samples_per_pixel=1, labels="normals", seed=5)
+CONFIG = SimulateConfig(
+    profile="bare-matcher", frames=3, width=80, samples_per_pixel=1, labels="normals", seed=5
+)
 
 
 @pytest.fixture(scope="module")

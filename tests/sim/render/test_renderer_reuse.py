@@ -89,7 +89,9 @@ def config(tmp_path: Path) -> SimulateConfig:
     mesh, environment = tmp_path / "pyramid.obj", tmp_path / "day.png"
     mesh.write_text(TETRAHEDRON)
     write_image(environment, np.random.default_rng(1).integers(0, 256, (16, 32, 3), np.uint8))
-    return SimulateConfig(mesh=mesh, environment=environment, frames=2, width=64, tier="law")
+    return SimulateConfig(
+        profile="bare-matcher", mesh=mesh, environment=environment, frames=2, width=64, tier="law"
+    )
 
 
 def test_recordings_do_not_depend_on_those_before_or_beside_them(

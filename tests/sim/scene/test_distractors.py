@@ -107,7 +107,13 @@ def test_they_are_seen_but_in_no_mask(tmp_path: Path) -> None:
     mesh.write_text(TETRAHEDRON)
     write_image(sky, np.full((8, 16, 3), 200, np.uint8))
     alone = SimulateConfig(
-        mesh=mesh, environment=sky, frames=1, width=96, samples_per_pixel=1, tier="truth"
+        profile="bare-matcher",
+        mesh=mesh,
+        environment=sky,
+        frames=1,
+        width=96,
+        samples_per_pixel=1,
+        tier="truth",
     )
     before, after = (
         simulate_in_memory(replace(alone, distractors=count)).frames[0] for count in (0, 6)

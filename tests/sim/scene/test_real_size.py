@@ -25,6 +25,7 @@ from reference.mesh_files import lopsided, save
 
 def recorded(path: Path, folder: Path, unit: Unit = "auto") -> Capture:
     config = SimulateConfig(
+        profile="bare-matcher",
         mesh=path,
         frames=3,
         width=160,

@@ -119,7 +119,7 @@ def test_a_camera_outside_is_refused(
 
 
 def test_the_floor_is_under_the_object_and_the_walk_inside() -> None:
-    config = SimulateConfig(frames=9, width=64)
+    config = SimulateConfig(profile="bare-matcher", frames=9, width=64)
     session = prepare_session(config, load_inputs(config))
     lowest = float(session.scene.vertices[:, 2].min())
     surround = session.environment.surround

@@ -43,7 +43,7 @@ RIG = replace(
     white_balance=0.6,
 )
 CONFIG = SimulateConfig(
-    frames=3, width=80, samples_per_pixel=1, seed=2, tier="guided",
+    profile="bare-matcher", frames=3, width=80, samples_per_pixel=1, seed=2, tier="guided",
     effects="auto-exposure,white-balance",
 )  # fmt: skip
 

@@ -95,7 +95,9 @@ def test_the_shown_disparity_is_that_of_the_projected_points() -> None:
 
 def test_the_rendered_image_is_the_warped_one() -> None:
     """The right image of a really turned camera is the homography of the other one."""
-    config = SimulateConfig(width=320, samples_per_pixel=16, frames=3, tier="guided")
+    config = SimulateConfig(
+        profile="bare-matcher", width=320, samples_per_pixel=16, frames=3, tier="guided"
+    )
     session = prepare_session(config, load_inputs(config))
     drift = Drift(pitch_deg=0.3, yaw_deg=-0.4, roll_deg=0.5, focal=0.01)
     straight, turned = (session.truth(1, Shutter(), d)[0] for d in (NO_DRIFT, drift))
@@ -263,7 +265,7 @@ def test_built_in_cameras_drift_by_a_tenth_or_two_of_a_pixel(name: str) -> None:
 
 def test_a_recording_has_one_drift_and_tells_it(tmp_path: Path) -> None:
     config = SimulateConfig(
-        frames=2, width=96, samples_per_pixel=1, seed=4, tier="guided", strength=10.0,
+        profile="bare-matcher", frames=2, width=96, samples_per_pixel=1, seed=4, tier="guided", strength=10.0,
         effects="calibration-drift",
     )  # fmt: skip
     session = prepare_session(config, load_inputs(config))

@@ -11,10 +11,9 @@ from digs_warp.sim.camera.rig import StereoRig
 from digs_warp.sim.fit.device_figures import WINDOWS, holes, roughness, temporal_share
 from digs_warp.sim.sensor.frame import Cause, Sensed
 from digs_warp.sim.sensor.law import sense_depth, with_holes
-from reference.zed2 import zed2_like
 
 WHITE = {"disparity_correlation": 0.0, "temporal_share": 1.0}
-RIG = replace(zed2_like(320, 200), **WHITE)
+RIG = replace(load_profile("bare-matcher").rig(320, 200), **WHITE)
 FOCAL_BASELINE = RIG.intrinsics.fx * RIG.baseline
 
 
@@ -60,13 +59,6 @@ def test_noise_belongs_to_seed_and_frame() -> None:
     np.testing.assert_array_equal(sense_depth(plane(1.0), RIG, 0, 0), sensed[0, 0])
     assert not np.array_equal(sensed[0, 0], sensed[0, 1])
     assert not np.array_equal(sensed[0, 0], sensed[1, 0])
-
-
-def test_default_rig_has_the_figures_of_a_zed2_in_proportion() -> None:
-    small, large = zed2_like(640, 360), zed2_like(1280, 720)
-    assert large.intrinsics.fx == pytest.approx(2 * small.intrinsics.fx)
-    assert small.intrinsics.fx == pytest.approx(320 / np.tan(np.deg2rad(30)))
-    assert (small.baseline, small.min_depth, small.max_depth) == (0.12, 0.3, 20.0)
 
 
 @pytest.mark.parametrize(

@@ -58,6 +58,7 @@ def test_effects_that_are_off_would_change_next_to_nothing(sample_data: Path) ->
     tried = set()
     for place in (each for each in places(sample_data) if not each.tuned):
         config = SimulateConfig(
+            profile="bare-matcher",
             mesh=place.mesh,
             environment=place.environment,
             object_size=OBJECT_SIZE,
@@ -93,6 +94,7 @@ def test_glass_that_is_left_out_changes_more_than_that(sample_data: Path) -> Non
     Before leaves: the coarse search finds the walls of the built-in room behind glass by itself.
     """
     config = SimulateConfig(
+        profile="bare-matcher",
         mesh=sample_data / "meshes/water_bottle_clear/water_bottle_clear.glb",
         environment=sample_data / "envs/forest_slope/forest_slope_1k.hdr",
         up="y",

@@ -66,7 +66,7 @@ def test_every_effect_alone_stays_in_range(name: str) -> None:
 
 def test_no_pixel_of_the_built_in_recording_lies_beyond_the_range() -> None:
     """The scene ends at 6 m, but wrong matches may lie farther."""
-    maker = FrameMaker.of(SimulateConfig(frames=12, width=320, height=180))
+    maker = FrameMaker.of(SimulateConfig(profile="bare-matcher", frames=12, width=320, height=180))
     for number in (0, 5, 11):
         depth = maker.finish(maker.render(number), {}).depth
         assert depth is not None

@@ -101,7 +101,13 @@ def config(tmp_path: Path) -> SimulateConfig:
     mesh.write_text(TETRAHEDRON)
     write_image(sky, np.full((8, 16, 3), 200, np.uint8))
     return SimulateConfig(
-        mesh=mesh, environment=sky, frames=1, width=24, height=16, samples_per_pixel=1
+        profile="bare-matcher",
+        mesh=mesh,
+        environment=sky,
+        frames=1,
+        width=24,
+        height=16,
+        samples_per_pixel=1,
     )
 
 

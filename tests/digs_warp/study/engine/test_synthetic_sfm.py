@@ -11,7 +11,9 @@ from digs_warp.study.engine.synthetic_sfm import sfm_from_truth
 
 
 def test_the_model_projects_onto_its_observations(tmp_path: Path) -> None:
-    config = SimulateConfig(frames=5, width=320, samples_per_pixel=1, tier="truth")
+    config = SimulateConfig(
+        profile="bare-matcher", frames=5, width=320, samples_per_pixel=1, tier="truth"
+    )
     frames = simulate(config, tmp_path / "capture").frames
     sfm = sfm_from_truth(frames, 1.37, points=500, feature_noise=0.5, mismatches=0.1)
     errors = np.concatenate(

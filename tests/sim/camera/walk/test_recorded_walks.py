@@ -21,7 +21,9 @@ FILM = WalkSettings(
     time_jitter=0.004,
     dropped_frames=0.34,
 )
-CONFIG = SimulateConfig(width=32, samples_per_pixel=1, tier="law", seed=2, walk=FILM)
+CONFIG = SimulateConfig(
+    profile="bare-matcher", width=32, samples_per_pixel=1, tier="law", seed=2, walk=FILM
+)
 
 
 def session_of(config: SimulateConfig) -> Session:

@@ -24,7 +24,14 @@ from reference.file_hashes import file_hashes
 
 # Frames a third of a second apart, for the flow; only three are made.
 WALK = SimulateConfig(
-    frames=270, width=96, samples_per_pixel=4, tier="guided", effects="none", labels="all", seed=3
+    profile="bare-matcher",
+    frames=270,
+    width=96,
+    samples_per_pixel=4,
+    tier="guided",
+    effects="none",
+    labels="all",
+    seed=3,
 )
 RECORDED = replace(WALK, frames=3, width=64, samples_per_pixel=1, effects="all")
 

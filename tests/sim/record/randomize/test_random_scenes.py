@@ -123,6 +123,7 @@ def test_every_key_of_ours_changes_what_is_recorded(key: str, inputs: Path) -> N
 def recorded(key: str, entry: Distribution, share: float, inputs: Path) -> list[np.ndarray]:
     """Color and sensed depth of a tinted, shiny object with one setting at a quantile."""
     config = SimulateConfig(
+        profile="bare-matcher",
         mesh=inputs / "pyramid.obj",
         environment=inputs / "day.png",
         frames=1,

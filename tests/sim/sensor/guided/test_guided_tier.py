@@ -26,7 +26,7 @@ BLOCK = 20  # pixels; failures are compared per block
 @pytest.fixture(scope="module")
 def frame() -> tuple[FrameTruth, SensorPlan, tuple[np.ndarray, np.ndarray]]:
     """The built-in object in its room, the plan, and the images that would be recorded."""
-    config = SimulateConfig(width=480, frames=7, seed=2, tier="guided")
+    config = SimulateConfig(profile="bare-matcher", width=480, frames=7, seed=2, tier="guided")
     session = prepare_session(config, load_inputs(config))
     truth, _ = session.truth(3, Shutter())
     plan = plan_for_facts(measure_facts([truth], truth.rig), session.rig, config)

@@ -21,7 +21,9 @@ from reference.mesh_files import save
 def test_every_instance_is_exported_with_its_model(tmp_path: Path) -> None:
     box = save(tmp_path / "box.ply", trimesh.creation.box((0.2, 0.1, 0.15)))
     rod = save(tmp_path / "rod.ply", trimesh.creation.box((0.05, 0.05, 0.3)))
-    config = SimulateConfig(scene=(box, rod, box), frames=2, width=96, tier="truth", unit="m")
+    config = SimulateConfig(
+        profile="bare-matcher", scene=(box, rod, box), frames=2, width=96, tier="truth", unit="m"
+    )
     capture = simulate(config, tmp_path / "capture")
     export_capture_folder(tmp_path / "capture", "bop", tmp_path / "bop", overwrite=False)
     scene = tmp_path / "bop/train/000000"
