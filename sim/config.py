@@ -13,7 +13,6 @@ from digs_warp.sim.record.labels.names import labels_named
 from digs_warp.sim.scene.appearance import LookSettings
 from digs_warp.sim.scene.environment import Ground
 from digs_warp.sim.scene.mesh.placement import Unit
-from digs_warp.sim.sensor.post_filters.names import filters_named
 
 # Frames of a recording for which nothing says otherwise.
 USUAL_FRAMES = 60
@@ -82,16 +81,6 @@ class SimulateConfig(Settings):
     """Effects of the sensor: auto (what the scene calls for), all, none, or names separated by commas
     ('digs-warp plan' lists them). For the tiers 'guided' and 'matcher'."""
 
-    filters: str = "none"
-    """What the device does after matching: none, or names separated by commas. 'spatial', 'temporal' (renders
-    four frames for one) and 'hole-filling' (from the farthest neighbor; also 'hole-filling-left' and
-    'hole-filling-nearest') are librealsense's; 'dense' stands for the neural depth modes of the ZED family:
-    smooth, hardly any holes, blurred steps. For the tiers 'guided' and 'matcher'."""
-
-    confidence_threshold: Annotated[float, Range(0, 1), NO_FLAG] = 0.0
-    """Drop matches with less confidence before any filter, 0 (none) to 1. For the tiers 'guided' and
-    'matcher'."""
-
     strength: Annotated[float, Range(0, 100), arg(name="error-strength")] = 1.0
     """Factor on the errors of the sensor; 0: none, 2: twice those of the real sensor. Limits (the range, the
     band that only one eye sees) do not change."""
@@ -143,23 +132,17 @@ class SimulateConfig(Settings):
                 f"--ground {self.ground}: the renderer gl draws no ground; choose raycast or "
                 "--ground none"
             )
-        filters_named(self.filters)
         labels = labels_named(self.labels)
         if self.walk.path == "turntable" and (self.scene or {"flow", "instances"} & set(labels)):
             raise DigsError(
                 "--camera-path turntable: one object turns, and neither flow nor places of objects are "
                 "written; leave out --scene, and of --labels flow and instances"
             )
-        for flag, value, idle in (
-            ("--effects", self.effects, "auto"),
-            ("--filters", self.filters, "none"),
-            ("confidence_threshold", self.confidence_threshold, 0),
-        ):
-            if value != idle and not self.plans_effects:
-                raise DigsError(
-                    f"{flag} {value}: has no meaning with --tier {self.tier}; choose --tier guided or "
-                    "matcher, or leave it out"
-                )
+        if self.effects != "auto" and not self.plans_effects:
+            raise DigsError(
+                f"--effects {self.effects}: has no meaning with --tier {self.tier}; choose --tier guided or "
+                "matcher, or leave it out"
+            )
 
     def _check_beats(self) -> None:
         fps, duration = self.walk.fps, self.walk.duration

@@ -34,7 +34,8 @@ from digs_warp.surface.true_surface import read_true_surface
 from digs_warp.train.config import DEPTH_WEIGHT, Stop, TrainConfig
 from studies.results import Result
 
-# What users get without a flag, but for the camera: smaller images and fewer steps leave the surface farther off.
+# What users get without a flag, but for the camera: smaller images and fewer steps leave the surface
+# farther off.
 RECORDING = SimulateConfig(profile=STUDIED_CAMERA)
 STEPS = Stop().iterations
 OBJECTS = 6

@@ -50,7 +50,6 @@ class SimulateSettings(TypedDict, total=False):
     samples_per_pixel: int
     tier: Literal["truth", "law", "guided", "matcher"]
     effects: str
-    filters: str
     error_strength: float
     labels: str
     object_size: float | None

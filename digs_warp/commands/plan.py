@@ -32,7 +32,7 @@ class Plan(JsonFile, SettingsCommand):
     recorded_as: ClassVar[str] = "simulate"
     recorded: ClassVar[type] = SimulateConfig
     main_flags: ClassVar[tuple[str, ...]] = (
-        *("mesh", "environment", "frames", "profile", "width", "tier", "effects", "filters"),
+        *("mesh", "environment", "frames", "profile", "width", "tier", "effects"),
         *("error_strength", "json", "overwrite"),
     )
 
@@ -59,6 +59,4 @@ class Plan(JsonFile, SettingsCommand):
             if choices:
                 on = sum(choice.on for choice in choices)
                 parts.append(f"{name}, {on} of {len(choices)} effects:\n{format_plan(choices)}")
-        if plan.after:
-            parts.append(f"After matching:\n{format_plan(plan.after)}")
         return "\n\n".join(parts)

@@ -15,15 +15,12 @@ from digs_warp.sim.record.inputs import load_inputs, rig_of
 from digs_warp.sim.record.labels.frame import LabeledFrame
 from digs_warp.sim.record.labels.names import label_layers, labels_named
 from digs_warp.sim.record.sensor_plan import SensorPlan, check_effects, make_plan
-from digs_warp.sim.record.session import ObjectPixels, Session, number_before, prepare_session
+from digs_warp.sim.record.session import ObjectPixels, Session, prepare_session
 from digs_warp.sim.sensor.color.adaptation import Adaptation
 from digs_warp.sim.sensor.color.recorded import recorded_images
-from digs_warp.sim.sensor.filters import gray_of
 from digs_warp.sim.sensor.frame import FrameTruth, Sensed
 from digs_warp.sim.sensor.infrared.pair import in_three_channels, one_channel
 from digs_warp.sim.sensor.infrared.registration import ColorView, Registered, registered
-from digs_warp.sim.sensor.law import within_range
-from digs_warp.sim.sensor.post_filters.chain import AfterMatching, Shot
 from digs_warp.sim.sensor.tiers import depth_of, sense
 
 # Added to the seed for the noise of a color camera beside an infrared pair.
@@ -52,13 +49,11 @@ class RenderedFrame:
         truth: of the eyes that measure depth.
         objects: where the recorded image shows the objects.
         color: what the color camera beside an infrared pair sees; None: the left eye takes the images.
-        earlier: truth of the frames just before that a filter needs, the earliest first.
     """
 
     truth: FrameTruth
     objects: ObjectPixels
     color: ColorView | None = None
-    earlier: tuple[FrameTruth, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,12 +77,10 @@ class FrameMaker:
     def render(self, number: int) -> RenderedFrame:
         """Return the truth of a frame, and of those before it that the device remembers."""
         truth, objects = self._truth(number)
-        before = range(self.device.earlier_frames, 0, -1)
-        earlier = tuple(self._truth(number_before(number, frames))[0] for frames in before)
         if not truth.rig.has_color_camera:
-            return RenderedFrame(truth, objects, None, earlier)
+            return RenderedFrame(truth, objects)
         color = self.session.color_view(number, self._shutter(number))
-        return RenderedFrame(truth, ObjectPixels(color.mask, color.object_ids), color, earlier)
+        return RenderedFrame(truth, ObjectPixels(color.mask, color.object_ids), color)
 
     def _truth(self, number: int) -> tuple[FrameTruth, ObjectPixels]:
         config, session = self.session.config, self.session
@@ -108,11 +101,6 @@ class FrameMaker:
     def recorded_eye(self, number: int) -> ShutteredEye:
         """Return the camera that takes the images of a frame."""
         return self.session.image_eye(number, self._shutter(number))
-
-    @property
-    def device(self) -> AfterMatching:
-        """What the device does after matching."""
-        return AfterMatching.of(self.session.config)
 
     def finish(self, frame: RenderedFrame, seconds: dict[str, float]) -> FrameImages:
         """Return the content of the files; safe to call in several threads, as `render` is.
@@ -150,7 +138,7 @@ class FrameMaker:
         with timed(seconds, "color"):
             image, right = self._recorded(truth)
         with timed(seconds, "sense"):
-            sensed = self._reported(frame, (image, right))
+            sensed = self._sensed(truth, (image, right))
             depth = depth_of(sensed, truth)
         tells = config.plans_effects
         return FrameImages(
@@ -173,10 +161,10 @@ class FrameMaker:
             image = self._recorded_color(truth, view)
             left, right = (one_channel(eye) for eye in self._recorded(truth))
         with timed(seconds, "sense"):
-            if tells:
+            if tells and config.strength > 0:
                 pair = (in_three_channels(left), in_three_channels(right))
-                measured = registered(self._reported(frame, pair), truth, view)
-            else:  # a law on perfect depth: there is nothing to register
+                measured = registered(self._sensed(truth, pair), truth, view)
+            else:  # exact, or a law on exact depth: there is nothing to register
                 measured = Registered.of(self._sensed(view.as_truth(truth)), view.as_truth(truth))
         return FrameImages(
             image=image,
@@ -215,24 +203,6 @@ class FrameMaker:
 
     def _adapted(self, number: int) -> Adaptation:
         return self.plan.adapted(self.session.moment(number))
-
-    def _reported(self, frame: RenderedFrame, pair: tuple[np.ndarray, np.ndarray]) -> Sensed:
-        """Return what the device makes of a recorded pair, and of those just before."""
-        if not self.device.acts:
-            return self._sensed(frame.truth, pair)
-        shots = [self._shot(truth, self._matched_pair(truth)) for truth in frame.earlier]
-        shots.append(self._shot(frame.truth, pair))
-        return within_range(self.device.apply(shots), frame.truth.rig)
-
-    def _matched_pair(self, truth: FrameTruth) -> tuple[np.ndarray, np.ndarray]:
-        """Return the two images that are matched, each (height, width, 3), uint8."""
-        left, right = self._recorded(truth)
-        if truth.rig.has_color_camera:
-            return in_three_channels(one_channel(left)), in_three_channels(one_channel(right))
-        return left, right
-
-    def _shot(self, truth: FrameTruth, pair: tuple[np.ndarray, np.ndarray]) -> Shot:
-        return Shot(self._sensed(truth, pair), gray_of(pair[0]))
 
     def _sensed(
         self, truth: FrameTruth, recorded: tuple[np.ndarray, np.ndarray] | None = None

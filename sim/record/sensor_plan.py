@@ -28,7 +28,6 @@ from digs_warp.sim.sensor.effects import AFTER_MATCHING, EFFECTS
 from digs_warp.sim.sensor.effects.protocol import Choice
 from digs_warp.sim.sensor.facts import SceneFacts, measure_facts
 from digs_warp.sim.sensor.planner import EFFECT_NAMES, override, plan, wanted_effects
-from digs_warp.sim.sensor.post_filters.chain import AfterMatching, choices_of
 
 # Frames that the plan looks at, evenly spaced: four on each of three orbits.
 LOOKS = 12
@@ -50,21 +49,19 @@ class SensorPlan:
     Attributes:
         depth: effects on the depth path, in the order in which they act; empty where the tier plans none.
         color: the same on the color path.
-        after: what the user asks of the device after matching, in the order in which it acts.
         facts: the basis of the choices; None where the tier plans nothing.
         adaptation: how exposure and white balance follow the light; None where both are off.
     """
 
     depth: tuple[Choice, ...] = ()
     color: tuple[Choice, ...] = ()
-    after: tuple[Choice, ...] = ()
     facts: SceneFacts | None = None
     adaptation: AdaptationTrack | None = None
 
     @property
     def effects_on(self) -> tuple[str, ...]:
         """Names of all effects that are on."""
-        choices = (*self.color, *self.depth, *self.after)
+        choices = (*self.color, *self.depth)
         return tuple(choice.effect for choice in choices if choice.on)
 
     @property
@@ -122,7 +119,6 @@ class SensorPlan:
         return {
             "depth": [asdict(choice) for choice in self.depth],
             "color": [asdict(choice) for choice in self.color],
-            "after": [asdict(choice) for choice in self.after],
             "drift": asdict(drift),
             # Depth has no extremes if nothing is in view.
             "facts": {name: v if np.isfinite(v) else None for name, v in facts.items()},
@@ -163,7 +159,7 @@ def plan_for_facts(facts: SceneFacts, rig: StereoRig, config: SimulateConfig) ->
     depth = tuple(choice for choice in plan(facts, rig) if choice.effect in acting)
     if wanted is not None:
         color, depth = override(color, wanted), override(depth, wanted)
-    return SensorPlan(depth, color, choices_of(AfterMatching.of(config)), facts)
+    return SensorPlan(depth, color, facts)
 
 
 def check_effects(config: SimulateConfig) -> None:

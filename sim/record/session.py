@@ -27,12 +27,6 @@ from digs_warp.sim.sensor.infrared.registration import ColorView
 if TYPE_CHECKING:
     from digs_warp.sim.render.raycast import RaycastRenderer
 
-# [Hz] The usual mode of the cameras that the profiles describe, where --fps names no other.
-FRAME_RATE = 30.0
-
-# Added to a frame's number for each frame that the camera took before it; more than any recording has.
-EARLIER = 1_000_000
-
 # Width of a look at the scene [px]: a thousandth of a dozen looks is sixty pixels.
 LOOK_WIDTH = 96
 
@@ -40,11 +34,6 @@ LOOK_WIDTH = 96
 LEFT_EYE, RIGHT_EYE, COLOR_CAMERA = 101, 102, 103
 
 UNTURNED = np.eye(3)
-
-
-def number_before(number: int, frames: int) -> int:
-    """Return the number of the frame that the camera took ``frames`` frames before one of the recording."""
-    return number + frames * EARLIER
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,9 +80,8 @@ class Session:
         return frame_moments(config.beats, config.walk, self.walk.end, config.seed)
 
     def moment(self, number: int) -> float:
-        """Return the time [s] of a frame, or of one just before it; the camera stands still before time 0."""
-        earlier, recorded = divmod(number, EARLIER)
-        return max(self.moments[recorded] - earlier / (self.config.walk.fps or FRAME_RATE), 0.0)
+        """Return the time [s] of a frame."""
+        return self.moments[number]
 
     def small(self) -> "Session":
         """Return the same walk seen in few pixels with a ray each, for the plan."""
@@ -114,7 +102,7 @@ class Session:
         """Render the two eyes of a frame; frames do not depend on each other.
 
         Args:
-            number: of the frame, 0 to ``config.frame_count`` - 1, or of one just before it (`number_before`).
+            number: of the frame, 0 to ``config.frame_count`` - 1.
             shutter: through which both eyes look.
             drift: of the right eye.
             projects: whether the projector is on, if the camera has one.
@@ -191,7 +179,7 @@ class Session:
         """Return what shows the scene as it is in a frame: on a turntable the objects have turned."""
         if self.config.walk.path != "turntable":
             return self.renderer
-        turn = 2 * np.pi * (number % EARLIER) / self.config.frame_count
+        turn = 2 * np.pi * number / self.config.frame_count
         return _make_renderer(self.config, self.scene.turned(turn), self.environment)
 
     def _eye(

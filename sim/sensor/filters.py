@@ -81,25 +81,6 @@ def transposed(image: np.ndarray) -> np.ndarray:
     return cv2.transpose(image)
 
 
-def halves(image: np.ndarray) -> np.ndarray:
-    """Return the means of blocks of 2 x 2 pixels, float32; odd sizes count the last row and column twice."""
-    import cv2
-
-    height, width = image.shape
-    even = cv2.copyMakeBorder(image, 0, height % 2, 0, width % 2, cv2.BORDER_REPLICATE)
-    size = (even.shape[1] // 2, even.shape[0] // 2)
-    return cv2.resize(even.astype(np.float32), size, interpolation=cv2.INTER_AREA)
-
-
-def doubled_linearly(image: np.ndarray, shape: tuple[int, int]) -> np.ndarray:
-    """Return what `halves` made of an image of ``shape`` (height, width) at that size, bilinear, float32."""
-    import cv2
-
-    height, width = image.shape
-    whole = cv2.resize(image, (2 * width, 2 * height), interpolation=cv2.INTER_LINEAR)
-    return whole[: shape[0], : shape[1]]
-
-
 def sampled(image: np.ndarray, columns: np.ndarray, rows: np.ndarray) -> np.ndarray:
     """Return an image at fractional places, by Lanczos' filter over eight pixels, mirrored at the borders.
 

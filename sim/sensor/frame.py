@@ -47,11 +47,9 @@ class Cause(IntEnum):
     NEAR = 10, "nearer than the sensor's range"
     FAR = 11, "farther than the sensor's range"
     EDGE = 12, "the matching window straddles a depth step"
-    FILTERED = 13, "a filter moved it by more than a pixel"
     RECTIFICATION = 15, "the calibration has drifted: wrong columns, or rows that are not aligned"
     RANDOM = 16, "dropped for no visible reason"
-    FILLED = 17, "a hole that a filter filled"
-    LOW_CONFIDENCE = 18, "below the confidence threshold"
+    LOW_CONFIDENCE = 18, "the device does not trust the match"
 
 
 # Gradient over image noise above which a patch is matched: 99 % of the pixels at 0.24, 9 % at 0.12.

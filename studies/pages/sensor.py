@@ -5,7 +5,7 @@ from inspect import getdoc
 
 from digs_warp.sim.sensor.color import COLOR_EFFECTS
 from digs_warp.sim.sensor.effects import EFFECTS
-from digs_warp.sim.sensor.effects.protocol import Choice, SensorEffect
+from digs_warp.sim.sensor.effects.protocol import Choice, Effect
 from digs_warp.sim.sensor.frame import Cause
 from digs_warp.study.table import Table
 from scripts.page_marks import DOCS, fill
@@ -28,7 +28,7 @@ def main() -> None:
         fill(PAGE, mark, text)
 
 
-def effects_table(effects: Sequence[SensorEffect], studio: SensorStudio) -> str:
+def effects_table(effects: Sequence[Effect], studio: SensorStudio) -> str:
     """Return what each effect does, and where it is on."""
     rows = [
         [f"`{e.name}`", first_paragraph(type(e)), limits(e.choose(studio.facts, studio.rig))]

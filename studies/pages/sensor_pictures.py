@@ -12,7 +12,7 @@ from digs_warp.sim.render.raycast import RaycastRenderer
 from digs_warp.sim.sensor.color.image_noise import ReadNoise, ShotNoise
 from digs_warp.sim.sensor.color.recorded import recorded_images
 from digs_warp.sim.sensor.effects import AFTER_MATCHING, SECOND_SURFACES
-from digs_warp.sim.sensor.effects.protocol import Choice, DepthEffect, SensorEffect
+from digs_warp.sim.sensor.effects.protocol import Choice, DepthEffect, Effect
 from digs_warp.sim.sensor.facts import measure_facts
 from digs_warp.sim.sensor.frame import FrameTruth, Sensed
 from digs_warp.sim.sensor.tiers import effect_rng, sense
@@ -92,7 +92,7 @@ class SensorStudio:
             changed = lost | (np.abs(sensed.disparity - truth.disparity) > 0)
         return DepthFigure(truth, truth.disparity, sensed, changed)
 
-    def surface_strip(self, effect: SensorEffect, path: Path) -> None:
+    def surface_strip(self, effect: Effect, path: Path) -> None:
         """Draw what the search finds with and without the candidates of second surfaces of a kind."""
         off, on = self.sensed("guided"), self.sensed("guided", effect.name)
         with np.errstate(invalid="ignore"):

@@ -11,7 +11,7 @@ from digs_warp.words import did_you_mean
 
 T = TypeVar("T")
 
-# The camera of the studies: a bare matcher errs more than a device, and all their figures rest on it.
+# Recordings of the studies: a bare matcher errs more than a device, and all published figures rest on it.
 STUDIED_CAMERA = "bare-matcher"
 
 

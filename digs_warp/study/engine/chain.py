@@ -23,7 +23,7 @@ from digs_warp.record.lock import taking_turns
 from digs_warp.record.run_log import RunRecord, versions
 from digs_warp.record.typed import to_json as record_json
 from digs_warp.sim.config import SimulateConfig
-from digs_warp.study.engine.case import Case, with_settings
+from digs_warp.study.engine.case import STUDIED_CAMERA, Case, with_settings
 from digs_warp.study.engine.placement import mesh_in_place, motion_to_truth
 from digs_warp.study.engine.scores import (
     OTHER_SIZES,
@@ -55,7 +55,8 @@ SURFACE_THRESHOLD = 0.005
 
 def record_case(case: Case, folder: Path) -> Capture:
     """Return the recording of a case; it is made when the study's ``folder`` does not hold it yet."""
-    return _recorded(with_settings(SimulateConfig(), case.recording), case.recording_key, folder)
+    config = with_settings(SimulateConfig(profile=STUDIED_CAMERA), case.recording)
+    return _recorded(config, case.recording_key, folder)
 
 
 def run_case(case: Case, folder: Path) -> dict[str, Any]:
@@ -192,7 +193,8 @@ def _against_truth(
 def _yardstick(case: Case, folder: Path, size: str = "") -> Sequence[Frame]:
     """Return views that no case has seen, at another ``size`` if given; they are recorded once per scene."""
     scene = {name: case.recording[name] for name in SCENE_SETTINGS if name in case.recording}
-    config = with_settings(SimulateConfig(**(YARDSTICK | OTHER_SIZES.get(size, {}))), scene)
+    views = {"profile": STUDIED_CAMERA} | YARDSTICK | OTHER_SIZES.get(size, {})
+    config = with_settings(SimulateConfig(**views), scene)
     name = f"yardstick-{size}-" if size else "yardstick-"
     return _recorded(config, f"{name}{digest(scene)}", folder).frames
 

@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from digs_warp.study.charts import Chart
-from digs_warp.study.engine.case import STUDIED_CAMERA, Case
+from digs_warp.study.engine.case import Case
 from digs_warp.study.engine.records import (
     AT_TWICE,
     Column,
@@ -33,10 +33,7 @@ ITERATIONS = (100, 300)
 ALL, NONE = "all together", "none"
 
 # Small, because there are many effects. Poses come from the recording, so that nothing else is wrong.
-RECORDING: dict[str, Any] = {
-    **{"profile": STUDIED_CAMERA, "samples_per_pixel": 2},
-    **{"frames": 24, "width": 400, "height": 225},
-}
+RECORDING: dict[str, Any] = {"frames": 24, "width": 400, "height": 225, "samples_per_pixel": 2}
 
 
 def cases(objects: Objects, seeds: int = 1, iterations: int = 300) -> list[Case]:

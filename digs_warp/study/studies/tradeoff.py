@@ -5,7 +5,7 @@ from statistics import fmean
 from typing import Any, NamedTuple
 
 from digs_warp.study.charts import Chart, Curve
-from digs_warp.study.engine.case import STUDIED_CAMERA, Case
+from digs_warp.study.engine.case import Case
 from digs_warp.study.engine.records import (
     AT_TWICE,
     Record,
@@ -20,10 +20,7 @@ from digs_warp.study.scenes import VOXEL, Objects, voxel_size
 from digs_warp.study.table import Table
 
 # The point that every knob starts from.
-RECORDING: dict[str, Any] = {
-    **{"profile": STUDIED_CAMERA, "samples_per_pixel": 4},
-    **{"frames": 40, "width": 480, "height": 270},
-}
+RECORDING: dict[str, Any] = {"frames": 40, "width": 480, "height": 270, "samples_per_pixel": 4}
 RECONSTRUCTION: dict[str, Any] = {"train.stop.iterations": 500, "init.voxel_size": VOXEL}
 USUAL = "usual"
 

@@ -2,7 +2,7 @@
 
 from digs_warp.sim.sensor.color.auto_exposure import AutoExposure, WhiteBalance
 from digs_warp.sim.sensor.color.image_noise import ReadNoise, ShotNoise
-from digs_warp.sim.sensor.color.protocol import ColorEffect, PixelEffect
+from digs_warp.sim.sensor.color.protocol import PixelEffect
 from digs_warp.sim.sensor.color.rendering import (
     CalibrationDrift,
     ImageBlur,
@@ -10,6 +10,7 @@ from digs_warp.sim.sensor.color.rendering import (
     RollingShutter,
 )
 from digs_warp.sim.sensor.color.vignetting import LensBlur, Vignetting
+from digs_warp.sim.sensor.effects.protocol import Effect
 
 PROJECTOR = Projector()
 ROLLING_SHUTTER = RollingShutter()
@@ -29,7 +30,7 @@ PIXEL_EFFECTS: tuple[PixelEffect, ...] = (
     ReadNoise(),
 )
 
-COLOR_EFFECTS: tuple[ColorEffect, ...] = (
+COLOR_EFFECTS: tuple[Effect, ...] = (
     PROJECTOR,
     ROLLING_SHUTTER,
     IMAGE_BLUR,

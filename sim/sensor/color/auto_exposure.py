@@ -1,37 +1,26 @@
 """Automatic exposure and white balance: the camera follows the scene toward middle gray, with a lag."""
 
-from dataclasses import dataclass
-from typing import ClassVar
-
 import numpy as np
 
 from digs_warp.sim.camera.rig import StereoRig
 from digs_warp.sim.sensor.color.encoding import amplified
-from digs_warp.sim.sensor.color.protocol import EyeImages
-from digs_warp.sim.sensor.effects.protocol import Choice, choose_above
+from digs_warp.sim.sensor.color.protocol import EyeImages, PixelEffect
 from digs_warp.sim.sensor.facts import SceneFacts
 
-# Smallest correction that viewers notice: a fifth more or less of red or blue [stops] [tuned].
-VISIBLE_TINT = 0.25
 
-
-@dataclass(frozen=True)
-class WhiteBalance:
+class WhiteBalance(PixelEffect):
     """Gains of red and blue for both images that remove a share of the color cast."""
 
-    name: ClassVar[str] = "white-balance"
+    name = "white-balance"
+    statistic = "white_balance x color_cast"
+    limit = 0.25  # the smallest correction that viewers notice: a fifth more or less of red or blue [tuned]
+    unit = "stops"
+    on = "the scene has a color cast: the camera corrects its white balance"
+    off = "one white balance fits all frames"
 
-    def choose(self, facts: SceneFacts, rig: StereoRig) -> Choice:
-        """On if the images have a strong color cast, and the camera corrects it."""
-        return choose_above(
-            self.name,
-            "white_balance x color_cast",
-            rig.white_balance * facts.color_cast,
-            VISIBLE_TINT,
-            "stops",
-            on="the scene has a color cast: the camera corrects its white balance",
-            off="one white balance fits all frames",
-        )
+    def measured(self, facts: SceneFacts, rig: StereoRig) -> float:
+        """Return what the camera would correct."""
+        return rig.white_balance * facts.color_cast
 
     def apply(
         self, eyes: EyeImages, rig: StereoRig, rng: np.random.Generator, strength: float = 1.0
@@ -41,27 +30,18 @@ class WhiteBalance:
         return amplified(eyes, tint, tint)
 
 
-# Share of saturated and dark pixels above which a camera corrects the exposure [tuned].
-BADLY_EXPOSED = 0.1
-
-
-@dataclass(frozen=True)
-class AutoExposure:
+class AutoExposure(PixelEffect):
     """One gain for both images, from the mean of the left one over the last moments."""
 
-    name: ClassVar[str] = "auto-exposure"
+    name = "auto-exposure"
+    statistic = "saturated_share + dark_share"
+    limit = 0.1  # above it, a camera corrects the exposure [tuned]
+    on = "much of the images is too bright or too dark: the camera corrects its exposure"
+    off = "one exposure fits all frames"
 
-    def choose(self, facts: SceneFacts, rig: StereoRig) -> Choice:
-        """On if much of the images is saturated or black."""
-        return choose_above(
-            self.name,
-            "saturated_share + dark_share",
-            facts.saturated_share + facts.dark_share,
-            BADLY_EXPOSED,
-            "",
-            on="much of the images is too bright or too dark: the camera corrects its exposure",
-            off="one exposure fits all frames",
-        )
+    def measured(self, facts: SceneFacts, rig: StereoRig) -> float:
+        """Return the share that is badly exposed."""
+        return facts.saturated_share + facts.dark_share
 
     def apply(
         self, eyes: EyeImages, rig: StereoRig, rng: np.random.Generator, strength: float = 1.0

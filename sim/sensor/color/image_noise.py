@@ -14,24 +14,17 @@ multiplies what is there: the image x after the gain has the variance
     g x / W + g^2 r
 """
 
-from dataclasses import dataclass
-from typing import ClassVar
-
 import numpy as np
 
 from digs_warp.sim.camera.rig import StereoRig
 from digs_warp.sim.sensor.color.adaptation import MIDDLE_GREY
 from digs_warp.sim.sensor.color.pixel_loops import with_noise
-from digs_warp.sim.sensor.color.protocol import ByChannel, EyeImages
-from digs_warp.sim.sensor.effects.protocol import Choice, choose_above
+from digs_warp.sim.sensor.color.protocol import ByChannel, EyeImages, PixelEffect
 from digs_warp.sim.sensor.facts import SceneFacts
 from digs_warp.sim.sensor.noise_field import drawn_quantiles
 
 # 8-bit sRGB steps per unit of linear light at middle gray: the derivative of the sRGB curve there.
 STEPS_PER_LINEAR = 255 * 1.055 / 2.4 * MIDDLE_GREY ** (1 / 2.4 - 1)
-
-
-SHOT_COST, READ_COST = 45.0, 25.0  # [ms/MP]
 
 
 def shot_factor(rig: StereoRig) -> float:
@@ -54,24 +47,15 @@ def noise_sigma(linear: np.ndarray, rig: StereoRig) -> np.ndarray:
     return np.sqrt(shot_factor(rig) ** 2 * np.maximum(linear, 0) + read_sigma(rig) ** 2)
 
 
-@dataclass(frozen=True)
-class ShotNoise:
+class ShotNoise(PixelEffect):
     """Shot noise: its variance is proportional to the signal, per pixel, channel and eye."""
 
-    name: ClassVar[str] = "shot-noise"
-
-    def choose(self, facts: SceneFacts, rig: StereoRig) -> Choice:
-        """Depends on the sensor alone."""
-        return choose_above(
-            self.name,
-            "image_noise",
-            rig.image_noise,
-            0.0,
-            "DN",
-            SHOT_COST,
-            on="light comes in photons, and every sensor counts them",
-            off="the profile states no image noise",
-        )
+    name = "shot-noise"
+    statistic = "image_noise"
+    unit = "DN"
+    cost = 45.0
+    on = "light comes in photons, and every sensor counts them"
+    off = "the profile states no image noise"
 
     def apply(
         self, eyes: EyeImages, rig: StereoRig, rng: np.random.Generator, strength: float = 1.0
@@ -83,24 +67,19 @@ class ShotNoise:
         return eyes.with_images(*(_noisy(x, (red, green, blue), rng, is_shot=True) for x in images))
 
 
-@dataclass(frozen=True)
-class ReadNoise:
+class ReadNoise(PixelEffect):
     """Read noise: its variance is constant, per pixel, channel and eye."""
 
-    name: ClassVar[str] = "read-noise"
+    name = "read-noise"
+    statistic = "read_noise"
+    unit = "DN"
+    cost = 25.0
+    on = "the electronics add noise, which shows in the dark"
+    off = "shot noise explains all image noise that the profile states"
 
-    def choose(self, facts: SceneFacts, rig: StereoRig) -> Choice:
-        """Depends on the sensor alone."""
-        return choose_above(
-            self.name,
-            "read_noise",
-            read_sigma(rig) * STEPS_PER_LINEAR,
-            0.0,
-            "DN",
-            READ_COST,
-            on="the electronics add noise, which shows in the dark",
-            off="shot noise explains all image noise that the profile states",
-        )
+    def measured(self, facts: SceneFacts, rig: StereoRig) -> float:
+        """Return its standard deviation at middle gray."""
+        return read_sigma(rig) * STEPS_PER_LINEAR
 
     def apply(
         self, eyes: EyeImages, rig: StereoRig, rng: np.random.Generator, strength: float = 1.0

@@ -1,15 +1,13 @@
-"""What an effect on the images is: it decides whether a scene calls for it, and changes the images."""
+"""What an effect on the images changes."""
 
 from dataclasses import dataclass, replace
-from typing import ClassVar, Protocol
 
 import numpy as np
 
 from digs_warp.geometry.camera import Intrinsics
 from digs_warp.sim.camera.rig import StereoRig
 from digs_warp.sim.sensor.color.adaptation import NOT_ADAPTED, Adaptation
-from digs_warp.sim.sensor.effects.protocol import Choice
-from digs_warp.sim.sensor.facts import SceneFacts
+from digs_warp.sim.sensor.effects.protocol import Effect
 
 # A figure for red, green and blue.
 ByChannel = tuple[float, float, float]
@@ -39,22 +37,11 @@ class EyeImages:
         return replace(self, left=left, right=right)
 
 
-class ColorEffect(Protocol):
-    """The part that all effects on the images share."""
-
-    name: ClassVar[str]
-    """In kebab-case, as --effects takes it; also part of the seed of its random numbers."""
-
-    def choose(self, facts: SceneFacts, rig: StereoRig) -> Choice:
-        """Return whether the scene calls for the effect, and why."""
-        ...
-
-
-class PixelEffect(ColorEffect, Protocol):
+class PixelEffect(Effect):
     """An effect that changes the rendered images."""
 
     def apply(
         self, eyes: EyeImages, rig: StereoRig, rng: np.random.Generator, strength: float = 1.0
     ) -> EyeImages:
         """Return the images after the effect; ``rng`` is seeded by (seed, frame, effect)."""
-        ...
+        raise NotImplementedError

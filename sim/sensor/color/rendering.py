@@ -11,39 +11,28 @@
 """
 
 import zlib
-from dataclasses import dataclass
-from typing import ClassVar
 
 import numpy as np
 
 from digs_warp.sim.camera.rig import StereoRig
 from digs_warp.sim.sensor.drift import Drift
-from digs_warp.sim.sensor.effects.protocol import Choice, choose_above, choose_by_share
+from digs_warp.sim.sensor.effects.protocol import Effect
 from digs_warp.sim.sensor.facts import SceneFacts
 
 # Jump between neighboring bands: too small to be seen.
 STEP_PX = 0.5
 MIN_BANDS, MAX_BANDS = 2, 32
 
-BANDS_COST = 60.0  # of rendering in bands [ms/MP]
 
-
-@dataclass(frozen=True)
-class RollingShutter:
+class RollingShutter(Effect):
     """Renders each row from the pose at which it was read."""
 
-    name: ClassVar[str] = "rolling-shutter"
-
-    def choose(self, facts: SceneFacts, rig: StereoRig) -> Choice:
-        """On if the image moves visibly while the rows are read."""
-        return choose_by_share(
-            self.name,
-            "skewed_share",
-            facts.skewed_share,
-            BANDS_COST,
-            on="the hand moves far enough while the rows are read to distort the images",
-            off="the rows are read too fast, or all at once, for the hand to distort the images",
-        )
+    name = "rolling-shutter"
+    statistic = "skewed_share"
+    of_pixels = True
+    cost = 60.0  # of rendering in bands
+    on = "the hand moves far enough while the rows are read to distort the images"
+    off = "the rows are read too fast, or all at once, for the hand to distort the images"
 
     def bands(self, facts: SceneFacts, rig: StereoRig, strength: float = 1.0) -> int:
         """Return the number of bands of rows; ``strength`` stretches the read-out time."""
@@ -59,52 +48,38 @@ MIN_VIEWS, MAX_VIEWS = 2, 16
 USUAL_RAYS, VIEW_COST = 4, 650.0
 
 
-@dataclass(frozen=True)
-class ImageBlur:
+class ImageBlur(Effect):
     """Spreads the exposure over the motion."""
 
-    name: ClassVar[str] = "image-blur"
+    name = "image-blur"
+    statistic = "blurred_share"
+    of_pixels = True
+    on = "the hand moves far enough during an exposure to blur the images"
+    off = "the shutter is too fast for the hand to blur the images"
 
-    def choose(self, facts: SceneFacts, rig: StereoRig) -> Choice:
-        """On if the image moves visibly during the exposure."""
-        return choose_by_share(
-            self.name,
-            "blurred_share",
-            facts.blurred_share,
-            VIEW_COST * max(0, self.views(facts) - USUAL_RAYS),
-            on="the hand moves far enough during an exposure to blur the images",
-            off="the shutter is too fast for the hand to blur the images",
-        )
+    def price(self, facts: SceneFacts, rig: StereoRig) -> float:
+        """Return the cost of the views beyond the usual rays."""
+        return VIEW_COST * max(0, self.views(facts) - USUAL_RAYS)
 
     def views(self, facts: SceneFacts, strength: float = 1.0) -> int:
         """Return the number of views per exposure, which is ``strength`` times as long as the rig's."""
         return int(np.clip(np.ceil(strength * facts.blur_px / VIEW_PX), MIN_VIEWS, MAX_VIEWS))
 
 
-# Smallest shift that matters [px]: below the step of a matcher.
-VISIBLE_SHIFT_PX = 0.05
-
-
-@dataclass(frozen=True)
-class CalibrationDrift:
+class CalibrationDrift(Effect):
     """Rotation, focal length and baseline, drawn once for a recording: the same in all of its frames."""
 
-    name: ClassVar[str] = "calibration-drift"
+    name = "calibration-drift"
+    statistic = "shift of the right image"
+    limit = 0.05  # below the step of a matcher
+    unit = "px"
+    on = "the eyes are not quite where the factory calibration says"
+    off = "the rig keeps its calibration"
 
-    def choose(self, facts: SceneFacts, rig: StereoRig) -> Choice:
-        """On if a drift of one standard deviation shows."""
-        corner, scale = corner_shift(rig), rig.baseline_drift * rig.focal_baseline / facts.min_depth
-        on = corner > VISIBLE_SHIFT_PX or scale > VISIBLE_SHIFT_PX
-        return Choice(
-            self.name,
-            bool(on),
-            f"corner_shift = {corner:.3g} px, baseline_shift = {scale:.3g} px",
-            f"either > {VISIBLE_SHIFT_PX:g} px",
-            "the eyes are not quite where the factory calibration says"
-            if on
-            else "the rig keeps its calibration",
-            share=float(on),
-        )
+    def measured(self, facts: SceneFacts, rig: StereoRig) -> float:
+        """Return a standard deviation, in a corner or by the baseline, whichever is larger."""
+        by_baseline = rig.baseline_drift * rig.focal_baseline / facts.min_depth
+        return float(np.fmax(corner_shift(rig), by_baseline))
 
     def draw(self, rig: StereoRig, seed: int, strength: float = 1.0) -> Drift:
         """Return the drift of a recording.
@@ -134,29 +109,12 @@ def corner_shift(rig: StereoRig) -> float:
     return float(np.sqrt(np.sum(np.square(shifts))))
 
 
-# Dots that drown in the image noise in all but this share of the view do not help a matcher [tuned].
-MIN_SHARE = 0.01
-
-PROJECTOR_COST = 500.0  # of its rays and spots in both eyes [ms/MP]
-
-
-@dataclass(frozen=True)
-class Projector:
+class Projector(Effect):
     """Draws pseudo-random dots into the infrared pair."""
 
-    name: ClassVar[str] = "projector"
-
-    def choose(self, facts: SceneFacts, rig: StereoRig) -> Choice:
-        """On if the center of a dot would stand out of the image noise."""
-        return choose_above(
-            self.name,
-            "dot_share",
-            facts.dot_share,
-            MIN_SHARE,
-            "",
-            PROJECTOR_COST if rig.projector_power > 0 else 0.0,
-            on="the projector's dots show: they are texture for the infrared pair",
-            off="other light drowns the projector's dots"
-            if rig.projector_power > 0
-            else "the camera has no projector",
-        )
+    name = "projector"
+    statistic = "dot_share"
+    limit = 0.01  # dots that drown in the image noise elsewhere do not help a matcher [tuned]
+    cost = 500.0  # of its rays and spots in both eyes
+    on = "the projector's dots show: they are texture for the infrared pair"
+    off = "the camera has no projector, or other light drowns its dots"

@@ -4,43 +4,33 @@ A lens gathers less light off its axis: cos^4 of the angle. Cameras compensate f
 states how much light the corners still lose; the law gives the shape of the loss.
 """
 
-from dataclasses import dataclass
 from functools import lru_cache
-from typing import ClassVar
 
 import numpy as np
 
 from digs_warp.geometry.camera import Intrinsics, pixel_centers
 from digs_warp.sim.camera.rig import StereoRig
-from digs_warp.sim.sensor.color.protocol import EyeImages
-from digs_warp.sim.sensor.effects.protocol import Choice, choose_above
+from digs_warp.sim.sensor.color.protocol import EyeImages, PixelEffect
 from digs_warp.sim.sensor.facts import SceneFacts
 from digs_warp.sim.sensor.filters import blurred
 
-BLUR_COST = 6.0  # [ms/MP]
 
-
-@dataclass(frozen=True)
-class LensBlur:
+class LensBlur(PixelEffect):
     """The point spread of the lens after the sharpening of the camera: a Gaussian on the light.
 
     Its MTF at a quarter of a cycle per pixel is exp(-2 (pi sigma / 4)^2).
     """
 
-    name: ClassVar[str] = "lens-blur"
+    name = "lens-blur"
+    statistic = "lens_blur"
+    unit = "px"
+    cost = 6.0
+    on = "the lens spreads every point over several pixels"
+    off = "the lens is taken for perfect"
 
-    def choose(self, facts: SceneFacts, rig: StereoRig) -> Choice:
-        """Depends on the lenses alone."""
-        return choose_above(
-            self.name,
-            "lens_blur",
-            max(rig.lens_blur, rig.color_blur),
-            0.0,
-            "px",
-            BLUR_COST,
-            on="the lens spreads every point over several pixels",
-            off="the lens is taken for perfect",
-        )
+    def measured(self, facts: SceneFacts, rig: StereoRig) -> float:
+        """Return the wider one of eyes and color camera."""
+        return max(rig.lens_blur, rig.color_blur)
 
     def apply(
         self, eyes: EyeImages, rig: StereoRig, rng: np.random.Generator, strength: float = 1.0
@@ -55,27 +45,16 @@ class LensBlur:
 # Smallest visible loss in the corners: about one 8-bit step.
 VISIBLE_LOSS = 0.01
 
-COST = 11.0  # [ms/MP]
 
-
-@dataclass(frozen=True)
-class Vignetting:
+class Vignetting(PixelEffect):
     """Darkens both images toward their corners."""
 
-    name: ClassVar[str] = "vignetting"
-
-    def choose(self, facts: SceneFacts, rig: StereoRig) -> Choice:
-        """Depends on the lens alone."""
-        return choose_above(
-            self.name,
-            "vignetting",
-            rig.vignetting,
-            VISIBLE_LOSS,
-            "",
-            COST,
-            on="the lens gives the corners visibly less light",
-            off="the corners lose too little light to notice",
-        )
+    name = "vignetting"
+    statistic = "vignetting"
+    limit = VISIBLE_LOSS
+    cost = 11.0
+    on = "the lens gives the corners visibly less light"
+    off = "the corners lose too little light to notice"
 
     def apply(
         self, eyes: EyeImages, rig: StereoRig, rng: np.random.Generator, strength: float = 1.0

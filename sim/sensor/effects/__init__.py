@@ -11,11 +11,11 @@ from digs_warp.sim.sensor.effects.disparity_errors import (
     Speckle,
     StaticField,
 )
-from digs_warp.sim.sensor.effects.protocol import DepthEffect, SensorEffect
+from digs_warp.sim.sensor.effects.protocol import DepthEffect, Effect
 from digs_warp.sim.sensor.effects.second_surfaces import Mirror, Transparency
 
 # Surfaces behind or in front of the first one, which the images show, too.
-SECOND_SURFACES: tuple[SensorEffect, ...] = (Transparency(), Mirror())
+SECOND_SURFACES: tuple[Effect, ...] = (Transparency(), Mirror())
 SECOND_SURFACE_NAMES = frozenset(effect.name for effect in SECOND_SURFACES)
 
 # What no image shows, in the order in which it acts: what the device makes of its matches, the error of the
@@ -28,4 +28,4 @@ AFTER_MATCHING: tuple[DepthEffect, ...] = (
     Quantum(),
 )
 
-EFFECTS: tuple[SensorEffect, ...] = (*SECOND_SURFACES, *AFTER_MATCHING)
+EFFECTS: tuple[Effect, ...] = (*SECOND_SURFACES, *AFTER_MATCHING)

@@ -1,40 +1,27 @@
 """After matching: what the device drops and smooths, the lens error that calibration leaves, and steps."""
 
 import zlib
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import lru_cache
-from typing import ClassVar
 
 import numpy as np
 
 from digs_warp.sim.camera.rig import StereoRig
-from digs_warp.sim.sensor.effects.protocol import Choice, choose_above
+from digs_warp.sim.sensor.effects.protocol import DepthEffect
 from digs_warp.sim.sensor.facts import SceneFacts
 from digs_warp.sim.sensor.filters import enlarge_smoothly
 from digs_warp.sim.sensor.frame import Cause, Sensed
 from digs_warp.sim.sensor.noise_field import octave_normal, smooth_normal
 
-REJECTION_COST = 3.0  # [ms/MP]
 
-
-@dataclass(frozen=True)
-class Rejection:
+class Rejection(DepthEffect):
     """The device keeps only matches that it trusts, by their confidence: small holes, as real ones have."""
 
-    name: ClassVar[str] = "rejection"
-
-    def choose(self, facts: SceneFacts, rig: StereoRig) -> Choice:
-        """On for every rig that states a least confidence."""
-        return choose_above(
-            self.name,
-            "least_confidence",
-            rig.least_confidence,
-            0.0,
-            "",
-            REJECTION_COST,
-            on="the device drops doubtful matches",
-            off="the device keeps all matches",
-        )
+    name = "rejection"
+    statistic = "least_confidence"
+    cost = 3.0
+    on = "the device drops doubtful matches"
+    off = "the device keeps all matches"
 
     def apply(
         self, sensed: Sensed, rig: StereoRig, rng: np.random.Generator, strength: float = 1.0
@@ -44,58 +31,37 @@ class Rejection:
         return sensed.with_holes(weak, Cause.LOW_CONFIDENCE)
 
 
-SMOOTHING_COST = 7.0  # [ms/MP]
-
-
-@dataclass(frozen=True)
-class Smoothing:
+class Smoothing(DepthEffect):
     """The device averages its matches along rows and columns, but not across steps."""
 
-    name: ClassVar[str] = "smoothing"
-
-    def choose(self, facts: SceneFacts, rig: StereoRig) -> Choice:
-        """On for every rig that smooths."""
-        return choose_above(
-            self.name,
-            "smoothing",
-            rig.smoothing,
-            0.0,
-            "",
-            SMOOTHING_COST,
-            on="the device averages neighboring matches",
-            off="the device reports its matches as they are",
-        )
+    name = "smoothing"
+    statistic = "smoothing"
+    cost = 7.0
+    on = "the device averages neighboring matches"
+    off = "the device reports its matches as they are"
 
     def apply(
         self, sensed: Sensed, rig: StereoRig, rng: np.random.Generator, strength: float = 1.0
     ) -> Sensed:
         """Average them; ``strength`` makes no difference."""
-        from digs_warp.sim.sensor.post_filters.spatial import smooth_spatially
+        from digs_warp.sim.sensor.smoothing import smooth_spatially  # starts Warp
 
         return replace(sensed, disparity=smooth_spatially(sensed.disparity, 1 - rig.smoothing))
 
 
-SPECKLE_COST = 3.0  # [ms/MP]
-
-
-@dataclass(frozen=True)
-class Speckle:
+class Speckle(DepthEffect):
     """Speckle of the laser: noise that changes from frame to frame and shows in no image here."""
 
-    name: ClassVar[str] = "speckle"
+    name = "speckle"
+    statistic = "changing_sigma"
+    unit = "px"
+    cost = 3.0
+    on = "the speckle of a laser changes from frame to frame"
+    off = "there is no laser, or it makes no noise"
 
-    def choose(self, facts: SceneFacts, rig: StereoRig) -> Choice:
-        """On for every rig with a projector."""
-        return choose_above(
-            self.name,
-            "changing_sigma",
-            _speckle(rig),
-            0.0,
-            "px",
-            SPECKLE_COST,
-            on="the speckle of a laser changes from frame to frame",
-            off="there is no laser, or it makes no noise",
-        )
+    def measured(self, facts: SceneFacts, rig: StereoRig) -> float:
+        """Return its standard deviation."""
+        return _speckle(rig)
 
     def apply(
         self, sensed: Sensed, rig: StereoRig, rng: np.random.Generator, strength: float = 1.0
@@ -119,31 +85,20 @@ SCALE = 1 / 16
 # The field is drawn on a grid with this many points per correlation length.
 POINTS = 4
 
-FIELD_COST = 2.0  # [ms/MP]
 
-
-@dataclass(frozen=True)
-class StaticField:
+class StaticField(DepthEffect):
     """A smooth disparity error that belongs to the unit: ``rig.unit`` selects it.
 
     On a real pair with ground truth, 0.15 to 0.2 px of error varies over 40 px and more; ideal pairs do not
     have it.
     """
 
-    name: ClassVar[str] = "static-field"
-
-    def choose(self, facts: SceneFacts, rig: StereoRig) -> Choice:
-        """On for every rig with a static field."""
-        return choose_above(
-            self.name,
-            "static_field",
-            rig.static_field,
-            0.0,
-            "px",
-            FIELD_COST,
-            on="calibration leaves a smooth error, different in every camera",
-            off="the rig is calibrated perfectly",
-        )
+    name = "static-field"
+    statistic = "static_field"
+    unit = "px"
+    cost = 2.0
+    on = "calibration leaves a smooth error, different in every camera"
+    off = "the rig is calibrated perfectly"
 
     def apply(
         self, sensed: Sensed, rig: StereoRig, rng: np.random.Generator, strength: float = 1.0
@@ -169,27 +124,15 @@ def unit_field(unit: int, width: int, height: int) -> np.ndarray:
     return field / spread if spread > 0 else field
 
 
-QUANTUM_COST = 2.0  # [ms/MP]
-
-
-@dataclass(frozen=True)
-class Quantum:
+class Quantum(DepthEffect):
     """Rounding to the rig's disparity step: 1/16 px in OpenCV, 1/32 in a D435, 1/8 in an OAK-D."""
 
-    name: ClassVar[str] = "quantum"
-
-    def choose(self, facts: SceneFacts, rig: StereoRig) -> Choice:
-        """On for every rig with disparity steps."""
-        return choose_above(
-            self.name,
-            "disparity_step",
-            rig.disparity_step,
-            0.0,
-            "px",
-            QUANTUM_COST,
-            on="the sensor reports disparity in fixed point",
-            off="the rig reports disparity without steps",
-        )
+    name = "quantum"
+    statistic = "disparity_step"
+    unit = "px"
+    cost = 2.0
+    on = "the sensor reports disparity in fixed point"
+    off = "the rig reports disparity without steps"
 
     def apply(
         self, sensed: Sensed, rig: StereoRig, rng: np.random.Generator, strength: float = 1.0

@@ -1,7 +1,7 @@
-"""What an effect on depth is: a frozen value that decides whether a scene calls for it."""
+"""What an effect is: a rule that decides whether a scene calls for it, and what it changes."""
 
 from dataclasses import dataclass
-from typing import ClassVar, Protocol
+from typing import ClassVar
 
 import numpy as np
 
@@ -33,87 +33,62 @@ class Choice:
     cost: float = 0.0
 
 
-class SensorEffect(Protocol):
-    """The part that all effects share. Its fields are its parameters."""
+# An effect that changes a smaller share of the pixels is left out.
+LEAST_SHARE = 1e-3
+
+
+class Effect:
+    """An effect that is on where a quantity of rig and scene exceeds a limit.
+
+    Attributes:
+        name: in kebab-case, as --effects takes it; also part of the seed of its random numbers.
+        statistic: name of the quantity, as in `StereoRig` or `SceneFacts`.
+        limit: of the quantity.
+        unit: of both, for example "px"; empty for shares.
+        of_pixels: the quantity is the share of the pixels that the effect changes; others change all.
+        cost: processor time that it takes, or would take [ms per megapixel of a frame].
+        on, off: the reason if it is on or off.
+    """
 
     name: ClassVar[str]
-    """In kebab-case, as --effects takes it; also part of the seed of its random numbers."""
+    statistic: ClassVar[str]
+    limit: ClassVar[float] = 0.0
+    unit: ClassVar[str] = ""
+    of_pixels: ClassVar[bool] = False
+    cost: ClassVar[float] = 0.0
+    on: ClassVar[str]
+    off: ClassVar[str]
+
+    def measured(self, facts: SceneFacts, rig: StereoRig) -> float:
+        """Return the quantity; NaN (nothing to measure) leaves the effect off."""
+        return getattr(facts if hasattr(facts, self.statistic) else rig, self.statistic)
+
+    def price(self, facts: SceneFacts, rig: StereoRig) -> float:
+        """Return the cost on this scene."""
+        return self.cost
 
     def choose(self, facts: SceneFacts, rig: StereoRig) -> Choice:
         """Return whether the scene calls for the effect, and why."""
-        ...
+        value, limit, unit = self.measured(facts, rig), self.limit, f" {self.unit}".rstrip()
+        if self.of_pixels:
+            limit = LEAST_SHARE
+        is_on = bool(value > limit)
+        return Choice(
+            self.name,
+            is_on,
+            f"{self.statistic} = {f'{value:.2%}' if self.of_pixels else f'{value:.3g}{unit}'}",
+            f"> {f'{limit:.1%}' if self.of_pixels else f'{limit:g}{unit}'}",
+            self.on if is_on else self.off,
+            value if self.of_pixels else float(is_on),
+            self.price(facts, rig),
+        )
 
 
-class DepthEffect(SensorEffect, Protocol):
+class DepthEffect(Effect):
     """An effect on measured depth; it needs no scene, only the camera. Strength 0 has no effect at all."""
 
     def apply(
         self, sensed: Sensed, rig: StereoRig, rng: np.random.Generator, strength: float = 1.0
     ) -> Sensed:
         """Return the frame after the effect; ``rng`` is seeded by (seed, frame, effect)."""
-        ...
-
-
-# An effect that changes a smaller share of the pixels is left out.
-LEAST_SHARE = 1e-3
-
-
-def choose_by_share(
-    effect: str, statistic: str, share: float, cost: float, *, on: str, off: str
-) -> Choice:
-    """Return the choice "on if it changes enough pixels".
-
-    Args:
-        effect: its name.
-        statistic: name of the share, as in `SceneFacts`.
-        share: of the pixels that it changes, 0 to 1; NaN: none.
-        cost: see `Choice`.
-        on: the reason if it is on.
-        off: the reason if it is off.
-    """
-    enough = bool(share > LEAST_SHARE)
-    return Choice(
-        effect,
-        enough,
-        f"{statistic} = {share:.2%}",
-        f"> {LEAST_SHARE:.1%}",
-        on if enough else off,
-        share,
-        cost,
-    )
-
-
-def choose_above(
-    effect: str,
-    statistic: str,
-    value: float,
-    limit: float,
-    unit: str,
-    cost: float = 0.0,
-    *,
-    on: str,
-    off: str,
-) -> Choice:
-    """Return the choice "on if ``value`` exceeds ``limit``" for an effect on every pixel.
-
-    Args:
-        effect: its name.
-        statistic: name of the value, as in `SceneFacts` or `StereoRig`.
-        value: of the statistic; NaN (nothing to measure) leaves the effect off.
-        limit: the threshold.
-        unit: of both, for example "px"; empty for shares.
-        cost: see `Choice`.
-        on: the reason if it is on.
-        off: the reason if it is off.
-    """
-    above = bool(value > limit)
-    unit = f" {unit}" if unit else ""
-    return Choice(
-        effect,
-        above,
-        f"{statistic} = {value:.3g}{unit}",
-        f"> {limit:g}{unit}",
-        on if above else off,
-        float(above),
-        cost,
-    )
+        raise NotImplementedError

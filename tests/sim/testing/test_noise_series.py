@@ -53,7 +53,9 @@ def test_depth_errors_follow_the_noise(sensor_noise: NoiseSeries) -> None:
     curve.assert_no_cliff(largest_growth=1.1)
 
 
-@pytest.mark.sensor_noise(mesh=BOX, object_size=0.5, tier="law", strengths=(0, 1, 4), frames=3)
+@pytest.mark.sensor_noise(
+    mesh=BOX, object_size=0.5, profile="bare-matcher", tier="law", strengths=(0, 1, 4), frames=3
+)
 def test_initial_points_survive_sensor_noise(sensor_noise: NoiseSeries) -> None:
     curve = sensor_noise.measure(initialization_error)
     curve.assert_at_most({0: 1e-6, 1: 0.01})
@@ -72,6 +74,7 @@ def test_only_the_depth_differs_between_strengths(sensor_noise: NoiseSeries) -> 
 @pytest.mark.sensor_noise(
     mesh=BOX,
     object_size=0.5,
+    profile="bare-matcher",
     effects=("static-field", "quantum"),
     strengths=(0, 1, 3),
     frames=2,

@@ -1,4 +1,4 @@
-"""The edge-preserving spatial filter of librealsense, and the sweeps that it runs.
+"""The edge-preserving spatial filter of librealsense, as the device smooths its matches.
 
 Written from Intel's description ("Depth Post-Processing for Intel RealSense Depth Camera D400 Series",
 Grunnet-Jepsen and Tong), a simple form of the domain transform (Gastal and Oliveira 2011): an exponential
@@ -8,8 +8,6 @@ moving average S along rows and columns, forth and back,
     S(t) = Y(t)                        elsewhere: at steps, and next to holes
 """
 
-from typing import Any
-
 import numpy as np
 import warp as wp
 
@@ -18,20 +16,6 @@ from digs_warp.device.warp_start import start_warp
 from digs_warp.sim.sensor.arrays import launch_rows, shared
 from digs_warp.sim.sensor.filters import transposed
 
-# Columns that a thread filters together: whole vectors, and rows that stay in the first cache.
-GROUP = 256
-
-
-def run_along_columns(kernel: Any, images: list[np.ndarray], numbers: list[Any]) -> None:
-    """Run a kernel on groups of columns of contiguous images (height, width), which it changes in place.
-
-    Its arguments are: first group, the images as flat arrays, width, height, and the numbers.
-    """
-    height, width = images[0].shape
-    groups = -(-width // GROUP)
-    launch_rows(kernel, groups, [*map(shared, images), width, height, *numbers])
-
-
 # Warp's stubs do not type device code.
 # pyright: reportOperatorIssue=false
 
@@ -39,11 +23,13 @@ def run_along_columns(kernel: Any, images: list[np.ndarray], numbers: list[Any])
 start_warp()
 wp.set_module_options(vector_module_options())
 
-# Defaults of librealsense; its delta of 20 counts 32nds of a pixel.
-ALPHA = 0.5
+# Defaults of librealsense: larger differences are steps, which stay [px]; how often rows and columns are
+# averaged.
 DELTA = 20 / 32
 ITERATIONS = 2
 
+# Columns that a thread filters together: whole vectors, and rows that stay in the first cache.
+GROUP = 256
 _GROUP = wp.constant(GROUP)
 
 _AVERAGE = r"""
@@ -85,24 +71,18 @@ def spatial_kernel(
     average_columns(values, begin, _GROUP, width, height, alpha, delta)
 
 
-def smooth_spatially(
-    disparity: np.ndarray,
-    alpha: float = ALPHA,
-    delta: float = DELTA,
-    iterations: int = ITERATIONS,
-) -> np.ndarray:
+def smooth_spatially(disparity: np.ndarray, alpha: float) -> np.ndarray:
     """Return the disparity after the filter; holes stay.
 
     Args:
         disparity: [px], (height, width), float32, NaN where there is none.
         alpha: weight of the pixel itself, 0 to 1; 1 changes nothing.
-        delta: larger differences are steps, which stay [px].
-        iterations: how often rows and columns are averaged.
     """
     values = disparity.astype(np.float32)
-    for _ in range(iterations):
-        across = transposed(values)
-        run_along_columns(spatial_kernel, [across], [alpha, delta])
-        values = transposed(across)
-        run_along_columns(spatial_kernel, [values], [alpha, delta])
+    for _ in range(ITERATIONS):
+        for _ in ("rows", "columns"):
+            values = transposed(values)
+            height, width = values.shape
+            inputs = [shared(values), width, height, alpha, DELTA]
+            launch_rows(spatial_kernel, -(-width // GROUP), inputs)
     return values
