@@ -118,8 +118,8 @@ def tried_disparities(blocks: np.ndarray, disparities: int) -> np.ndarray:
 
 
 def unpacked(bits: int) -> list[int]:
-    """Return the blocks of a pixel in their order: two of them where the sign bit is set."""
-    return [(bits >> (7 * slot)) & 127 for slot in range(2 if bits < 0 else 4)]
+    """Return the blocks of a pixel in their order."""
+    return [(bits >> (7 * slot)) & 127 for slot in range(4)]
 
 
 def twin_blocks(
@@ -127,7 +127,6 @@ def twin_blocks(
     around: np.ndarray,
     far: int,
     count: int,
-    easy: bool = False,
     second: float = np.nan,
     hidden: bool = False,
 ) -> set[int]:
@@ -135,8 +134,8 @@ def twin_blocks(
 
     Its own block and the nearer neighbor always; then that of the second surface, the one beyond a step, the
     one that the coarse search prefers, the neighbor of the second surface's. What is left of four goes to
-    the nearest that are free, its own side first. In an easy square without any of them, two are enough.
-    In a hidden pixel, both neighbors of the coarse search's block, the nearer one first, come before the
+    the nearest that are free, its own side first. In a hidden pixel, both neighbors of the coarse search's
+    block, the nearer one first, come before the
     nearer neighbor of its own and instead of the second surface's.
 
     Args:
@@ -144,7 +143,6 @@ def twin_blocks(
         around: disparities within four pixels.
         far: half block that the coarse search prefers, -1: none.
         count: of all blocks.
-        easy: whether the square is.
         second: disparity of the second surface, NaN: none.
         hidden: whether the right eye does not see the pixel.
     """
@@ -157,9 +155,6 @@ def twin_blocks(
         v for v, step in ((around.max(), 1), (around.min(), -1)) if step * (v - disparity) > 2
     ]
     has_second = 0 <= second < 8 * count
-    two = {max(0, min(own, own + side, count - 2)) + i for i in range(2)}
-    if easy and not beyond and not has_second and far in two:
-        return two
     behind, nearer = _block_and_side(second if has_second else 0)
     if has_second:
         wanted.append(behind)
@@ -193,40 +188,3 @@ def twin_hidden(surface: np.ndarray) -> np.ndarray:
 def _block_and_side(disparity: float) -> tuple[int, int]:
     """Return the block of a disparity, and on which side the nearer neighbor is."""
     return int(disparity // 8), 1 if disparity % 8 >= 4 else -1
-
-
-def twin_easy(
-    left: np.ndarray, right: np.ndarray, surface: np.ndarray, largest: float, least: float
-) -> np.ndarray:
-    """Return the squares in which two blocks are enough, from the formulas, in float64.
-
-    The difference between the eyes at the true disparity over the gradient, both summed over 8 x 8 pixels
-    and smoothed over squares; the largest ratio of 3 x 3 squares decides. Mean gradients below ``least``
-    [DN/px] count as an infinite ratio.
-    """
-    _, (u, u_low, u_high) = _planes(left.astype(np.int64))
-    # A row at a time: slopes reach over rows, gray values do not.
-    _, (v, v_low, v_high) = _planes(np.pad(right.astype(np.int64), ((0, 0), (1024, 0))))
-    height, width = left.shape
-    rows, columns = height // 8, (width - 2) // 8
-    sums = np.zeros((2, rows, columns))
-    for j, i in np.ndindex(rows, columns):
-        for y in range(8 * j, 8 * j + 8):
-            d = float(surface[y, 8 * i + 4])
-            x = np.arange(8 * i, 8 * i + 8)
-            a, b = (y, x), (y, x + 1024 - int(d + 0.5))
-            of_left = np.maximum(np.maximum(u[a] - v_high[b], v_low[b] - u[a]), 0)
-            of_right = np.maximum(np.maximum(v[b] - u_high[a], u_low[a] - v[b]), 0)
-            sums[0, j, i] += np.minimum(of_left, of_right).sum() if d <= 8 * i else 10**6
-            sums[1, j, i] += np.abs(u[y, x + 2] - u[y, x]).sum() / 2
-    for axis in (1, 2):
-        pad = [(0, 0)] * 3
-        pad[axis] = (1, 1)
-        padded = np.moveaxis(
-            np.pad(sums, pad, mode="reflect" if sums.shape[axis] > 1 else "edge"), axis, 0
-        )
-        sums = np.moveaxis((padded[:-2] + 2 * padded[1:-1] + padded[2:]) / 4, 0, axis)
-    ratio = np.full((rows + 2, columns + 2), -np.inf)
-    ratio[1:-1, 1:-1] = np.where(sums[1] < 64 * least, np.inf, sums[0] / np.maximum(sums[1], 1e-9))
-    shifts = [(j, i) for j in range(3) for i in range(3)]
-    return np.max([ratio[j : j + rows, i : i + columns] for j, i in shifts], axis=0) < largest

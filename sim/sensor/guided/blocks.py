@@ -1,8 +1,7 @@
-"""Which disparities each pixel tries: two or four blocks of eight, packed into one integer.
+"""Which disparities each pixel tries: four blocks of eight, packed into one integer.
 
 Bits 0 to 27 hold four blocks in ascending order, 7 bits each; block k has the disparities 8 k to 8 k + 7.
 Bits 28 to 30 say whether the first and second, second and third, third and fourth block are neighbors.
-Where two blocks are enough, the sign bit is set: they are the first two, and always neighbors.
 """
 
 # Warp's stubs do not type device code.
@@ -21,7 +20,7 @@ start_warp()
 wp.set_module_options(vector_module_options())
 
 BLOCK = 8  # disparities
-BLOCKS = 4  # per pixel, at most
+BLOCKS = 4  # per pixel
 MAX_BLOCKS = 128  # that a block's 7 bits can number
 
 # How far away [px] a depth step makes a pixel try the disparity of the other side, and what is a step [px]:
@@ -36,7 +35,7 @@ const float* near_row = nearest.data + row * width;
 const float* far_row = farthest.data + row * width;
 int* out = blocks.data + row * width;
 // What decides on the blocks: own block, side, the block beyond a step plus one, the half block from the
-// coarse search plus one, whether the square is easy, whether the pixel is hidden.
+// coarse search plus one, whether the pixel is hidden.
 for (int x = 0; x < width; ++x) {
     // What lies farther left has no partner in the right image.
     const float disparity = true_row[x] < x ? true_row[x] : x;
@@ -78,14 +77,12 @@ while (--rest >= 0) {
 }
 const int coarse_row = (row >> 3) < coarse_height ? row >> 3 : coarse_height - 1;
 const int* preferred = coarse.data + coarse_row * coarse_width;
-const unsigned char* easy_row = easy.data + (row >> 3) * easy_width;
-const int easy_squares = (row >> 3) < easy_height ? easy_width : 0;
 int preferred_half = 0, of_square = 0, last = -1, last_second = -1, bits = 0;
 for (int x = 0; x < width; ++x) {
     if ((x & 7) == 0) {
         const int square = x >> 3;
         preferred_half = preferred[square < coarse_width ? square : coarse_width - 1];
-        of_square = (preferred_half + 1) << 16 | (square < easy_squares && easy_row[square]) << 25;
+        of_square = (preferred_half + 1) << 16;
     }
     int second = -1;  // twice its block, plus one in the upper half
     if (has_second) {
@@ -98,18 +95,11 @@ for (int x = 0; x < width; ++x) {
         out[x] = bits;
         continue;
     }
-    const bool is_easy = key >> 25 & 1, is_hidden = key >> 26 & 1;
+    const bool is_hidden = key >> 26 & 1;
     last = key;
     last_second = second;
     const int own = key & 127, side = (key >> 7 & 1) ? 1 : -1, other = (key >> 8 & 255) - 1;
-    int low = own + (side < 0 ? -1 : 0);
-    low = low < 0 ? 0 : low > count - 2 ? count - 2 : low;
     const int far = preferred_half >> 1;  // -1: none
-    if (is_easy && other < 0 && second < 0 && (far == low || far == low + 1)) {
-        bits = low | (low + 1) << 7 | (int)(1u << 28 | 1u << 31);
-        out[x] = bits;
-        continue;
-    }
     // In order of importance; the last ones are the nearest that are free.
     const int behind = second >> 1, beside = behind + (second & 1 ? 1 : -1);
     const bool beside_far = is_hidden && far >= 0;
@@ -146,15 +136,12 @@ def write_blocks(
     farthest: wp.array[float],
     seconds: wp.array[float],
     coarse: wp.array[int],
-    easy: wp.array[wp.uint8],
     blocks: wp.array[int],
     has_second: bool,
     row: int,
     width: int,
     coarse_width: int,
     coarse_height: int,
-    easy_width: int,
-    easy_height: int,
     count: int,
 ):
     """Choose the blocks of one row."""
@@ -169,28 +156,24 @@ def blocks_kernel(
     farthest: wp.array[float],  # smallest
     seconds: wp.array[float],  # disparity of the second surface, NaN where there is none
     coarse: wp.array[int],  # what the coarse search prefers, in half blocks, negative: none
-    easy: wp.array[wp.uint8],  # squares where two blocks are enough
     has_second: bool,
     width: int,
     coarse_width: int,
     coarse_height: int,
-    easy_width: int,
-    easy_height: int,
     count: int,
     # outputs
     blocks: wp.array[int],
 ):
     """Process one row."""
     # fmt: off
-    write_blocks(surface, nearest, farthest, seconds, coarse, easy, blocks, has_second, first + wp.tid(),
-                 width, coarse_width, coarse_height, easy_width, easy_height, count)
+    write_blocks(surface, nearest, farthest, seconds, coarse, blocks, has_second, first + wp.tid(), width,
+                 coarse_width, coarse_height, count)
     # fmt: on
 
 
 def choose_blocks(
     surface: np.ndarray,
     coarse: np.ndarray,
-    easy: np.ndarray,
     count: int,
     second: np.ndarray | None = None,
 ) -> wp.array:
@@ -198,15 +181,12 @@ def choose_blocks(
 
     In order of importance: the block of the true disparity and the nearer neighbor; that of a second
     surface; the one beyond a depth step; the one that the coarse search prefers; the neighbor of the second
-    surface's; more of its own neighbors. Four of them, or only the first two where the square is easy and
-    there is none of the others. What only the left eye sees matches nothing right: there, the neighbors of
-    the block from the coarse search come instead of its own.
+    surface's; more of its own neighbors. What only the left eye sees matches nothing right: there, the
+    neighbors of the block from the coarse search come instead of its own.
 
     Args:
         surface: true disparity [px], (height, width), float32, 0 to 8 ``count``, 0 where there is nothing.
         coarse: half blocks from `digs_warp.sim.sensor.guided.search.coarse_half_blocks`.
-        easy: squares of 8 x 8 pixels, see `digs_warp.sim.sensor.guided.easy.easy_squares`; pixels that no
-            square covers are not easy.
         count: of the blocks in the search range, 4 to 128.
         second: disparity of what shows through or is reflected [px], (height, width), float32, NaN where
             there is nothing of that kind; None: nowhere.
@@ -223,8 +203,7 @@ def choose_blocks(
         height,
         [
             *(_flat(image, float) for image in images),
-            *(_flat(coarse, int), _flat(easy.view(np.uint8), wp.uint8)),
-            *(second is not None, width, *coarse.shape[::-1], *easy.shape[::-1], count),
+            *(_flat(coarse, int), second is not None, width, *coarse.shape[::-1], count),
             blocks.flatten(),
         ],
     )

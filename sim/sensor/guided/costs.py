@@ -42,7 +42,7 @@ for (int r = 0, last = -1; r < TILE_ROWS && y0 + r < height; ++r) {
         if (all == last)  // as mostly among neighbors
             continue;
         last = all;
-        for (int bits = all, slot = 0; slot < (all < 0 ? 2 : 4); ++slot, bits >>= 7)
+        for (int bits = all, slot = 0; slot < 4; ++slot, bits >>= 7)
             needed[(bits & 127) >> 6] |= 1ull << (bits & 63);
     }
 }
@@ -64,9 +64,7 @@ auto pixels_with = [&](const int* row_blocks, int block, int slot) -> unsigned l
     unsigned long long pixels = 0;
     for (int part = 0; part < 4; ++part) {
         const Ints bits = *(const Ints*)(row_blocks + 16 * part);
-        Ints same = ((bits >> (7 * slot)) & 127) == block;
-        if (slot > 1)
-            same &= bits >= 0;
+        const Ints same = ((bits >> (7 * slot)) & 127) == block;
         const Mask here = __builtin_convertvector(same, Mask);
         unsigned short found;
         __builtin_memcpy(&found, &here, 2);

@@ -20,79 +20,64 @@ MISSING = 8000
 FIXED_POINT = 16
 NOT_FOUND = -FIXED_POINT
 
-# Written with Clang's vector types, which compile for any processor: the 32 costs of a pixel are one vector,
-# and the 16 of a pixel that tries two blocks are half of one.
+# Written with Clang's vector types, which compile for any processor: the 32 costs of a pixel are one vector.
 _RELAX = r"""
 typedef short Costs __attribute__((ext_vector_type(32)));
 typedef short Half __attribute__((ext_vector_type(16)));
 typedef short Eight __attribute__((vector_size(16)));
 typedef short Block __attribute__((ext_vector_type(8), aligned(2)));
 const short missing = MISSING;
-auto load = [](auto& costs, const short* source) { __builtin_memcpy(&costs, source, sizeof costs); };
-auto store = [](short* target, auto costs) { __builtin_memcpy(target, &costs, sizeof costs); };
+auto load = [](Costs& costs, const short* source) { __builtin_memcpy(&costs, source, sizeof costs); };
+auto store = [](short* target, Costs costs) { __builtin_memcpy(target, &costs, sizeof costs); };
 auto min = [](auto a, auto b) { return __builtin_elementwise_min(a, b); };
 // The costs of the disparities one below and one above; rotated, but what comes round is never used.
-auto one_below = [](auto costs) {
-    if constexpr (sizeof costs == 64)
-        return __builtin_shufflevector(costs, costs, 31, 0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14,
-            15, 16, 17, 18, 19, 20, 21, 22, 23, 24, 25, 26, 27, 28, 29, 30);
-    else
-        return __builtin_shufflevector(costs, costs, 15, 0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14);
+auto one_below = [](Costs costs) -> Costs {
+    return __builtin_shufflevector(costs, costs, 31, 0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15,
+        16, 17, 18, 19, 20, 21, 22, 23, 24, 25, 26, 27, 28, 29, 30);
 };
-auto one_above = [](auto costs) {
-    if constexpr (sizeof costs == 64)
-        return __builtin_shufflevector(costs, costs, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15, 16,
-            17, 18, 19, 20, 21, 22, 23, 24, 25, 26, 27, 28, 29, 30, 31, 0);
-    else
-        return __builtin_shufflevector(costs, costs, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15, 0);
+auto one_above = [](Costs costs) -> Costs {
+    return __builtin_shufflevector(costs, costs, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15, 16, 17,
+        18, 19, 20, 21, 22, 23, 24, 25, 26, 27, 28, 29, 30, 31, 0);
 };
 // The least of some costs, in all lanes.
-auto least_of = [&](auto costs) {
+auto least_of = [&](Costs costs) -> Costs {
 #ifdef __SSE4_1__
     // Halved until one instruction does the rest, which LLVM does not find by itself.
-    Half half;
-    if constexpr (sizeof costs == 64)
-        half = min(
-            __builtin_shufflevector(costs, costs, 0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15),
-            __builtin_shufflevector(costs, costs, 16, 17, 18, 19, 20, 21, 22, 23, 24, 25, 26, 27, 28, 29,
-                30, 31));
-    else
-        half = costs;
+    const Half half = min(
+        __builtin_shufflevector(costs, costs, 0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15),
+        __builtin_shufflevector(costs, costs, 16, 17, 18, 19, 20, 21, 22, 23, 24, 25, 26, 27, 28, 29, 30,
+            31));
     const Eight low = __builtin_shufflevector(half, half, 0, 1, 2, 3, 4, 5, 6, 7);
     const Eight high = __builtin_shufflevector(half, half, 8, 9, 10, 11, 12, 13, 14, 15);
     const Eight least = __builtin_ia32_phminposuw128(min(low, high));
-    if constexpr (sizeof costs == 64)
-        return __builtin_shufflevector(least, least, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0,
-            0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0);
-    else
-        return __builtin_shufflevector(least, least, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0);
+    return __builtin_shufflevector(least, least, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0,
+        0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0);
 #else
     return costs - costs + __builtin_reduce_min(costs);
 #endif
 };
 // What a pixel inherits from one with the same blocks, whose least cost is ``most`` - large_step.
-auto relaxed = [&](auto before, int mine, auto most) {
-    auto lower_step = before, upper_step = before;
+auto relaxed = [&](Costs before, int mine, Costs most) -> Costs {
+    Costs lower_step, upper_step;
     const short* step = steps.data + ((mine >> 28) & 7) * 64;
     load(lower_step, step);
     load(upper_step, step + 32);
-    const auto step_down = one_below(before) + lower_step, step_up = one_above(before) + upper_step;
+    const Costs step_down = one_below(before) + lower_step, step_up = one_above(before) + upper_step;
     return min(min(before, most), min(step_down, step_up));
 };
 // What a pixel (blocks: mine) inherits from another one (blocks: its), whose costs are minus their least.
-auto inherit = [&](auto& result, const short* before, int its, int mine) {
-    auto all = result;
+auto inherit = [&](const short* before, int its, int mine) -> Costs {
+    Costs result;
     if (its == mine) {
-        load(all, before);
-        result = relaxed(all, mine, all - all + (short)large_step);
-        return;
+        load(result, before);
+        return relaxed(result, mine, (Costs)(short)large_step);
     }
     short costs[32];
-    for (int slot = 0; slot < (int)(sizeof all / 16); ++slot) {
+    for (int slot = 0; slot < 4; ++slot) {
         int block = (mine >> (7 * slot)) & 127;
         Block same = missing;
         short below = missing, above = missing;
-        for (int other = 0; other < (its < 0 ? 2 : 4); ++other) {
+        for (int other = 0; other < 4; ++other) {
             int found = (its >> (7 * other)) & 127;
             if (found == block) same = *(const Block*)(before + other * 8);
             if (found == block - 1) below = before[other * 8 + 7];
@@ -106,6 +91,7 @@ auto inherit = [&](auto& result, const short* before, int its, int mine) {
         *(Block*)(costs + slot * 8) = min(min(same, (Block)(short)large_step), step);
     }
     load(result, costs);
+    return result;
 };
 """
 
@@ -118,33 +104,27 @@ const int size = width * 32;
 const short* before = paths.data + first_before;
 short* after = paths.data + first_after;
 short left[32] __attribute__((aligned(64)));
-// Pixels with the same blocks; 16 or 32 costs each, as ``zero`` has.
-auto down = [&](auto zero, int begin, int end, int bits) {
-    auto from_left = zero, least = zero;
+for (int begin = 0, end; begin < width; begin = end) {
+    const int bits = mine[begin];  // of pixels with the same blocks
+    for (end = begin + 1; end < width && mine[end] == bits;)
+        ++end;
+    Costs from_left = 0, least = 0;
     for (int x = begin; x < end; ++x) {
-        auto alone = zero, inherited = zero;
+        Costs alone;
         load(alone, own + x * 32);
         // The longest chain of dependent steps: it does not wait for the subtraction of the least.
         if (x > begin)
             from_left = alone + (relaxed(from_left, bits, least + (short)large_step) - least);
-        else {
-            if (x > 0)
-                inherit(inherited, left, mine[x - 1], bits);
-            from_left = alone + inherited;
-        }
+        else
+            from_left = x > 0 ? alone + inherit(left, mine[x - 1], bits) : alone;
         least = least_of(from_left);
-        auto a = alone, b = alone, c = alone;
+        Costs a = alone, b = alone, c = alone;
         if (!is_first) {
-            if (x > 0) {
-                inherit(inherited, before + (x - 1) * 32, upper_row[x - 1], bits);
-                a += inherited;
-            }
-            inherit(inherited, before + size + x * 32, upper_row[x], bits);
-            b += inherited;
-            if (x < width - 1) {
-                inherit(inherited, before + 2 * size + (x + 1) * 32, upper_row[x + 1], bits);
-                c += inherited;
-            }
+            if (x > 0)
+                a += inherit(before + (x - 1) * 32, upper_row[x - 1], bits);
+            b += inherit(before + size + x * 32, upper_row[x], bits);
+            if (x < width - 1)
+                c += inherit(before + 2 * size + (x + 1) * 32, upper_row[x + 1], bits);
         }
         store(sums.data + first_sum + x * 32, from_left + a + b + c);
         store(after + x * 32, a - least_of(a));
@@ -152,21 +132,11 @@ auto down = [&](auto zero, int begin, int end, int bits) {
         store(after + 2 * size + x * 32, c - least_of(c));
     }
     store(left, from_left - least);
-};
-for (int x = 0, end; x < width; x = end) {
-    const int bits = mine[x];
-    for (end = x + 1; end < width && mine[end] == bits;)
-        ++end;
-    if (bits < 0)
-        down((Half)0, x, end, bits);
-    else
-        down((Costs)0, x, end, bits);
 }
 """
 
 _CHOOSE = r"""
 typedef bool Lanes __attribute__((ext_vector_type(32)));
-typedef bool HalfLanes __attribute__((ext_vector_type(16)));
 const Costs LANE = {0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15,
     16, 17, 18, 19, 20, 21, 22, 23, 24, 25, 26, 27, 28, 29, 30, 31};
 const int* mine = blocks.data + row * width;
@@ -185,39 +155,33 @@ for (int i = 0; i < width + searched; ++i) {
 short from_right[32] __attribute__((aligned(64)));
 short total[32] __attribute__((aligned(64)));
 // Which lanes of a vector of true and false are true, one bit each.
-auto bits_of = [](auto is_true) {
-    unsigned bits = 0;
-    if constexpr (sizeof is_true == 64) {
-        const Lanes lanes = __builtin_convertvector(is_true, Lanes);
-        __builtin_memcpy(&bits, &lanes, 4);
-    } else {
-        const HalfLanes lanes = __builtin_convertvector(is_true, HalfLanes);
-        __builtin_memcpy(&bits, &lanes, 2);
-    }
+auto bits_of = [](Costs is_true) {
+    const Lanes lanes = __builtin_convertvector(is_true, Lanes);
+    unsigned bits;
+    __builtin_memcpy(&bits, &lanes, 4);
     return bits;
 };
-auto choose = [&](auto zero, int begin, int end, int bits) {
+for (int end = width, begin; end > 0; end = begin) {
+    const int bits = mine[end - 1];  // of pixels with the same blocks
+    for (begin = end - 1; begin > 0 && mine[begin - 1] == bits;)
+        --begin;
     // Whether the disparity above that of a lane is in the next lane: always within a block.
     const unsigned together = bits >> 28;
     const unsigned steps_up = 0x7f7f7f7f | (together & 1) << 7 | (together & 2) << 14 | (together & 4) << 21;
-    auto lane = zero, path = zero, least_path = zero;
-    __builtin_memcpy(&lane, &LANE, sizeof lane);
+    Costs path = 0, least_path = 0;
     for (int x = end - 1; x >= begin; --x) {
-        auto alone = zero, inherited = zero, sum = zero;
+        Costs alone, sum;
         load(alone, own + x * 32);
         if (x < end - 1)
             path = alone + (relaxed(path, bits, least_path + (short)large_step) - least_path);
-        else {
-            if (x < width - 1)
-                inherit(inherited, from_right, mine[x + 1], bits);
-            path = alone + inherited;
-        }
+        else
+            path = x < width - 1 ? alone + inherit(from_right, mine[x + 1], bits) : alone;
         least_path = least_of(path);
         load(sum, sums.data + first_sum + x * 32);
         sum += path;
         store(total, sum);
         const short least = __builtin_reduce_min(sum);
-        const int best = __builtin_ctz(bits_of(sum == zero + least));
+        const int best = __builtin_ctz(bits_of(sum == least));
         const int slot = best >> 3;
         const int found = ((bits >> (7 * slot)) & 127) * 8 + (best & 7);
         const int has_upper = steps_up >> best & 1, has_lower = (steps_up << 1) >> best & 1;
@@ -225,8 +189,8 @@ auto choose = [&](auto zero, int begin, int end, int bits) {
         lower_cost[x] = has_both ? total[best - has_lower] : least;
         upper_cost[x] = has_both ? total[best + has_upper] : least;
         // The best rival is not next to the best.
-        const auto away = lane - (short)best;
-        const auto is_near = (away >= zero - (short)has_lower) & (away <= zero + (short)has_upper);
+        const Costs away = LANE - (short)best;
+        const Costs is_near = (away >= (short)-has_lower) & (away <= (short)has_upper);
         const int rival = __builtin_reduce_min(sum | (is_near & 32767));
         const bool is_unique = rival * (100 - uniqueness) >= least * 100;
         const int column = x + searched - found;
@@ -238,15 +202,6 @@ auto choose = [&](auto zero, int begin, int end, int bits) {
         second.data[row * width + x] = rival;
     }
     store(from_right, path - least_path);
-};
-for (int end = width, x; end > 0; end = x) {
-    const int bits = mine[end - 1];
-    for (x = end - 1; x > 0 && mine[x - 1] == bits;)
-        --x;
-    if (bits < 0)
-        choose((Half)0, x, end, bits);
-    else
-        choose((Costs)0, x, end, bits);
 }
 // A parabola through the three costs; the quotient is exact, because both numbers are below 2^24.
 for (int x = 0; x < width; ++x) {

@@ -11,8 +11,6 @@ from digs_warp.device.parallel import launch_parallel, packed
 from digs_warp.device.warp_start import start_warp
 from digs_warp.sim.sensor.guided.blocks import BLOCK, BLOCKS, MAX_BLOCKS, choose_blocks
 from digs_warp.sim.sensor.guided.costs import LARGEST_WINDOW, TILE_COLUMNS, TILE_ROWS, tile_costs
-from digs_warp.sim.sensor.guided.easy import easy_squares
-from digs_warp.sim.sensor.guided.islands import drop_islands
 from digs_warp.sim.sensor.guided.paths import (
     FIXED_POINT,
     NOT_FOUND,
@@ -164,18 +162,11 @@ class Found:
         disparity: [px], (height, width), float32, NaN where a check failed.
         cost: of the best disparity, mean per path and pixel of the window, (height, width), float32.
         rival: the same of the best disparity that is not next to it.
-        wide: which pixels tried four blocks; the others tried two. (height, width), bool.
     """
 
     disparity: np.ndarray
     cost: np.ndarray
     rival: np.ndarray
-    wide: np.ndarray
-
-    @property
-    def wide_share(self) -> float:
-        """Share of the pixels that tried four blocks, 0 to 1."""
-        return float(self.wide.mean())
 
 
 def search(
@@ -186,7 +177,6 @@ def search(
     window: int = 5,
     second: np.ndarray | None = None,
     uniqueness: int = UNIQUENESS,
-    regions: bool = True,
 ) -> Found:
     """Match a rectified pair in a band round the true disparity.
 
@@ -199,7 +189,6 @@ def search(
         second: disparity of what shows through a surface or is reflected in it [px], (height, width),
             float32, NaN where there is nothing of that kind; None: nowhere. Such pixels try it as well.
         uniqueness: by how much a match must be better than its best rival [%], 0 to 100.
-        regions: whether pixels try only two blocks where two are enough.
     """
     count = disparities // BLOCK
     if disparities % BLOCK or not BLOCKS <= count <= MAX_BLOCKS:
@@ -210,12 +199,11 @@ def search(
     true = known_disparity(surface, disparities)
     eyes = make_planes(left, right, disparities)
     coarse = coarse_half_blocks(left, right, count, window)
-    easy = easy_squares(eyes, true) if regions else np.zeros((0, 0), bool)
-    blocks = choose_blocks(true, coarse, easy, count, second)
+    blocks = choose_blocks(true, coarse, count, second)
     raw, cost, rival = search_blocks(eyes, blocks, window, uniqueness)
     disparity = _without_islands(raw)
     scale = np.float32(1 / (5 * window * window))
-    return Found(disparity, cost * scale, rival * scale, blocks.numpy() >= 0)
+    return Found(disparity, cost * scale, rival * scale)
 
 
 def known_disparity(surface: np.ndarray, disparities: int) -> np.ndarray:
@@ -272,7 +260,7 @@ def _without_islands(sixteenths: np.ndarray) -> np.ndarray:
     import cv2
 
     smooth = cv2.medianBlur(sixteenths, 3)
-    drop_islands(smooth, NOT_FOUND, ISLAND, ISLAND_STEP * FIXED_POINT)
+    cv2.filterSpeckles(smooth, NOT_FOUND, ISLAND, ISLAND_STEP * FIXED_POINT)
     disparity = smooth * np.float32(1 / FIXED_POINT)
     # What matched beyond the left border of the right image matched nothing.
     inside = np.arange(smooth.shape[1], dtype=np.int32) * FIXED_POINT + FIXED_POINT // 2
