@@ -6,11 +6,12 @@ a black card, a bead close to the lens, and a surround beyond the camera's range
 """
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
-from digs_warp.geometry.camera import Camera
+from digs_warp.geometry.camera import Camera, Intrinsics
 from digs_warp.geometry.rigid import look_at
 from digs_warp.sim.camera.profiles import load_profile
 from digs_warp.sim.camera.rig import StereoRig
@@ -23,7 +24,7 @@ from digs_warp.sim.scene.shapes import Patch, revolve
 from digs_warp.sim.sensor.frame import FrameTruth, Motion
 from digs_warp.study.engine.case import STUDIED_CAMERA
 
-WIDTH, HEIGHT = 640, 400
+WIDTH, HEIGHT, FOV_DEG = 640, 400, 62.0
 SURROUND_RADIUS = 25.0  # [m], beyond the 20 m of the camera
 SAMPLES = 12
 TEXTURE_SIZE = 512  # [px]
@@ -65,7 +66,8 @@ def still_life() -> tuple[Scene, Environment]:
 
 def still_life_rig() -> StereoRig:
     """Return a ZED-2-class camera at the size of the pictures."""
-    return load_profile(STUDIED_CAMERA).rig(WIDTH, HEIGHT)
+    rig = load_profile(STUDIED_CAMERA).rig(WIDTH, HEIGHT)
+    return replace(rig, intrinsics=Intrinsics.from_fov(WIDTH, HEIGHT, FOV_DEG))
 
 
 def photograph(renderer: RaycastRenderer, scene: Scene, rig: StereoRig) -> FrameTruth:

@@ -9,7 +9,7 @@ from digs_warp.sim.sensor.facts import SceneFacts
 
 
 class WhiteBalance(PixelEffect):
-    """Gains of red and blue for both images that remove a share of the color cast."""
+    """The camera takes the scene for gray on average, and removes a share of its color cast, with a lag."""
 
     name = "white-balance"
     statistic = "white_balance x color_cast"
@@ -31,7 +31,7 @@ class WhiteBalance(PixelEffect):
 
 
 class AutoExposure(PixelEffect):
-    """One gain for both images, from the mean of the left one over the last moments."""
+    """The camera follows the brightness of the left image to middle gray, with a lag: one gain for both."""
 
     name = "auto-exposure"
     statistic = "saturated_share + dark_share"

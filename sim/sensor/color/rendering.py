@@ -25,7 +25,7 @@ MIN_BANDS, MAX_BANDS = 2, 32
 
 
 class RollingShutter(Effect):
-    """Renders each row from the pose at which it was read."""
+    """Each row is exposed a little later than the one above it, and rendered from its own pose."""
 
     name = "rolling-shutter"
     statistic = "skewed_share"
@@ -49,7 +49,7 @@ USUAL_RAYS, VIEW_COST = 4, 650.0
 
 
 class ImageBlur(Effect):
-    """Spreads the exposure over the motion."""
+    """The camera moves while the shutter is open: the exposure is spread over the motion."""
 
     name = "image-blur"
     statistic = "blurred_share"
@@ -67,7 +67,7 @@ class ImageBlur(Effect):
 
 
 class CalibrationDrift(Effect):
-    """Rotation, focal length and baseline, drawn once for a recording: the same in all of its frames."""
+    """Since the factory the right eye has turned, and its focal length and baseline changed."""
 
     name = "calibration-drift"
     statistic = "shift of the right image"
@@ -110,7 +110,7 @@ def corner_shift(rig: StereoRig) -> float:
 
 
 class Projector(Effect):
-    """Draws pseudo-random dots into the infrared pair."""
+    """Random dots give texture to plain walls of an infrared pair, where other light does not drown them."""
 
     name = "projector"
     statistic = "dot_share"

@@ -47,7 +47,7 @@ VISIBLE_LOSS = 0.01
 
 
 class Vignetting(PixelEffect):
-    """Darkens both images toward their corners."""
+    """The lens darkens both images toward their corners."""
 
     name = "vignetting"
     statistic = "vignetting"

@@ -17,7 +17,7 @@ class SecondSurface(Effect):
 
 
 class Transparency(SecondSurface):
-    """The surface behind the glass, as a candidate: the images decide which of the two is matched."""
+    """Glass: the search tries the surface behind it, too, and the images decide which one is matched."""
 
     name = "transparency"
     statistic = "transparent_share"
@@ -27,7 +27,7 @@ class Transparency(SecondSurface):
 
 
 class Mirror(SecondSurface):
-    """The virtual image in smooth metal, as a candidate: the images decide what is matched."""
+    """Smooth metal: the search tries the reflected scene, too, and the images decide what is matched."""
 
     name = "mirror"
     statistic = "mirror_share"
