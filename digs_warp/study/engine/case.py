@@ -10,9 +10,7 @@ from digs_warp.record.files import digest
 from digs_warp.words import did_you_mean
 
 T = TypeVar("T")
-
-# Recordings of the studies: a bare matcher errs more than a device, and all published figures rest on it.
-STUDIED_CAMERA = "bare-matcher"
+STUDIED_CAMERA = "bare-matcher"  # errs more than a device; all published figures rest on it
 
 
 @dataclass(frozen=True)

@@ -25,12 +25,7 @@ from digs_warp.record.typed import to_json as record_json
 from digs_warp.sim.config import SimulateConfig
 from digs_warp.study.engine.case import STUDIED_CAMERA, Case, with_settings
 from digs_warp.study.engine.placement import mesh_in_place, motion_to_truth
-from digs_warp.study.engine.scores import (
-    OTHER_SIZES,
-    YARDSTICK,
-    psnr_in_place,
-    score_on_yardstick,
-)
+from digs_warp.study.engine.scores import OTHER_SIZES, YARDSTICK, psnr_in_place, score_on_yardstick
 from digs_warp.study.timing import Stopwatch, processor
 
 if TYPE_CHECKING:
@@ -40,6 +35,7 @@ if TYPE_CHECKING:
 CAPTURES = "captures"
 SFM = "sfm"
 WORK = "work"
+STUDIED = SimulateConfig(profile=STUDIED_CAMERA)
 NOTE = "study.json"  # beside shared structure from motion: the seconds that it took
 MATCHING = "structure from motion"  # as the stage is called
 
@@ -55,8 +51,7 @@ SURFACE_THRESHOLD = 0.005
 
 def record_case(case: Case, folder: Path) -> Capture:
     """Return the recording of a case; it is made when the study's ``folder`` does not hold it yet."""
-    config = with_settings(SimulateConfig(profile=STUDIED_CAMERA), case.recording)
-    return _recorded(config, case.recording_key, folder)
+    return _recorded(with_settings(STUDIED, case.recording), case.recording_key, folder)
 
 
 def run_case(case: Case, folder: Path) -> dict[str, Any]:
@@ -65,10 +60,9 @@ def run_case(case: Case, folder: Path) -> dict[str, Any]:
     The keys: ``metrics`` (quality on the held-out views), ``course`` (the same along iterations and
     seconds), ``yardstick`` (quality on views of a perfect camera on another walk, at four sizes: comparable
     between recordings), ``surface`` (distances of points and Gaussians to the true surface),
-    ``scale_error`` (share that the scale is missed by), ``seconds`` (of stages;
-    compiling kernels apart), ``cpu_seconds`` (of all threads, for everything but the recording and structure
-    from motion: does not depend on what else the machine does), ``recording_seconds``, ``results`` (counts),
-    ``memory_mb`` (peak of this process until the result is there), ``versions``, ``machine``.
+    ``scale_error`` (share that the scale is missed by), ``seconds`` (of stages; compiling kernels apart),
+    ``cpu_seconds`` (of all threads, but for the recording and structure from motion), ``recording_seconds``,
+    ``results`` (counts), ``memory_mb`` (peak until the result is there), ``versions``, ``machine``.
 
     Args:
         case: its recording is taken from the study's ``folder`` or made there; structure from motion with
@@ -193,8 +187,7 @@ def _against_truth(
 def _yardstick(case: Case, folder: Path, size: str = "") -> Sequence[Frame]:
     """Return views that no case has seen, at another ``size`` if given; they are recorded once per scene."""
     scene = {name: case.recording[name] for name in SCENE_SETTINGS if name in case.recording}
-    views = {"profile": STUDIED_CAMERA} | YARDSTICK | OTHER_SIZES.get(size, {})
-    config = with_settings(SimulateConfig(**views), scene)
+    config = with_settings(STUDIED, YARDSTICK | OTHER_SIZES.get(size, {}) | scene)
     name = f"yardstick-{size}-" if size else "yardstick-"
     return _recorded(config, f"{name}{digest(scene)}", folder).frames
 
