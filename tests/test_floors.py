@@ -65,7 +65,7 @@ LINE_BUDGETS = {
     "train": 3_653,
     "usd": 2_748,
 }
-MOST_FILES = 514  # of the product; 65,000 lines in 500 files are the goal
+MOST_FILES = 502  # of the product; 65,000 lines in 500 files are the goal
 # A shorter file with a single client in its folder belongs into that client.
 CRUMB = 60
 
