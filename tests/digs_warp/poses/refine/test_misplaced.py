@@ -23,7 +23,13 @@ WRONG = 3
 @pytest.fixture(scope="module")
 def capture(tmp_path_factory: pytest.TempPathFactory) -> Capture:
     """Half a turn around the built-in object."""
-    settings = {"profile": "bare-matcher", "width": 320, "tier": "law", "camera_path": "arc", "seed": 3}
+    settings = {
+        "profile": "bare-matcher",
+        "width": 320,
+        "tier": "law",
+        "camera_path": "arc",
+        "seed": 3,
+    }
     return dw.simulate(
         frames=12, elevations=(20.0,), out=tmp_path_factory.mktemp("arc") / "capture", **settings
     )
@@ -68,7 +74,13 @@ def test_good_frames_of_any_exposure_stay(capture: Capture, light: float) -> Non
 
 def test_right_frames_stay_where_all_poses_are_off(tmp_path: Path) -> None:
     """Around the object in wide steps: one agrees with no other before all are aligned."""
-    settings = {"profile": "bare-matcher", "width": 320, "tier": "law", "camera_path": "orbits", "seed": 3}
+    settings = {
+        "profile": "bare-matcher",
+        "width": 320,
+        "tier": "law",
+        "camera_path": "orbits",
+        "seed": 3,
+    }
     capture = dw.simulate(frames=16, out=tmp_path / "orbits", **settings)
     frames, refinement = refine(perturbed_capture(capture, 1.0, 0.01, 2).frames, 0.0, needed=True)
     assert refinement.refined
