@@ -48,8 +48,6 @@ GLTF_TEXT = Bound(256 * MIB, "bytes", "export it as GLB")
 TEXT = Bound(64 * MIB, "bytes of text", "split the recording")
 # A profile or settings take a few kilobytes.
 SETTINGS = Bound(1 * MIB, "bytes", "is it the right file?")
-# Brackets in JSON or YAML; ours have eight levels.
-LEVELS = Bound(100, "levels of brackets", "is it the right file?")
 # The limit of the reference implementation of SPZ. Degree 3 takes 2.4 GB in memory.
 GAUSSIANS = Bound(10_000_000, "Gaussians", "split it, or drop the faintest with its own program")
 

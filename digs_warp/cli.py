@@ -20,7 +20,6 @@ from digs_warp.commands.parse import (
     CommonFlags,
     read_command,
     take_common_flags,
-    write_completion,
 )
 from digs_warp.device.libraries import missing_library
 from digs_warp.record.interruption import Stopped, stopped_by_signals
@@ -121,8 +120,6 @@ def parse(arguments: Sequence[str]) -> Command:
 
 
 def _read(arguments: Sequence[str]) -> tuple[CommonFlags, Command]:
-    if arguments and arguments[0].endswith("-completion"):
-        write_completion(arguments)
     common, words = take_common_flags(arguments)
     if common.version:
         commit = source_commit()  # None for an installed package

@@ -34,14 +34,14 @@ FLOORS = {
 }
 # The most lines of a room. A change that needs more says in its message what the weight buys.
 LINE_BUDGETS = {
-    "api": 436,
+    "api": 435,
     "check": 1_765,
-    "commands": 3_327,
+    "commands": 3_264,
     "data": 3_293,
     "device": 919,
-    "engines": 1_000,
+    "engines": 996,
     "files at the top": 800,
-    "formats": 5_722,
+    "formats": 5_674,
     "geometry": 621,
     "init": 4_615,
     "losses": 732,
@@ -49,7 +49,7 @@ LINE_BUDGETS = {
     "measure": 1_601,
     "pipeline": 2_423,
     "poses": 4_857,
-    "record": 2_032,
+    "record": 2_021,
     "show": 3_208,
     "sim.camera": 1_450,
     "sim.fit": 2_310,

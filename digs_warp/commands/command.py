@@ -65,19 +65,6 @@ class SplatOptions:
 
 
 @dataclass(frozen=True)
-class Preset:
-    """A command with its own name and defaults, such as `study run tradeoff`.
-
-    Attributes:
-        command: holds the defaults; a required flag is `tyro.MISSING`.
-        about: what it does, for the help.
-    """
-
-    command: Command
-    about: str
-
-
-@dataclass(frozen=True)
 class Group:
     """Commands that share a first word, such as `usd info` and `usd validate`.
 
@@ -90,7 +77,7 @@ class Group:
     members: Mapping[str, "Node"]
 
 
-Node: TypeAlias = type[Command] | Preset | Group
+Node: TypeAlias = type[Command] | Group
 
 
 class Places(Mapping[str, Node]):

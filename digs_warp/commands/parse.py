@@ -5,7 +5,7 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass, field, fields, make_dataclass
 from pathlib import Path
-from typing import Annotated, Any, NoReturn, Union
+from typing import Annotated, Any, NoReturn
 
 import tyro
 
@@ -16,12 +16,11 @@ from digs_warp.commands.command import (
     Group,
     Node,
     Places,
-    Preset,
     SettingsCommand,
 )
 from digs_warp.commands.flag_rules import FlagRules, RefusedSettings, paragraphs
 from digs_warp.commands.settings_file import file_settings, read_defaults, setting_names
-from digs_warp.words import counted, did_you_mean
+from digs_warp.words import counted, did_you_mean, format_facts
 
 PROGRAM = "digs-warp"
 HELP = ("-h", "--help")
@@ -97,7 +96,7 @@ def read_command(words: Sequence[str], common: CommonFlags) -> Command:
     program = " ".join([PROGRAM, *path])
     if isinstance(node, Group):
         _show_group(node, program, rest)
-    kind, default = (type(node.command), node.command) if isinstance(node, Preset) else (node, None)
+    kind, default = node, None
     if common.config is not None:
         if not issubclass(kind, SettingsCommand):
             raise DigsError(f"'{program}' takes no --config; leave it out")
@@ -118,19 +117,9 @@ def read_command(words: Sequence[str], common: CommonFlags) -> Command:
         raise
 
 
-def write_completion(arguments: Sequence[str]) -> None:
-    """Write the completions for a shell that tyro's own flags ask for, and exit.
-
-    Raises:
-        SystemExit: always, with code 0 when they are written.
-    """
-    tyro.cli(_union(COMMANDS), prog=PROGRAM, args=arguments, config=CONFIG)
-
-
 def about(node: Node) -> str:
     """Return what a command does."""
-    is_named = isinstance(node, Preset | Group)
-    return paragraphs(node.about if is_named else inspect.getdoc(node) or "")
+    return paragraphs(node.about if isinstance(node, Group) else inspect.getdoc(node) or "")
 
 
 def _follow(words: Sequence[str]) -> tuple[Node, list[str], list[str]]:
@@ -156,8 +145,12 @@ def _show_group(group: Group, program: str, rest: Sequence[str]) -> NoReturn:
         hint = did_you_mean(rest[0], flags)
         raise DigsError(f"no flag '{rest[0]}' before the name of a command{hint}")
     members = group.members
-    names = _listed(members) if isinstance(members, Places) else _union(group)
-    tyro.cli(names, prog=program, description=about(group), args=["--help"], config=CONFIG)
+    listed = (
+        {name: members.about(name) for name in members}
+        if isinstance(members, Places)
+        else {name: about(node).partition("\n")[0] for name, node in members.items()}
+    )
+    print(f"usage: {program} [-h] COMMAND\n\n{about(group)}\n\n{format_facts(listed)}")
     raise SystemExit(0)
 
 
@@ -216,36 +209,3 @@ def _line(kind: type[Command]) -> Any:
     common = Annotated[CommonFlags, tyro.conf.OmitArgPrefixes]
     entries = [("command", command), ("common", common, field(default_factory=CommonFlags))]
     return make_dataclass("Line", entries, kw_only=True)
-
-
-def _union(group: Group) -> Any:
-    """Return the type that tyro reads as a choice of subcommands."""
-    return Union[tuple(_subcommand(name, node) for name, node in group.members.items())]  # noqa: UP007
-
-
-@dataclass
-class _Unread:
-    """A command of which a list shows only the name."""
-
-
-def _listed(places: Places) -> Any:
-    """Return a choice of subcommands that are not imported, of which only the help can be shown."""
-    return Union[  # noqa: UP007
-        tuple(
-            Annotated[_Unread, tyro.conf.subcommand(name, description=places.about(name))]
-            for name in places
-        )
-    ]
-
-
-def _subcommand(name: str, node: Node) -> Any:
-    first_line = about(node).partition("\n")[0]
-    if isinstance(node, Group):
-        return Annotated[_union(node), tyro.conf.subcommand(name, description=first_line)]
-    if isinstance(node, Preset):
-        line = _line(type(node.command))
-        default = line(command=node.command)
-        option = tyro.conf.subcommand(name, default=default, description=first_line)
-    else:
-        line, option = _line(node), tyro.conf.subcommand(name, description=first_line)
-    return Annotated[line, option]

@@ -6,14 +6,14 @@ from typing import Annotated, ClassVar
 
 import tyro
 
-from digs_warp.commands.command import Command, Group, Preset
+from digs_warp.commands.command import Command, Group
 from digs_warp.engines.config import EngineConfig
 from digs_warp.record.durations import DURATION
 from digs_warp.settings import ITERATIONS, SECONDS, Range
-from digs_warp.study.catalogue import STUDIES, Study, find_study
+from digs_warp.study.catalogue import STUDIES, find_study
 from digs_warp.words import format_facts
 
-Name = Annotated[str, tyro.conf.Suppress]
+Name = Annotated[str, tyro.conf.Positional, tyro.conf.arg(metavar="STUDY")]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -26,23 +26,33 @@ class ListStudies(Command):
 
 
 @dataclass(frozen=True, kw_only=True)
-class RunStudy(Command):
+class _OfStudy(Command):
+    """A command on one study."""
+
+    name: Name
+    """Which one; 'digs-warp study list' lists them."""
+
+    out: Path | None = None
+    """Folder of the results and the report. Default: that of the study, in out/."""
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        find_study(self.name)
+
+
+@dataclass(frozen=True, kw_only=True)
+class RunStudy(_OfStudy):
     """Measure the cases that have no result yet, then draw the report of all results.
 
     Run it again after an interruption, or with more objects, seeds or time: finished cases are kept. Cases
     that run at the same time share the cores, so their seconds are only meaningful with one worker.
     """
 
-    name: Name
+    objects: Annotated[int | None, Range(1, 1000)] = None
+    """How many objects; sample meshes come first, the built-in object last. Default: as the study has it."""
 
-    out: Path
-    """Folder of the results and the report."""
-
-    objects: Annotated[int, Range(1, 1000)]
-    """How many objects; sample meshes come first, the built-in object last."""
-
-    iterations: Annotated[int, ITERATIONS]
-    """Training steps of each case. The paper's 12,000 would take days."""
+    iterations: Annotated[int | None, ITERATIONS] = None
+    """Training steps of each case. The paper's 12,000 would take days. Default: as the study has it."""
 
     meshes: tuple[Path, ...] = ()
     """Mesh files to measure instead of the sample objects; the first --objects of them."""
@@ -63,43 +73,23 @@ class RunStudy(Command):
     def execute(self) -> str:
         """Measure, and say how many cases there are and where the report is."""
         study = find_study(self.name)
-        cases = study.cases(self.objects, self.seeds, self.iterations, self.meshes)
-        return study.run(cases, self.out, self.on, self.time_budget)
+        objects, steps = self.objects or study.objects, self.iterations
+        steps = study.iterations if steps is None else steps
+        cases = study.cases(objects, self.seeds, steps, self.meshes)
+        return study.run(cases, self.out or study.folder, self.on, self.time_budget)
 
 
 @dataclass(frozen=True, kw_only=True)
-class ReportStudy(Command):
+class ReportStudy(_OfStudy):
     """Draw the report from existing results, without measuring."""
-
-    name: Name
-
-    out: Path
-    """Folder of the results; the report goes there, too."""
 
     def execute(self) -> str:
         """Draw, and say where the report is."""
-        return f"report: {find_study(self.name).report(self.out)}"
-
-
-def _run_preset(study: Study) -> Preset:
-    command = RunStudy(
-        name=study.name, out=study.folder, objects=study.objects, iterations=study.iterations
-    )
-    return Preset(command, f"{study.title}: {study.summary}.\n\n{RunStudy.__doc__}")
-
-
-def _report_preset(study: Study) -> Preset:
-    command = ReportStudy(name=study.name, out=study.folder)
-    return Preset(command, f"{study.title}: {study.summary}.\n\n{ReportStudy.__doc__}")
+        study = find_study(self.name)
+        return f"report: {study.report(self.out or study.folder)}"
 
 
 STUDY = Group(
     "Measure what settings cost and bring over many runs of the whole pipeline, and draw a report.",
-    {
-        "list": ListStudies,
-        "run": Group("Run a study.", {study.name: _run_preset(study) for study in STUDIES}),
-        "report": Group(
-            "Draw the report of a study.", {study.name: _report_preset(study) for study in STUDIES}
-        ),
-    },
+    {"list": ListStudies, "run": RunStudy, "report": ReportStudy},
 )

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from digs_warp.bounds import JSON, LEVELS, SETTINGS, TEXT, Bound
+from digs_warp.bounds import JSON, SETTINGS, TEXT, Bound
 from digs_warp.checks import DigsError, require_regular
 from digs_warp.record.disk import append, put, rename, reported, sync, temporary_beside
 from digs_warp.record.fields import parse_json
@@ -207,27 +207,16 @@ def _yaml_loader() -> Any:
 
 
 def read_yaml(path: Path, what: str) -> dict[str, Any]:
-    """Return a YAML mapping, without aliases: each of them can repeat all before it.
+    """Return a YAML mapping.
 
     Raises:
-        DigsError: missing, too large, not YAML, no mapping, nested too deeply, or with aliases.
+        DigsError: missing, too large, not YAML, no mapping, or nested too deeply.
     """
     import yaml
 
     text = read_text(path, what, SETTINGS)
     try:
-        depth = 0
-        for event in yaml.parse(text, yaml.SafeLoader):
-            depth += isinstance(event, yaml.CollectionStartEvent)
-            depth -= isinstance(event, yaml.CollectionEndEvent)
-            LEVELS.check(f"{what} '{path}'", depth)
-            if isinstance(event, yaml.AliasEvent):
-                raise DigsError(
-                    f"{what} '{path}': the alias *{event.anchor}; write its value instead"
-                )
         content = yaml.load(text, _yaml_loader())
-    except DigsError:
-        raise
     except Exception as error:  # the parser's own, and many kinds for values that it cannot make
         reason = " ".join(str(error).split())
         raise DigsError(f"{what} '{path}': not readable as YAML ({reason})") from error

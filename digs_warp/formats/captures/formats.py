@@ -25,20 +25,20 @@ logger = logging.getLogger(__name__)
 READERS: dict[str, str] = {
     "nerfstudio": "nerfstudio.read_nerfstudio",
     "tum": "tum.read_tum",
-    "scannet": "scanner_exports.read_scannet",
-    "record3d": "scanner_exports.read_record3d",
-    "zed": "scanner_exports.read_zed",
+    "scannet": "scans.read_scannet",
+    "record3d": "scans.read_record3d",
+    "zed": "scans.read_zed",
     "redwood": "redwood.read_redwood",
     "bop": "bop.read_bop",
     "colmap": "colmap_import.read_colmap",
     "7scenes": "seven_scenes.read_seven_scenes",
-    "polycam": "phones.read_polycam",
+    "polycam": "scans.read_polycam",
 }
 # The same of those whose frames are in a film, a bag or an archive.
 FILE_READERS: dict[str, str] = {
     "video": "video.read_film",
-    "record3d": "scanner_exports.read_r3d",
-    "stray": "phones.read_stray",
+    "record3d": "scans.read_r3d",
+    "stray": "scans.read_stray",
     "realsense": "ros.read_ros",
     "ros": "ros.read_ros",
 }
@@ -58,9 +58,9 @@ EXPORTERS: dict[str, str] = {
     "redwood": "redwood.write_redwood",
     "hdf5": "training_sets.write_hdf5",
     "webdataset": "training_sets.write_webdataset",
-    "kitti-stereo": "kitti.write_kitti_stereo",
-    "sceneflow": "stereo_sets.write_sceneflow",
-    "middlebury": "stereo_sets.write_middlebury",
+    "kitti-stereo": "stereo.write_kitti_stereo",
+    "sceneflow": "stereo.write_sceneflow",
+    "middlebury": "stereo.write_middlebury",
 }
 
 # The choices of the command line.

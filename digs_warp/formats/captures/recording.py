@@ -346,8 +346,10 @@ def read_numbers(path: Path, shape: tuple[int, ...], what: str) -> np.ndarray:
         return np.array([float(word) for word in words if word]).reshape(shape)
 
 
-def numbered_files(folder: Path, start: str, suffixes: Sequence[str]) -> dict[int, Path]:
-    """Return the files START + NUMBER + SUFFIX below a folder by number, ascending; START may have a /.
+def numbered_files(
+    folder: Path, start: str, suffixes: Sequence[str], end: str = ""
+) -> dict[int, Path]:
+    """Return the files START + NUMBER + END + SUFFIX below a folder by number, ascending; START may have a /.
 
     Where there are several of a number, the one whose suffix is named first counts.
     """
@@ -355,7 +357,8 @@ def numbered_files(folder: Path, start: str, suffixes: Sequence[str]) -> dict[in
     found = {}
     for suffix in reversed(suffixes):
         for path in folder_named(folder, place).glob(f"{prefix}*"):
-            digits = path.stem.removeprefix(prefix)
-            if path.suffix.lower() == suffix and digits.isdecimal():
+            digits = path.stem.removeprefix(prefix).removesuffix(end)
+            has_end = path.stem.endswith(end) and path.suffix.lower() == suffix
+            if has_end and digits.isdecimal():
                 found[int(digits)] = path
     return dict(sorted(found.items()))

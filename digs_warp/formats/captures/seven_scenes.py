@@ -23,6 +23,7 @@ from digs_warp.formats.captures.recording import (
     NumberedFiles,
     Recording,
     known_pose,
+    numbered_files,
     read_numbers,
 )
 from digs_warp.geometry.camera import Intrinsics
@@ -53,7 +54,7 @@ def read_seven_scenes(folder: Path) -> Recording:
     Raises:
         CaptureError: no frames, no calibration for images of another size, or broken poses.
     """
-    images = _numbered(folder, "color", IMAGE_SUFFIXES)
+    images = numbered_files(folder, "frame-", IMAGE_SUFFIXES, ".color")
     if not images:
         sequences = sorted(path.name for path in folder.glob("seq-*") if path.is_dir())
         hint = (
@@ -64,24 +65,16 @@ def read_seven_scenes(folder: Path) -> Recording:
         raise CaptureError(
             f"recording '{folder}': no images frame-NUMBER.color.png or .jpg; {hint}"
         )
-    files = NumberedFiles(folder, images, _numbered(folder, "depth", DEPTH_SUFFIXES))
+    files = NumberedFiles(
+        folder, images, numbered_files(folder, "frame-", DEPTH_SUFFIXES, ".depth")
+    )
     depth_size = image_size(next(iter(files.depths.values()))) if files.depths else files.image_size
     color, depth = _cameras(folder, files.image_size, depth_size)
     poses = {
         number: _color_pose(path, depth)
-        for number, path in _numbered(folder, "pose", (".txt",)).items()
+        for number, path in numbered_files(folder, "frame-", (".txt",), ".pose").items()
     }
     return files.recording(color, poses, depth_camera=depth if files.depths else None)
-
-
-def _numbered(folder: Path, kind: str, suffixes: tuple[str, ...]) -> dict[int, Path]:
-    """Return the files frame-NUMBER.KIND.SUFFIX by number, ascending."""
-    found = {}
-    for path in folder.glob(f"frame-*.{kind}.*"):
-        digits = path.name.removeprefix("frame-").partition(".")[0]
-        if path.suffix.lower() in suffixes and digits.isdecimal():
-            found[int(digits)] = path
-    return dict(sorted(found.items()))
 
 
 def _cameras(

@@ -8,7 +8,7 @@ from typing import Any, get_args
 import pytest
 
 from digs_warp.checks import DigsError
-from digs_warp.commands.command import COMMANDS, Command, Group, Node, Preset
+from digs_warp.commands.command import COMMANDS, Command, Group, Node
 from digs_warp.commands.settings_file import alternatives
 from digs_warp.settings import NO_FLAG, Range
 from digs_warp.sim.testing.recording import RecordingConfig
@@ -22,7 +22,7 @@ def commands(node: Node) -> Iterator[type[Command]]:
         for member in node.members.values():
             yield from commands(member)
     else:
-        yield type(node.command) if isinstance(node, Preset) else node
+        yield node
 
 
 def with_those_within(kind: type) -> Iterator[type]:

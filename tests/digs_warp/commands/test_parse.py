@@ -6,13 +6,12 @@ import sys
 from collections.abc import Iterator
 from dataclasses import is_dataclass
 from itertools import pairwise
-from pathlib import Path
 from typing import get_args
 
 import pytest
 
 from digs_warp.cli import EXIT_OK, EXIT_WRONG_USAGE, main
-from digs_warp.commands.command import COMMANDS, Command, Group, Node, Preset
+from digs_warp.commands.command import COMMANDS, Command, Group, Node
 from digs_warp.commands.settings_file import alternatives, settings_of
 
 
@@ -135,6 +134,7 @@ REQUIRED = {
         "usd validate": "a",
     },
     **{"sensor fit": "a --out x", "sensor wall": "--out x"},
+    **{"study run": "tradeoff", "study report": "tradeoff"},
 }
 
 # Of flags that take several.
@@ -149,7 +149,7 @@ def kinds() -> Iterator[tuple[list[str], type[Command]]]:
         for word in words:
             assert isinstance(node, Group)
             node = node.members[word]
-        kind = type(node.command) if isinstance(node, Preset) else node
+        kind = node
         if isinstance(kind, type) and kind not in seen:
             seen.add(kind)
             yield words, kind
@@ -227,12 +227,3 @@ def test_quiet_and_verbose_change_the_log_and_not_the_result() -> None:
 
 
 # Completion
-
-
-def test_completion_for_bash_is_written(tmp_path: Path) -> None:
-    script = tmp_path / "digs-warp"
-    assert main(["--tyro-write-completion", "bash", str(script)]) == EXIT_OK
-    text = script.read_text()
-    assert "complete -F" in text
-    for word in ("simulate", "tradeoff", "samples-per-pixel", "--quiet"):
-        assert word in text

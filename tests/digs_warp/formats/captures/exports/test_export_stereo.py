@@ -12,7 +12,7 @@ from digs_warp.data.capture import Capture
 from digs_warp.data.images import read_image
 from digs_warp.data.layers import Layer
 from digs_warp.formats.captures.formats import export_capture
-from digs_warp.formats.captures.kitti import calib_cam_to_cam, encode_disparity, encode_flow
+from digs_warp.formats.captures.stereo import calib_cam_to_cam, encode_disparity, encode_flow
 from digs_warp.geometry.camera import Camera
 from digs_warp.geometry.rigid import OPENCV_FROM_OPENGL
 from reference.exported import exported
