@@ -93,6 +93,8 @@ BENCHMARKS = (
             "zed2i_stereo_pair",
         ),
     ),
+    # Simulated photographs without their depth, beside the sensor's.
+    Benchmark("photographs", ("photographs.bench_photographs",), ("initialization.md",)),
     # USD scenes of a million splats: write, read, validate; what each precision saves and loses.
     Benchmark("usd", ("usd_files.bench_usd",), ("usd.md",)),
     # The simulated depth sensor: time and scores of every tier.

@@ -113,8 +113,10 @@ def quiet_pycolmap() -> Any:
     return pycolmap
 
 
-def extract_features(images: ImageSet, config: SfmConfig, threads: int, database: Path) -> None:
-    """Find SIFT features in all images that have none yet.
+def extract_features(
+    images: ImageSet, config: SfmConfig, threads: int, database: Path, masks: Path | None = None
+) -> None:
+    """Find SIFT features in all images that have none yet; none where a mask below ``masks`` is black.
 
     Raises:
         DigsError: an image that COLMAP cannot read.
@@ -132,6 +134,8 @@ def extract_features(images: ImageSet, config: SfmConfig, threads: int, database
             names = list(images.names[first : first + IMAGES_PER_CALL])
             check_room(database, LOG_BYTES + len(names) * config.features * BYTES_PER_FEATURE)
             reader = _reader_options(pycolmap, images.intrinsics[0] if shared else None, database)
+            if masks is not None:
+                reader.mask_path = masks
             token = pycolmap.CancellationToken()
             run_interruptible(
                 partial(

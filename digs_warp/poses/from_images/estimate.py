@@ -32,7 +32,14 @@ from digs_warp.poses.from_images.quality import (
     no_model_error,
 )
 from digs_warp.poses.from_images.rolling_shutter import correct_rolling_shutter
-from digs_warp.poses.from_images.workspace import IMAGES, Workspace, stage_keys, with_image_files
+from digs_warp.poses.from_images.workspace import (
+    IMAGES,
+    MASKS,
+    Workspace,
+    stage_keys,
+    with_image_files,
+    with_scene_masks,
+)
 from digs_warp.record.run_log import RunLog
 from digs_warp.words import counted
 
@@ -85,7 +92,8 @@ def structure_from_motion(frames: Sequence[Frame], config: SfmConfig, workspace:
     place.prepare()
     notes = place.finished_model()
     if notes is None:
-        _find_and_match(images, config, place, log)
+        masks = with_scene_masks(frames, images.names, workspace / MASKS)
+        _find_and_match(images, config, place, masks, log)
         with log.stage("map"):
             notes = _make_model(frames, images, config, place)
         place.finish_model(notes)
@@ -113,10 +121,12 @@ def _check_names_differ(frames: Sequence[Frame]) -> None:
         seen.add(frame.name)
 
 
-def _find_and_match(images: ImageSet, config: SfmConfig, place: Workspace, log: RunLog) -> None:
+def _find_and_match(
+    images: ImageSet, config: SfmConfig, place: Workspace, masks: Path | None, log: RunLog
+) -> None:
     threads = default_threads()
     with log.stage("features"):
-        colmap.extract_features(images, config, threads, place.database)
+        colmap.extract_features(images, config, threads, place.database, masks)
     with log.stage("pairs"):
         pairs = choose_pairs(images, config, place.database)
     with log.stage("match"):

@@ -4,6 +4,7 @@
     model/        the sparse model, COLMAP's binary files; COLMAP's own viewer opens it
     stages.json   the key of each stage: a hash of everything that decides its result
     images/       only for a recording in memory, or the object alone: its left images as PNG files
+    masks/        only for images that are partly no scene: black there, as COLMAP wants them
 
 A stage whose key is unchanged is not done again; one that was cut off goes on with what is missing.
 """
@@ -15,6 +16,8 @@ from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
+
+import numpy as np
 
 from digs_warp.checks import DigsError
 from digs_warp.data.frame import Frame
@@ -37,7 +40,7 @@ from digs_warp.record.manifest import is_kept
 DATABASE = "database.db"
 MODEL = "model"
 STAGES = "stages.json"
-IMAGES = "images"
+IMAGES, MASKS = "images", "masks"
 
 
 @dataclass(frozen=True)
@@ -62,12 +65,27 @@ def with_image_files(frames: Sequence[Frame], folder: Path) -> list[Frame]:
     return [on_disk(frame) for frame in frames]
 
 
+def with_scene_masks(frames: Sequence[Frame], names: Sequence[str], folder: Path) -> Path | None:
+    """Write a mask of each image, black where it is no scene; return the folder, None: not needed."""
+    unknown = [frame.load_unknown() for frame in frames]
+    if all(each is None for each in unknown):
+        return None
+    for frame, name, each in zip(frames, names, unknown, strict=True):
+        k = frame.camera.intrinsics
+        mask = np.full((k.height, k.width), 255, np.uint8)
+        write_image(folder / f"{name}.png", mask if each is None else np.where(each, 0, mask))
+    return folder
+
+
 def stage_keys(frames: Sequence[Frame], config: SfmConfig) -> StageKeys:
     """Return what decides the result of each stage, as hashes; reads every image file once."""
-    images = [
-        [frame.name, hashlib.sha256(frame.path(Layer.IMAGE).read_bytes()).hexdigest()]
-        for frame in frames
-    ]
+
+    def pixels(frame: Frame) -> str:
+        content, unknown = frame.path(Layer.IMAGE).read_bytes(), frame.load_unknown()
+        known = b"" if unknown is None else unknown.tobytes()
+        return hashlib.sha256(content + known).hexdigest()
+
+    images = [[frame.name, pixels(frame)] for frame in frames]
     cameras = [frame.camera.intrinsics for frame in frames]
     features = _key(
         version("pycolmap"), images, cameras,

@@ -17,6 +17,7 @@ from digs_warp.geometry.camera import Camera
 from digs_warp.poses.from_images import colmap
 from digs_warp.poses.from_images.config import SfmConfig
 from digs_warp.poses.from_images.estimate import SfmResult, structure_from_motion
+from digs_warp.poses.from_images.workspace import stage_keys, with_scene_masks
 from reference.perturbed_poses import perturbed_poses
 from reference.sfm_views import INTRINSICS, arc, photograph, turns_on_the_spot
 from studies.pose_errors import pose_errors
@@ -261,3 +262,23 @@ def test_a_camera_that_only_turns_is_refused(tmp_path: Path) -> None:
     frames = photograph(turns_on_the_spot(4), tmp_path, small)
     with pytest.raises(DigsError, match="turn"):
         structure_from_motion(frames, CONFIG, tmp_path / "workspace")
+
+
+def test_no_feature_is_sought_where_an_image_is_no_scene(
+    views: list[Frame], tmp_path: Path
+) -> None:
+    frames = views[:3]
+    unknown = np.zeros(frames[0].load_image().shape[:2], np.uint8)
+    unknown[:, : unknown.shape[1] // 2] = 255
+    marked = [frames[0].with_layer(Layer.UNKNOWN, unknown), *frames[1:]]
+    keys = [stage_keys(each, SfmConfig()) for each in (frames, marked)]
+    assert keys[0].features != keys[1].features
+    images = colmap.ImageSet.of(marked)
+    masks = with_scene_masks(marked, images.names, tmp_path / "masks")
+    colmap.extract_features(images, SfmConfig(features=300), 1, tmp_path / "database.db", masks)
+    with colmap.quiet_pycolmap().Database.open(tmp_path / "database.db") as database:
+        by_name = {image.name: image.image_id for image in database.read_all_images()}
+        columns = [database.read_keypoints(by_name[name])[:, 0] for name in images.names]
+    assert columns[0].min() > unknown.shape[1] // 2 - 1
+    assert min(found.min() for found in columns[1:]) < unknown.shape[1] // 2 - 1
+    assert with_scene_masks(frames, images.names, tmp_path / "none") is None
