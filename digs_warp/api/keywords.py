@@ -15,7 +15,7 @@ class ReconstructSettings(TypedDict, total=False):
     readout_time: float | None
     min_registered: float
     refine_poses: Literal["off", "auto", "on"]
-    masks: Literal["capture", "folder", "isnet", "isnet+depth", "depth"]
+    masks: Literal["capture", "folder", "isnet", "depth"]
     instance: int | None
     mask_folder: Path | str | None
     ignore_mask: Path | str | None

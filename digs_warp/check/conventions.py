@@ -56,13 +56,11 @@ class Explanation:
         kind: of the finding.
         cause: for the user, a clause.
         corrected: a frame as it would be right if this is the cause.
-        delays: whether it only takes the poses of other frames.
     """
 
     kind: str
     cause: str
     corrected: Callable[[SmallFrame], SmallFrame]
-    delays: bool = False
 
 
 @dataclass(frozen=True)
@@ -89,23 +87,6 @@ def explained(kind: str) -> Callable[[Evidence, float], dict[str, Any] | None]:
         return {"recorded": recorded.score, "then": found.score, "cause": best.explanation.cause}
 
     return look
-
-
-def other_moments(evidence: Evidence, factor: float) -> dict[str, Any] | None:
-    """Find depth of other images: with other poses it agrees better by this factor, the brightness less."""
-    recorded = evidence.agreement
-    if recorded is None or recorded.overlap < limits.LEAST_OVERLAP:
-        return None
-    for trial in evidence.once(trials):
-        other = trial.agreement
-        if (
-            trial.explanation.delays
-            and other.overlap >= limits.LEAST_OVERLAP
-            and other.depth > factor * recorded.depth
-            and other.brightness < recorded.brightness
-        ):
-            return {"depth": recorded.depth}
-    return None
 
 
 def no_agreement(evidence: Evidence, hopeless: float) -> dict[str, Any] | None:
@@ -240,7 +221,7 @@ def explanations(cameras: Sequence[Camera]) -> Iterator[Explanation]:
     for delay in DELAYS:
         when = "later" if delay > 0 else "earlier"
         cause = f"each image has the pose of another moment; those {abs(delay)} frame(s) {when} fit"
-        yield Explanation("time stamps", cause, _delayed(delay, cameras), delays=True)
+        yield Explanation("time stamps", cause, _delayed(delay, cameras))
 
 
 def _scaled_depth(factor: float) -> Callable[[SmallFrame], SmallFrame]:

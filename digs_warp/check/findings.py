@@ -85,7 +85,6 @@ REGISTER = (
     "Export depth that is registered to the color image, or let 'digs-warp convert FOLDER --from FORMAT "
     "--out CAPTURE --register-depth found' move it."
 )
-CHECK_TIMES = "Check the timestamps."
 
 # Remedies for wrong units and conventions.
 EXPLANATIONS = {
@@ -95,7 +94,7 @@ EXPLANATIONS = {
     "focal length": "Check fl_x and fl_y; they belong to images of the size w x h.",
     "pose convention": "Poses are world from camera, with OpenGL camera axes (x right, y up, z backward).",
     "depth along rays": "Divide it by the length of the ray (x, y, 1) of each pixel.",
-    "time stamps": CHECK_TIMES,
+    "time stamps": "Check the timestamps.",
 }
 
 CHECKS = (
@@ -120,16 +119,6 @@ CHECKS = (
             is_error=True,
         )
         for kind, remedy in EXPLANATIONS.items()
-    ),
-    Check(
-        kind="time stamps",
-        measure=conventions.other_moments,
-        limit=1.25,
-        message="The depth of neighboring frames agrees to {depth:.0%}, but much better with the poses of "
-        "other frames: depth and images were not taken at the same time.",
-        remedy=CHECK_TIMES,
-        is_error=True,
-        unless=(ERRORS,),
     ),
     Check(
         kind="order",

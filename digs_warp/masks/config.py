@@ -17,10 +17,9 @@ AGREES = 0.65
 class SegmentConfig(Settings):
     """Where object masks come from."""
 
-    masks: Literal["capture", "folder", "isnet", "isnet+depth", "depth"] = "capture"
+    masks: Literal["capture", "folder", "isnet", "depth"] = "capture"
     """Object masks. capture: those of the recording; folder: those in --mask-folder; isnet: the network
-    isnet-general-use; depth: the foreground of the depth maps, without a network; isnet+depth: the network,
-    on the part of the image where the depth has a foreground, and only there."""
+    isnet-general-use; depth: the foreground of the depth maps, without a network."""
 
     mask_agreement: Annotated[Literal["on", "off"], NO_FLAG] = "on"
     """Mend masks that most other views contradict: with 'on', a point that most of them call surround is
@@ -39,7 +38,7 @@ class SegmentConfig(Settings):
     themselves."""
 
     mask_model: Path | None = None
-    """For isnet and isnet+depth: the network as an ONNX file. Default: isnet-general-use.onnx in ~/.u2net,
+    """For isnet: the network as an ONNX file. Default: isnet-general-use.onnx in ~/.u2net,
     where rembg keeps it."""
 
     def __post_init__(self) -> None:
@@ -50,13 +49,8 @@ class SegmentConfig(Settings):
             )
         if self.instance is not None and self.masks != "capture":
             raise DigsError(f"--instance {self.instance}: needs --masks capture")
-        if self.mask_model is not None and not self.runs_network:
-            raise DigsError("--mask-model needs --masks isnet or isnet+depth")
-
-    @property
-    def runs_network(self) -> bool:
-        """Whether a network makes the masks."""
-        return self.masks in ("isnet", "isnet+depth")
+        if self.mask_model is not None and self.masks != "isnet":
+            raise DigsError("--mask-model needs --masks isnet")
 
     @property
     def mends_masks(self) -> bool:

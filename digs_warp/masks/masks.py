@@ -20,12 +20,7 @@ from digs_warp.data.posed_frames import PosedFrames
 from digs_warp.device.threads import default_threads
 from digs_warp.masks.config import SegmentConfig
 from digs_warp.masks.from_depth import mask_from_depth
-from digs_warp.masks.network import (
-    MaskNetwork,
-    default_model_path,
-    mask_in_foreground,
-    require_network,
-)
+from digs_warp.masks.network import MaskNetwork, default_model_path, require_network
 from digs_warp.record.files import read_json, remove, to_json, write_atomically
 from digs_warp.record.manifest import is_kept
 from digs_warp.record.progress import progress
@@ -45,7 +40,6 @@ _INPUTS = {
     "instance": (Layer.MASK, Layer.INSTANCES),
     "folder": (Layer.IMAGE,),
     "isnet": (Layer.IMAGE,),
-    "isnet+depth": (Layer.IMAGE, Layer.DEPTH),
     "depth": (Layer.IMAGE, Layer.DEPTH),
 }
 
@@ -130,12 +124,8 @@ def _make(
 def _mask_maker(frames: Sequence[Frame], config: SegmentConfig) -> MaskOf:
     if config.instance is not None:
         return partial(_mask_of_instance, config.instance)
-    if config.runs_network:
+    if config.masks == "isnet":
         network = MaskNetwork(config.mask_model or default_model_path(), default_threads())
-        if config.masks == "isnet+depth":
-            return lambda frame: mask_in_foreground(
-                network.mask, frame.load_image(), frame.load_depth()
-            )
         return lambda frame: network.mask(frame.load_image())
     if config.masks == "depth":
         return lambda frame: mask_from_depth(frame.load_image(), frame.load_depth())
@@ -145,7 +135,7 @@ def _mask_maker(frames: Sequence[Frame], config: SegmentConfig) -> MaskOf:
 
 def _workers(config: SegmentConfig) -> int:
     # onnxruntime spreads one image over all cores.
-    return 1 if config.runs_network else default_threads()
+    return 1 if config.masks == "isnet" else default_threads()
 
 
 def _mask_of_instance(instance: int, frame: Frame) -> np.ndarray:
@@ -173,7 +163,7 @@ def _masks_named(frames: Sequence[Frame], folder: Path) -> dict[str, Path]:
 
 def check_source(config: SegmentConfig) -> None:
     """Raise a `DigsError` when the network or the folder that the settings name is missing."""
-    if config.runs_network:
+    if config.masks == "isnet":
         require_network(config.mask_model or default_model_path())
     if config.mask_folder is not None and not config.mask_folder.is_dir():
         raise DigsError(f"--mask-folder '{config.mask_folder}': no such folder. Check the path.")
@@ -203,7 +193,7 @@ def _key(frames: Sequence[Frame], config: SegmentConfig) -> str:
     sources = [frame.layers[layer] for frame in frames for layer in _INPUTS[config.source]]
     if config.mask_folder is not None:
         sources += _masks_named(frames, config.mask_folder).values()
-    if config.runs_network:
+    if config.masks == "isnet":
         model = config.mask_model or default_model_path()
         sources += [model] if model.is_file() else []
     return hashlib.sha256(to_json([config, list(map(_state, sources))]).encode()).hexdigest()

@@ -20,7 +20,6 @@ class Tracking:
         loop_mm, loop_deg: median disagreement of these motions with the motions from frame to frame, summed
             up: what the poses drifted before the loops were closed [mm, degree]; 0 without loops.
         residual_mm, residual_deg: the same with the poses in the end: how uncertain these are.
-        depth_mm: median difference of depth between overlapping frames in the end [mm].
     """
 
     frames: int
@@ -30,7 +29,6 @@ class Tracking:
     loop_deg: float
     residual_mm: float
     residual_deg: float
-    depth_mm: float
 
     def __str__(self) -> str:
         placed = f"{self.frames} frames placed by color and depth"
@@ -39,7 +37,7 @@ class Tracking:
         return (
             f"{placed}; {self.loops} loops over up to {self.longest_loop} frames close after a drift of "
             f"{self.loop_mm:.1f} mm and {self.loop_deg:.2f}°, and differ from the poses by "
-            f"{self.residual_mm:.1f} mm and {self.residual_deg:.2f}°; depth differs by {self.depth_mm:.1f} mm"
+            f"{self.residual_mm:.1f} mm and {self.residual_deg:.2f}°"
         )
 
 

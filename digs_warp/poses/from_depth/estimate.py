@@ -10,13 +10,7 @@ from digs_warp.checks import DigsError
 from digs_warp.data.frame import Frame
 from digs_warp.device.libraries import import_open3d
 from digs_warp.device.threads import over_items
-from digs_warp.geometry.reproject import (
-    ROUGH_POSES,
-    DepthTolerance,
-    compare_depth,
-    reproject,
-    unproject_pixels,
-)
+from digs_warp.geometry.reproject import unproject_pixels
 from digs_warp.geometry.rigid import invert_rigid, transform_points
 from digs_warp.poses import thresholds
 from digs_warp.poses.agreement import got_worse
@@ -30,7 +24,7 @@ from digs_warp.poses.from_depth.odometry_chain import (
     measured_chain,
     optimized_poses,
 )
-from digs_warp.poses.from_depth.pair_motion import Edge, FrameFeatures, usual_distance
+from digs_warp.poses.from_depth.pair_motion import Edge, FrameFeatures
 from digs_warp.poses.outcome import Tracking, check_depth
 from digs_warp.poses.refine.bundle_adjustment import adjusted_where_better
 from digs_warp.poses.refine.photometric_alignment import align
@@ -89,7 +83,7 @@ def track(frames: Sequence[Frame], readout_time: float) -> Tracked:
     if edge_residuals(poses, loops)[1] > thresholds.MAX_SETTLED_RESIDUAL_DEG:
         poses, loops = _closed(pictures, features, chain, near, poses)
     poses = invert_rigid(poses[0]) @ poses
-    tracking = _quality(small, poses, rough, loops)
+    tracking = _quality(poses, rough, loops)
     _check_agreement(tracking)
     return Tracked(poses, _middle(small, poses), tracking)
 
@@ -153,9 +147,7 @@ def _check_agreement(tracking: Tracking) -> None:
         )
 
 
-def _quality(
-    pictures: Sequence[Picture], poses: np.ndarray, rough: np.ndarray, loops: Sequence[Edge]
-) -> Tracking:
+def _quality(poses: np.ndarray, rough: np.ndarray, loops: Sequence[Edge]) -> Tracking:
     drift, residual = (edge_residuals(each, loops) for each in (rough, poses))
     return Tracking(
         frames=len(poses),
@@ -165,23 +157,7 @@ def _quality(
         loop_deg=drift[1],
         residual_mm=residual[0],
         residual_deg=residual[1],
-        depth_mm=_depth_apart(pictures, poses),
     )
-
-
-def _depth_apart(pictures: Sequence[Picture], poses: np.ndarray) -> float:
-    """Return the median difference of depth between neighbors [mm]."""
-    medians = []
-    for number in range(len(pictures) - 1):
-        first, second = pictures[number], pictures[number + 1]
-        motion = invert_rigid(poses[number + 1]) @ poses[number]
-        seen = reproject(_points(first), motion, second.intrinsics)
-        measured = second.depth[seen.rows, seen.columns]
-        tolerance = DepthTolerance(0.0, ROUGH_POSES.relative * usual_distance(second))
-        same = seen.inside & compare_depth(seen.depth, measured, tolerance).agrees
-        apart = np.abs(measured - seen.depth)[same]
-        medians.append(float(np.median(apart)) if len(apart) else np.nan)
-    return round(1000 * float(np.nanmedian(medians)), 4) if np.isfinite(medians).any() else 0.0
 
 
 def _points(picture: Picture) -> np.ndarray:

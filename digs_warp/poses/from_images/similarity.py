@@ -8,7 +8,7 @@ import numpy as np
 from digs_warp.checks import DigsError, check_shape
 from digs_warp.data.viewpoints import upward
 from digs_warp.geometry.camera import Camera
-from digs_warp.geometry.rigid import rigid, turn_degrees
+from digs_warp.geometry.rigid import laid_over, rigid, turn_degrees
 from digs_warp.poses import thresholds
 
 
@@ -36,18 +36,16 @@ def umeyama(source: np.ndarray, target: np.ndarray) -> Similarity:
     """
     check_shape("umeyama source", source, (None, 3))
     check_shape("umeyama target", target, (len(source), 3))
-    source_mean, target_mean = source.mean(axis=0), target.mean(axis=0)
-    a, b = source - source_mean, target - target_mean
-    u, singular, vt = np.linalg.svd(b.T @ a / max(1, len(a)))
+    a, b = source - source.mean(axis=0), target - target.mean(axis=0)
+    singular = np.linalg.svd(b.T @ a, compute_uv=False)
     if len(source) < 3 or singular[1] <= 1e-9 * max(singular[0], 1e-300):
         raise DigsError(
             f"alignment: {len(source)} points on one line or in one place leave the rotation undetermined; "
             "expected at least 3 in a plane"
         )
-    signs = np.array([1.0, 1.0, np.sign(np.linalg.det(u) * np.linalg.det(vt))])
-    rotation = u @ np.diag(signs) @ vt
-    scale = float((singular * signs).sum() / (a**2).sum(axis=1).mean())
-    return Similarity(scale, rotation, target_mean - scale * rotation @ source_mean)
+    rotation = laid_over(source, target)[:3, :3]
+    scale = float((b * (a @ rotation.T)).sum() / (a**2).sum())
+    return Similarity(scale, rotation, target.mean(axis=0) - scale * rotation @ source.mean(axis=0))
 
 
 def world_as_recorded(cameras: Sequence[Camera], recorded: Sequence[Camera]) -> np.ndarray:

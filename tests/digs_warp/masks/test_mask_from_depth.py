@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 from digs_warp.masks.from_depth import (
-    connected_pieces,
     mask_from_depth,
     object_by_depth,
     without_enclosed_holes,
@@ -95,14 +94,6 @@ def test_a_plane_is_found_among_outliers() -> None:
     assert accounted[outliers].mean() < 0.02
 
 
-def test_pieces_end_at_jumps_of_depth() -> None:
-    depth = np.array([[1.0, 1.02, 1.5, 1.51], [1.0, np.nan, 1.5, 1.0]])
-    labels = connected_pieces(depth, np.isfinite(depth))
-    assert labels[0, 0] == labels[0, 1] == labels[1, 0]
-    assert labels[0, 2] == labels[0, 3] == labels[1, 2]
-    assert len({int(labels[0, 0]), int(labels[0, 2]), int(labels[1, 3]), int(labels[1, 1])}) == 4
-
-
 @pytest.mark.parametrize(
     "depth",
     [
@@ -114,17 +105,6 @@ def test_pieces_end_at_jumps_of_depth() -> None:
 )
 def test_where_nothing_stands_in_front_the_mask_is_empty(depth: np.ndarray) -> None:
     assert not mask_from_depth(photograph(NEAR_DISK), depth).any()
-
-
-def test_one_known_pixel_does_no_harm() -> None:
-    depth = np.full((HEIGHT, WIDTH), np.nan, np.float32)
-    depth[60, 80] = 1.0
-    assert np.count_nonzero(mask_from_depth(photograph(NEAR_DISK), depth) > 127) <= 1
-
-
-def test_the_same_image_gives_the_same_mask() -> None:
-    image, depth = photograph(NEAR_DISK), ball_before(ROUND_ROOM)
-    np.testing.assert_array_equal(mask_from_depth(image, depth), mask_from_depth(image, depth))
 
 
 def test_a_table_before_a_far_room_is_neither_the_object_nor_all_there_is() -> None:

@@ -13,12 +13,11 @@ from digs_warp.data.frame import Frame
 from digs_warp.data.images import read_image, write_image
 from digs_warp.data.layers import Layer
 from digs_warp.masks.config import SegmentConfig
-from digs_warp.masks.masks import segment, with_masks
+from digs_warp.masks.masks import segment
 from digs_warp.masks.network import (
     MaskNetwork,
     default_model_path,
     mask_from_output,
-    network_input,
 )
 from reference.overlap import intersection_over_union
 from reference.tiny_capture import HEIGHT, WIDTH, write_tiny_capture
@@ -40,22 +39,6 @@ def test_the_recordings_masks_are_taken_as_they_are(frames: list[Frame], tmp_pat
     assert not (tmp_path / "masks").exists()
 
 
-def test_depth_finds_the_ball(frames: list[Frame], tmp_path: Path) -> None:
-    paths = segment(frames, SegmentConfig(masks="depth"), tmp_path)
-    for frame, found in zip(frames, masks_of(paths), strict=True):
-        assert found.shape == (HEIGHT, WIDTH) and found.dtype == np.uint8
-        known = np.where(np.isfinite(frame.load_depth()), 255, 0)  # of the ball alone
-        assert intersection_over_union(found, known) > 0.98
-
-
-def test_new_masks_take_the_place_of_the_old(frames: list[Frame], tmp_path: Path) -> None:
-    paths = segment(frames, SegmentConfig(masks="depth"), tmp_path)
-    for frame, new, path in zip(frames, with_masks(frames, paths), paths, strict=True):
-        assert new.path(Layer.MASK) == path and frame.path(Layer.MASK) != path
-        np.testing.assert_array_equal(new.load_mask(), read_image(path)[..., 0])
-        assert new.path(Layer.IMAGE) == frame.path(Layer.IMAGE)
-
-
 # What is there already
 
 
@@ -71,40 +54,25 @@ def test_finished_masks_are_kept_and_missing_ones_made(frames: list[Frame], tmp_
     assert [path.read_bytes() for path in paths[1:]] == before[1:]
 
 
-@pytest.mark.parametrize("change", ["settings", "input"])
+@pytest.mark.parametrize("change", ["settings", "input", "memory"])
 def test_masks_of_other_settings_or_files_are_made_anew(
     frames: list[Frame], tmp_path: Path, change: str
 ) -> None:
     config = SegmentConfig(masks="depth")
     mark = np.full((HEIGHT, WIDTH), 7, np.uint8)
     copy = Path(shutil.copy(frames[0].path(Layer.DEPTH), tmp_path))
-    mine = [frames[0].with_layer(Layer.DEPTH, copy), *frames[1:]]
+    depth = frames[0].load_depth() if change == "memory" else copy
+    mine = [frames[0].with_layer(Layer.DEPTH, depth), *frames[1:]]
     paths = segment(mine, config, tmp_path / "masks")
     write_image(paths[0], mark)
     if change == "settings":
         config = replace(config, mask_agreement="off")
+    elif change == "memory":
+        mine[0] = mine[0].with_layer(Layer.DEPTH, np.where(np.arange(WIDTH) < 40, depth, np.nan))
     else:
         os.utime(copy, (1.0, 1.0))
     segment(mine, config, tmp_path / "masks")
     assert (read_image(paths[0])[..., 0] != mark).any()
-
-
-def test_masks_are_made_again_when_pixels_in_memory_change(
-    frames: list[Frame], tmp_path: Path
-) -> None:
-    config = SegmentConfig(masks="depth")
-    mine = [frame.with_layer(Layer.DEPTH, frame.load_depth()) for frame in frames]
-    paths = segment(mine, config, tmp_path)
-    before = [path.read_bytes() for path in paths]
-    mark = np.full((HEIGHT, WIDTH), 7, np.uint8)
-    write_image(paths[0], mark)
-    segment(mine, config, tmp_path)
-    np.testing.assert_array_equal(read_image(paths[0])[..., 0], mark)
-    half = mine[1].load_depth()
-    half[: HEIGHT // 2] = np.nan
-    mine[1] = mine[1].with_layer(Layer.DEPTH, half)
-    segment(mine, config, tmp_path)
-    assert paths[0].read_bytes() == before[0] and paths[1].read_bytes() != before[1]
 
 
 # A folder of masks
@@ -190,17 +158,6 @@ def test_the_network_gets_and_gives_what_rembg_would(tmp_path: Path) -> None:
     enlarged = np.asarray(gray.resize((1024, 1024), Image.Resampling.LANCZOS))
     difference = np.abs(network.mask(image).astype(int) - enlarged)
     assert difference.max() <= 1  # float32 inside, and a floor
-
-
-def test_the_network_sees_means_taken_off_and_the_brightest_value_as_one() -> None:
-    image = np.zeros((30, 50, 3), np.uint8)
-    image[...] = (50, 100, 80)
-    values = network_input(image)
-    assert values.shape == (1, 3, 1024, 1024) and values.dtype == np.float32
-    np.testing.assert_allclose(
-        values[0, :, 500, 500], np.array([0.5, 1.0, 0.8]) - [0.485, 0.456, 0.406], rtol=1e-6
-    )
-    assert np.isfinite(network_input(np.zeros((30, 50, 3), np.uint8))).all()
 
 
 def test_a_constant_answer_means_no_object() -> None:

@@ -7,7 +7,7 @@ import numpy as np
 
 from digs_warp.geometry.camera import Camera, Intrinsics, pixel_centers
 from digs_warp.geometry.rigid import look_at
-from digs_warp.masks.votes import AGREES, contradicted, in_hull, mask_votes, seen_through
+from digs_warp.masks.votes import AGREES, contradicted, mask_votes
 from digs_warp.measure.thumbnails import SmallDepth
 
 # Balls (center, radius) [m] before a wall at y = 0.5: one of glass, and what it stands on.
@@ -60,19 +60,3 @@ def test_a_mask_with_wall_beside_the_glass_is_contradicted() -> None:
     mask = LAMP[4].mask
     assert mask is not None
     assert contradicted(mask_votes(masked(4, mask | (np.arange(96) > 60)))) == [4]
-
-
-def test_a_pixel_is_explained_where_the_outline_of_the_others_has_something_before_it() -> None:
-    frame, others = LAMP[8], [*LAMP[:8], *LAMP[9:]]
-    assert frame.mask is not None
-    rows, columns = np.nonzero(np.isfinite(frame.depth))
-    found = np.zeros_like(frame.mask)
-    found[rows, columns] = seen_through(frame, rows, columns, others)
-    glass = frame.mask & (frame.depth > 1.1)
-    assert (found & glass).sum() > 0.95 * glass.sum()
-    assert (found & ~frame.mask).sum() < 0.05 * glass.sum()
-
-
-def test_the_hull_holds_the_object_and_not_the_wall() -> None:
-    points = np.array([GLASS[0], FOOT[0], [0.0, WALL, 0.0], [0.3, 0.0, 0.0]])
-    assert in_hull(points, LAMP).tolist() == [True, True, False, False]

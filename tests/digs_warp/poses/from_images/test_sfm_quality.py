@@ -1,6 +1,5 @@
 """What the quality report says of models that are made by hand, and which models are refused."""
 
-import logging
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -48,15 +47,6 @@ def model_from(eyes: np.ndarray, points: np.ndarray) -> SfmModel:
 POINTS = np.array([[2.0, y, z] for y in (-0.3, 0.0, 0.3) for z in (-0.3, 0.3)])
 
 
-def test_the_numbers_are_those_of_the_model() -> None:
-    model = model_from(np.array([[0.0, -1.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 0.5]]), POINTS)
-    quality = measure_quality(model, images=5, models=2)
-    assert (quality.images, quality.registered, quality.models, quality.points) == (5, 3, 2, 6)
-    assert quality.observations_per_image == 6
-    assert quality.track_length == 3
-    assert quality.reprojection_error_px == pytest.approx(2.5)
-
-
 def test_two_rays_meet_at_their_angle() -> None:
     model = model_from(
         np.array([[0.0, -1.0, 0.0], [0.0, 1.0, 0.0]]), np.array([[1.0, 0.0, 0.0]] * 3)
@@ -64,24 +54,14 @@ def test_two_rays_meet_at_their_angle() -> None:
     assert measure_quality(model, 2, 1).ray_angle_deg == pytest.approx(90.0, abs=1e-3)
 
 
-def test_all_images_in_one_model_pass_without_a_word(caplog: pytest.LogCaptureFixture) -> None:
-    with caplog.at_level(logging.WARNING):
-        check_completeness(GOOD, min_registered=1.0)
+def test_models_with_too_few_of_the_images_are_refused(caplog: pytest.LogCaptureFixture) -> None:
+    check_completeness(GOOD, min_registered=1.0)
     assert caplog.text == ""
-
-
-def test_a_few_images_less_are_a_warning(caplog: pytest.LogCaptureFixture) -> None:
-    with caplog.at_level(logging.WARNING):
-        check_completeness(replace(GOOD, registered=93, models=2), min_registered=0.9)
+    check_completeness(replace(GOOD, registered=93, models=2), min_registered=0.9)
     assert "93 of 100 images" in caplog.text
-
-
-def test_a_split_model_says_how_many_images_and_what_to_try() -> None:
-    split = replace(GOOD, registered=48, models=3)
-    with pytest.raises(
-        DigsError, match=r"largest of 3 models holds 48 of 100.*--min-registered 0\.48"
-    ):
-        check_completeness(split, min_registered=0.9)
+    said = r"largest of 3 models holds 48 of 100.*--min-registered 0\.48"
+    with pytest.raises(DigsError, match=said):
+        check_completeness(replace(GOOD, registered=48, models=3), min_registered=0.9)
 
 
 def test_given_poses_with_few_points_are_refused_unless_matches_agree_with_them(
