@@ -35,8 +35,8 @@ FLOORS = {
 # The most lines of a room. A change that needs more says in its message what the weight buys.
 LINE_BUDGETS = {
     "api": 435,
-    "check": 1_765,
-    "commands": 3_264,
+    "check": 1_735,
+    "commands": 3_262,
     "data": 3_293,
     "device": 919,
     "engines": 996,
@@ -45,7 +45,7 @@ LINE_BUDGETS = {
     "geometry": 621,
     "init": 4_615,
     "losses": 732,
-    "masks": 1_234,
+    "masks": 1_165,
     "measure": 1_601,
     "pipeline": 2_423,
     "poses": 4_857,
@@ -65,7 +65,7 @@ LINE_BUDGETS = {
     "train": 3_653,
     "usd": 2_748,
 }
-MOST_FILES = 502  # of the product; 65,000 lines in 500 files are the goal
+MOST_FILES = 499  # of the product; 65,000 lines in 500 files are the goal
 # A shorter file with a single client in its folder belongs into that client.
 CRUMB = 60
 

@@ -77,7 +77,8 @@ def sfm_model(reconstruction: Any, frames: Sequence[Frame], images: ImageSet) ->
         images: their names in COLMAP.
     """
     posed = {image.name: image for image in reconstruction.images.values() if image.has_pose}
-    kept = [(frame, posed[name]) for frame, name in _with_names(frames, images) if name in posed]
+    named = zip(frames, images.names, strict=True)
+    kept = [(frame, posed[name]) for frame, name in named if name in posed]
     point_ids = sorted(reconstruction.points3D)
     points = [reconstruction.points3D[key] for key in point_ids]
     return SfmModel(
@@ -90,10 +91,6 @@ def sfm_model(reconstruction: Any, frames: Sequence[Frame], images: ImageSet) ->
         observations=_observations([image for _, image in kept], point_ids),
         reprojection_errors=np.array([point.error for point in points], dtype=np.float32),
     )
-
-
-def _with_names(frames: Sequence[Frame], images: ImageSet) -> list[tuple[Frame, str]]:
-    return list(zip(frames, images.names, strict=True))
 
 
 def _camera(frame: Frame, image: Any) -> Camera:

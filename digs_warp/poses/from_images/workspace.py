@@ -67,13 +67,12 @@ def with_image_files(frames: Sequence[Frame], folder: Path) -> list[Frame]:
 
 def with_scene_masks(frames: Sequence[Frame], names: Sequence[str], folder: Path) -> Path | None:
     """Write a mask of each image, black where it is no scene; return the folder, None: not needed."""
-    unknown = [frame.load_unknown() for frame in frames]
-    if all(each is None for each in unknown):
+    if not any(frame.has(Layer.UNKNOWN) for frame in frames):
         return None
-    for frame, name, each in zip(frames, names, unknown, strict=True):
-        k = frame.camera.intrinsics
-        mask = np.full((k.height, k.width), 255, np.uint8)
-        write_image(folder / f"{name}.png", mask if each is None else np.where(each, 0, mask))
+    for frame, name in zip(frames, names, strict=True):
+        unknown, k = frame.load_unknown(), frame.camera.intrinsics
+        black = np.zeros((k.height, k.width), bool) if unknown is None else unknown
+        write_image(folder / f"{name}.png", np.where(black, 0, 255).astype(np.uint8))
     return folder
 
 

@@ -247,9 +247,9 @@ def test_a_camera_that_only_turns_is_refused(tmp_path: Path) -> None:
 def test_no_feature_is_sought_where_an_image_is_no_scene(
     views: list[Frame], tmp_path: Path
 ) -> None:
-    frames = views[:3]
-    unknown = np.zeros(frames[0].load_image().shape[:2], np.uint8)
-    unknown[:, : unknown.shape[1] // 2] = 255
+    frames, half = views[:3], INTRINSICS.width // 2
+    unknown = np.zeros((INTRINSICS.height, INTRINSICS.width), np.uint8)
+    unknown[:, :half] = 255
     marked = [frames[0].with_layer(Layer.UNKNOWN, unknown), *frames[1:]]
     keys = [stage_keys(each, SfmConfig()) for each in (frames, marked)]
     assert keys[0].features != keys[1].features
@@ -259,6 +259,6 @@ def test_no_feature_is_sought_where_an_image_is_no_scene(
     with colmap.quiet_pycolmap().Database.open(tmp_path / "database.db") as database:
         by_name = {image.name: image.image_id for image in database.read_all_images()}
         columns = [database.read_keypoints(by_name[name])[:, 0] for name in images.names]
-    assert columns[0].min() > unknown.shape[1] // 2 - 1
-    assert min(found.min() for found in columns[1:]) < unknown.shape[1] // 2 - 1
+    assert columns[0].min() > half - 1
+    assert min(found.min() for found in columns[1:]) < half - 1
     assert with_scene_masks(frames, images.names, tmp_path / "none") is None
