@@ -59,7 +59,7 @@ LINE_BUDGETS = {
     "sim.sensor": 5_020,
     "sim.testing": 980,
     "splat": 5_057,
-    "study": 2_131,
+    "study": 2_008,
     "surface": 571,
     "torch": 193,
     "train": 3_653,

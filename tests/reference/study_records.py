@@ -41,7 +41,6 @@ def record_of(case: Case, number: int) -> dict[str, Any]:
         "seconds": {"initialize": 1.0, "train": 10.0 + number, "compile kernels": 99.0},
         "cpu_seconds": 20.0 + number,
         "machine": "2 cores of a test",
-        "scale_error": 0.0004,
         "recording_seconds": {"render": 15.0, "sense": 5.0},
         "results": {"initial_points": 1000 + number, "gaussians": 900},
     }

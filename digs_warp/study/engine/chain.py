@@ -16,7 +16,6 @@ import numpy as np
 
 from digs_warp.data.capture import Capture
 from digs_warp.data.frame import Frame
-from digs_warp.data.posed_frames import PosedFrames
 from digs_warp.poses.from_images.config import SfmConfig
 from digs_warp.record.files import copy_folder, digest, read_json, to_json, write_atomically
 from digs_warp.record.lock import taking_turns
@@ -42,9 +41,6 @@ MATCHING = "structure from motion"  # as the stage is called
 # What makes the scene; two recordings with these in common show the same object in the same place.
 SCENE_SETTINGS = ("mesh", "environment", "object_size", "unit", "up")
 
-# The unit of the model that the scale is recovered from; any number but 1 would do.
-SFM_PER_METRE = 1.37
-
 # Points within this distance [m] of the true surface count as on it.
 SURFACE_THRESHOLD = 0.005
 
@@ -60,7 +56,7 @@ def run_case(case: Case, folder: Path) -> dict[str, Any]:
     The keys: ``metrics`` (quality on the held-out views), ``course`` (the same along iterations and
     seconds), ``yardstick`` (quality on views of a perfect camera on another walk, at four sizes: comparable
     between recordings), ``surface`` (distances of points and Gaussians to the true surface),
-    ``scale_error`` (share that the scale is missed by), ``seconds`` (of stages; compiling kernels apart),
+    ``seconds`` (of stages; compiling kernels apart),
     ``cpu_seconds`` (of all threads, but for the recording and structure from motion), ``recording_seconds``,
     ``results`` (counts), ``memory_mb`` (peak until the result is there), ``versions``, ``machine``.
 
@@ -179,7 +175,6 @@ def _against_truth(
         score[f"psnr_object_in_place_{size}"] = psnr_in_place(result.gaussians, seen, to_truth)
     return {
         "yardstick": score,
-        "scale_error": _scale_error(capture, config, result.frames),
         "surface": _surface_scores(capture, config, result, to_truth),
     }
 
@@ -190,29 +185,6 @@ def _yardstick(case: Case, folder: Path, size: str = "") -> Sequence[Frame]:
     config = with_settings(STUDIED, YARDSTICK | OTHER_SIZES.get(size, {}) | scene)
     name = f"yardstick-{size}-" if size else "yardstick-"
     return _recorded(config, f"{name}{digest(scene)}", folder).frames
-
-
-def _scale_error(capture: Capture, config: "ReconstructConfig", posed: PosedFrames) -> float:
-    """Return by what share the scale is missed.
-
-    Estimated poses show it: their centers are the true ones, that much larger or smaller. Where a case has
-    none, it is that of the scale that the depth gives to a perfect model of the poses: what the sensor alone
-    does.
-    """
-    from digs_warp.init.scale import estimate_scale, local_scales
-    from digs_warp.poses.from_images.similarity import umeyama
-    from digs_warp.study.engine.synthetic_sfm import sfm_from_truth
-
-    if config.sfm.poses == "sfm":
-        true = {frame.name: frame.camera.center_world for frame in capture.frames}
-        frames = (*posed.training, *posed.held_out)
-        found = np.array([frame.camera.center_world for frame in frames])
-        metres = umeyama(found, np.array([true[frame.name] for frame in frames])).scale
-        return abs(1 / metres - 1)
-    training, _ = capture.split()
-    model = sfm_from_truth(training, SFM_PER_METRE)
-    scale = estimate_scale(local_scales(model, training, config.init))
-    return abs(scale.sfm_per_metre / SFM_PER_METRE - 1)
 
 
 def _surface_scores(

@@ -90,7 +90,6 @@ def sections(records: Sequence[Record]) -> list[Section]:
 
 
 COLUMNS = (
-    Column("scale error [%]", 3, number("scale_error", factor=100)),
     Column("points: Chamfer [mm]", 2, number("surface", "points", "chamfer", factor=1e3)),
     *(Column(f"PSNR after {i} [dB]", 2, at_iteration(i, "psnr_object")) for i in ITERATIONS),
     Column("PSNR at the end [dB]", 2, final_psnr),
@@ -155,7 +154,7 @@ def _effects(groups: Groups) -> Section:
 
 
 def _stages(groups: Groups) -> Section:
-    """Show which stage an effect at its largest strength hurts: scale, points, early or late training."""
+    """Show which stage an effect at its largest strength hurts: points, early or late training."""
     clean = groups.get((NONE, 0.0, MAIN))
     rows = [
         [effect, *(column.difference(found, clean) for column in COLUMNS)]
@@ -163,9 +162,9 @@ def _stages(groups: Groups) -> Section:
         if clean and (found := groups.get((effect, max(STRENGTHS), MAIN)))
     ]
     text = (
-        f"The change from no effect to {max(STRENGTHS):g} times the real strength. Scale error and Chamfer "
-        "distance show harm before the training, PSNR after 100 steps shows a worse start, and PSNR at the "
-        "end shows what the training could not make up for."
+        f"The change from no effect to {max(STRENGTHS):g} times the real strength. Chamfer distances show "
+        "harm before the training, PSNR after 100 steps a worse start, and PSNR at the end what the training "
+        "could not make up for."
     )
     headings = ["effect", *(column.heading for column in COLUMNS)]
     return Section("Which stage is hurt", text, [Table("stages", headings, rows)])

@@ -9,7 +9,7 @@ from digs_warp.init.config import InitConfig
 from digs_warp.init.recipes import initialize
 from digs_warp.init.strategies import StrategyName
 from digs_warp.sim.testing.series import NoiseSeries
-from digs_warp.study.engine.synthetic_sfm import sfm_from_truth
+from reference.synthetic_sfm import sfm_from_truth
 
 STRATEGIES: tuple[StrategyName, ...] = ("highdepth", "fusion")
 

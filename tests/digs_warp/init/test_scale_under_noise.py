@@ -24,8 +24,8 @@ from digs_warp.sim.config import SimulateConfig
 from digs_warp.sim.record.inputs import load_inputs
 from digs_warp.sim.record.session import prepare_session
 from digs_warp.sim.sensor.frame import FrameTruth
-from digs_warp.study.engine.synthetic_sfm import sfm_from_truth
 from reference.sensed import NAMES, sensed_depth
+from reference.synthetic_sfm import sfm_from_truth
 
 TRUE = 1.37
 FRAMES = 4

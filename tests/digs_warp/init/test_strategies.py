@@ -18,8 +18,8 @@ from digs_warp.geometry.rigid import look_at
 from digs_warp.init.config import InitConfig
 from digs_warp.init.random_points import random_points
 from digs_warp.init.recipes import initialize
-from digs_warp.study.engine.synthetic_sfm import sfm_from_truth
 from reference.ball_capture import INTRINSICS, RADIUS
+from reference.synthetic_sfm import sfm_from_truth
 
 SFM_PER_METRE = 2.5
 

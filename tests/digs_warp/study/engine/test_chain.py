@@ -5,12 +5,9 @@ from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
-import numpy as np
 import pytest
 
 from digs_warp.data.capture import Capture
-from digs_warp.data.frame import posed_at
-from digs_warp.data.posed_frames import PosedFrames
 from digs_warp.pipeline.reconstruct import ReconstructConfig
 from digs_warp.poses.from_images.config import SfmConfig
 from digs_warp.record.files import write_atomically
@@ -19,10 +16,8 @@ from digs_warp.study.engine.chain import (
     NOTE,
     _matched,
     _matching_seconds,
-    _scale_error,
     _workplace,
 )
-from reference.ball_capture import ball_views, write_capture
 
 
 @pytest.fixture
@@ -73,14 +68,3 @@ def test_what_a_killed_case_had_begun_goes_on_and_who_needs_no_matches_makes_non
     work = _workplace(case, CAPTURE, config, tmp_path)
     assert matched == [_matched(case, config, tmp_path)]
     assert {path.name for path in (work / "sfm").iterdir()} == {"half", "model", NOTE}
-
-
-def test_the_scale_error_of_estimated_poses_is_that_of_their_size(tmp_path: Path) -> None:
-    capture = write_capture(tmp_path, ball_views(5))
-    config = ReconstructConfig(sfm=SfmConfig(poses="sfm"))
-    for factor in (1.0, 1.03, 0.98):
-        poses = np.stack([frame.camera.world_from_cam for frame in capture.frames])
-        poses[:, :3, 3] = factor * poses[:, :3, 3] + [0.1, -2.0, 0.4]
-        first, *others = posed_at(capture.frames, poses)
-        found = _scale_error(capture, config, PosedFrames(tuple(others), (first,)))
-        assert found == pytest.approx(abs(factor - 1), abs=1e-9)

@@ -7,7 +7,7 @@ import pytest
 
 from digs_warp.sim.config import SimulateConfig
 from digs_warp.sim.record.record import simulate
-from digs_warp.study.engine.synthetic_sfm import sfm_from_truth
+from reference.synthetic_sfm import sfm_from_truth
 
 
 def test_the_model_projects_onto_its_observations(tmp_path: Path) -> None:
