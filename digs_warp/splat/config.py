@@ -5,7 +5,6 @@ from typing import Literal, get_args
 
 from digs_warp.checks import DigsError
 from digs_warp.device.image_planes import ALIGNMENT
-from digs_warp.geometry.sh import MAX_DEGREE
 
 # Tiles are 16x16 pixels. The rasterizer evaluates a splat in blocks of 2 rows by 8 columns: one vector of
 # float32 of 512 bits, or two of 256.
@@ -16,6 +15,9 @@ BLOCK_HEIGHT = 2
 
 # Pixel slack on the half extents of a splat, so that rounding never cuts off a pixel above the cut.
 EXTENT_SLACK = 0.01
+
+# The near plane as a share of the distance from the camera to the center of the scene.
+NEAR_SHARE = 0.05
 
 # A projected variance [px^2] above this is an overflow, not a splat: dropped.
 MAX_VARIANCE = 1.0e12
@@ -60,9 +62,6 @@ class RasterOptions:
             must be drawn with it.
         jacobian_margin: the Jacobian of the projection is evaluated at most this many half-widths outside
             of the image: further out the linearization blows up.
-        near_share: near plane as a share of the distance from the camera to the center of the scene, so that
-            units do not matter.
-        max_sh_degree: bands of the view-dependent color that are used, 0 to 3.
         outputs: what a view gives beside color and transmittance: "color" nothing, "mean depth" the expected
             depth, "depth" the median depth as well. Each costs time only when asked for. Any value per
             Gaussian, such as a normal, can be drawn as its color.
@@ -76,8 +75,6 @@ class RasterOptions:
     dilation: float = DILATION
     antialias: bool = False
     jacobian_margin: float = 0.3
-    near_share: float = 0.05
-    max_sh_degree: int = MAX_DEGREE
     outputs: Outputs = "color"
     depth_of: DepthOf = "center"
 
@@ -89,8 +86,6 @@ class RasterOptions:
             "min_transmittance": (0.0, 0.5),
             "dilation": (1.0e-3, 100.0),
             "jacobian_margin": (0.0, 10.0),
-            "near_share": (0.0, 1.0),
-            "max_sh_degree": (0, MAX_DEGREE),
         }
         for name, (low, high) in ranges.items():
             value = getattr(self, name)

@@ -17,7 +17,7 @@ import warp as wp
 from digs_warp.device.elementary import exp_of, larger, smaller
 from digs_warp.geometry.camera import Camera
 from digs_warp.splat.camera_motion import STILL, RowMotion
-from digs_warp.splat.config import DEFAULT_OPTIONS, TILE_SIZE, RasterOptions
+from digs_warp.splat.config import NEAR_SHARE, TILE_SIZE, RasterOptions
 
 wp.set_module_options({"enable_backward": False})
 
@@ -82,11 +82,9 @@ class ViewParams:
     antialias: int
 
 
-def near_plane(
-    camera: Camera, scene_center: np.ndarray, share: float = DEFAULT_OPTIONS.near_share
-) -> float:
+def near_plane(camera: Camera, scene_center: np.ndarray) -> float:
     """Return the near plane [m]: a share of the distance to the scene, so that units do not matter."""
-    return max(1e-6, share * float(np.linalg.norm(camera.center_world - scene_center)))
+    return max(1e-6, NEAR_SHARE * float(np.linalg.norm(camera.center_world - scene_center)))
 
 
 @cache

@@ -149,7 +149,7 @@ def render(
     if near is None:
         means = renderer.gaussians.means.numpy()
         center = means.mean(axis=0) if len(means) else np.zeros(3)
-        near = near_plane(camera, center, options.near_share)
+        near = near_plane(camera, center)
     renderer.forward(camera, near=near, background=background, rows=rows)
     alpha = 1.0 - renderer.transmittance.to_numpy()[..., 0]
     depth = median = None

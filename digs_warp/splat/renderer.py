@@ -208,9 +208,9 @@ class SplatRenderer:
         self.binner.resize(width, height)
 
     def _degree_of(self, wanted: int | None) -> int:
-        """Return the bands of the color to use: as many as wanted, allowed and there."""
+        """Return the bands of the color to use: as many as wanted and there."""
         there = round(self.gaussians.sh.shape[1] ** 0.5) - 1
-        return min(there, self.options.max_sh_degree, there if wanted is None else wanted)
+        return there if wanted is None else min(there, wanted)
 
     def _record(self, degree: int) -> None:
         """Record the launches for ``degree`` bands and the present buffers, unless they are recorded."""

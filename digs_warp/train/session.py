@@ -1,6 +1,7 @@
 """A training run in a folder: steps, course, checkpoints, and the Gaussians at the end."""
 
 import logging
+import math
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
@@ -12,6 +13,7 @@ import numpy as np
 from digs_warp.checks import check_finite, check_shape
 from digs_warp.data.frame import Frame
 from digs_warp.data.gaussians import Gaussians
+from digs_warp.measure.scores import mean_score
 from digs_warp.poses.in_training import TrainedPoses
 from digs_warp.record.arrays import open_arrays, write_arrays
 from digs_warp.record.files import remove
@@ -20,21 +22,37 @@ from digs_warp.record.layout import CHECKPOINT, GAUSSIANS, TRAINED_POSES, TRAINI
 from digs_warp.record.progress import progress
 from digs_warp.record.run_log import RunLog
 from digs_warp.splat.device import DeviceGaussians
-from digs_warp.train.adherence import MeasuredView, load_measured_views
+from digs_warp.train.adherence import MeasuredView, adherence, load_measured_views
 from digs_warp.train.checkpoint import checkpoint_step, load_checkpoint, save_checkpoint
 from digs_warp.train.config import TrainConfig
-from digs_warp.train.evaluate import MeasuredViews, TestViews, moved_views
+from digs_warp.train.evaluate import (
+    MeasuredViews,
+    TestView,
+    TestViews,
+    measure_views,
+    moved_views,
+)
 from digs_warp.train.objective import OwnLoss
-from digs_warp.train.recorder import LOG_EVERY, CourseRecorder
 from digs_warp.train.shutter import NO_SHUTTER, Shutter
 from digs_warp.train.trainer import Resolved, Trainer
-from digs_warp.train.training import TimePlan, Training
+from digs_warp.train.training import (
+    CourseRow,
+    TimePlan,
+    Training,
+    drop_snapshots_after,
+    read_course,
+    save_snapshot,
+    write_course,
+)
 from digs_warp.train.view_store import ViewStore, open_views
 
 logger = logging.getLogger(__name__)
 
 # A finished scene keeps Gaussians from this opacity on: a lower one changes a pixel by at most 3 of 255.
 MIN_OPACITY = 0.01
+
+# Iterations between two lines of the course.
+LOG_EVERY = 10
 
 # Seconds of training between two checkpoints: the most that an interruption can cost.
 CHECKPOINT_SECONDS = 30.0
@@ -179,6 +197,77 @@ def train_gaussians(
     measured = course.measured if is_result else None
     record = _record(trainer, course, len(gaussians), stopped, plan)
     return Trained(gaussians, record, poses, measured)
+
+
+class CourseRecorder:
+    """Writes loss and quality by iteration and time.
+
+    Args:
+        path: the file, one JSON object per line; lines up to the trainer's iteration are kept.
+        trainer: the run.
+        test_views: held-out views to measure; may be empty.
+        measured_views: measured depth to compare the surface with; may be empty.
+
+    Attributes:
+        rows: what was recorded so far.
+        seconds: time spent in `record` so far, which does not count as training.
+        psnr: last PSNR on the object in the held-out views [dB], minus infinity before they are measured.
+        measured: the held-out views as the last line found them; None if it did not measure them.
+    """
+
+    def __init__(
+        self,
+        path: Path,
+        trainer: Trainer,
+        test_views: Sequence[TestView],
+        measured_views: Sequence[MeasuredView] = (),
+    ) -> None:
+        step = trainer.optimizer.step
+        # A resumed run keeps the rows up to its checkpoint.
+        before = read_course(path) if step and path.is_file() else ()
+        self.rows = [row for row in before if row.iteration <= step]
+        self.seconds = 0.0
+        self.psnr = -math.inf
+        self.measured: MeasuredViews | None = None
+        self._path = path
+        self._trainer = trainer
+        self._test_views = test_views
+        self._measured_views = measured_views
+        drop_snapshots_after(path.parent, step)
+
+    def record(self, measure: bool) -> str:
+        """Add a line; return a short text for the progress bar.
+
+        Args:
+            measure: also score the held-out views, measure the adherence, and keep the Gaussians if the
+                settings say so.
+        """
+        start = time.perf_counter()
+        trainer = self._trainer
+        step = trainer.optimizer.step
+        if measure and trainer.config.keep_course:
+            save_snapshot(self._path.parent, step, trainer.gaussians.to_numpy())
+        self.measured, found = None, None
+        if measure:
+            views = self._test_views
+            self.measured = measure_views(trainer.gaussians, views) if views else None
+            found = adherence(trainer.gaussians, self._measured_views)
+        row = CourseRow(
+            iteration=step,
+            seconds=round(trainer.seconds, 4),
+            loss=trainer.loss_value() if step else None,
+            splats=len(trainer.gaussians),
+            score=mean_score(self.measured.scores) if self.measured else None,
+            adherence=found,
+        )
+        if row.score:
+            self.psnr = row.score.psnr_object
+        self.rows.append(row)
+        write_course(self._path, self.rows)
+        self.seconds += time.perf_counter() - start
+        words = [] if row.loss is None else [f"loss {row.loss:.4f}"]
+        words += [f"held out {self.psnr:.1f} dB"] if self.psnr > -math.inf else []
+        return ", ".join(words)
 
 
 def _record(

@@ -121,7 +121,7 @@ def test_options_out_of_range_are_refused() -> None:
     for change, found in (
         ({"min_alpha": 0.001}, "min_alpha: 0.001"),
         ({"min_transmittance": float("nan")}, "min_transmittance: nan"),
-        ({"max_sh_degree": 4}, "max_sh_degree: 4"),
+        ({"max_alpha": 1.0}, "max_alpha: 1.0"),
         ({"outputs": "colors"}, "outputs: 'colors'"),
         ({"depth_of": "edge"}, "depth_of: 'edge', expected center, skin"),
     ):
