@@ -25,7 +25,6 @@ from digs_warp.splat.rasterize import forward_kernel
 from digs_warp.splat.rasterize_adjoint import backward_kernel
 from digs_warp.splat.records import GROUP_SIZE
 from digs_warp.splat.shape_gradient import project_backward_kernel
-from digs_warp.splat.tile import STEP_CUT, AlphaCut
 
 # A thread adds up so many gradient records of a Gaussian by itself, a warp adds up more.
 MOST_RECORDS = 8
@@ -116,7 +115,6 @@ class RasterLaunches:
 class VectorizedBackend:
     """A thread per tile, and per group of Gaussians, in loops that LLVM turns into vector code."""
 
-    cut: AlphaCut = STEP_CUT
     counting = True  # how `digs_warp.splat.bin_tiles.TileBinner` makes the tile lists
     skips_empty_tiles = True  # outside of `RasterJob.filled`: they keep what they held
 
@@ -134,11 +132,11 @@ class VectorizedBackend:
         project = [job.gaussians, job.degree, job.splats]
         raster = [job.splats, job.pairs, job.background, job.filled, job.drawn, job.ends]
         adjoint = [job.splats, job.pairs, job.drawn, job.ends, job.adjoint]
-        backward = backward_kernel(job.options, self.cut)
+        backward = backward_kernel(job.options)
         pulled = [*project, job.pair_gradients, job.gradients, job.statistics]
         return RasterLaunches(
             job.launch(project_group_kernel, groups, project, even=True),
-            job.launch(forward_kernel(job.options, self.cut), job.tiles, raster),
+            job.launch(forward_kernel(job.options), job.tiles, raster),
             job.launch(backward, job.tiles, [*adjoint, job.pair_gradients.records]),
             job.launch(project_backward_group_kernel, groups, pulled, even=True),
         )
@@ -148,7 +146,6 @@ class VectorizedBackend:
 class CooperativeBackend:
     """A block of threads per tile; on a CPU only for tests."""
 
-    cut: AlphaCut = STEP_CUT
     counting = False
     skips_empty_tiles = False
 
@@ -162,8 +159,8 @@ class CooperativeBackend:
 
     def record(self, job: RasterJob) -> RasterLaunches:
         """Record the launches."""
-        forward = forward_cooperative_kernel(job.options.depth_channels, self.cut)
-        backward = backward_cooperative_kernel(job.options.has_depth, self.cut)
+        forward = forward_cooperative_kernel(job.options.depth_channels)
+        backward = backward_cooperative_kernel(job.options.has_depth)
         sum_records = sum_records_kernel(job.fields)
         each = [job.gaussians, job.degree, job.splats]
         pulled = [*each, job.pair_gradients, MOST_RECORDS, job.gradients, job.statistics]

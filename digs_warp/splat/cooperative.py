@@ -52,7 +52,7 @@ from digs_warp.splat.records import (
     Splats,
     TilePairs,
 )
-from digs_warp.splat.tile import STEP_CUT, TILE, AlphaCut
+from digs_warp.splat.tile import TILE, capped_and_cut, slope_in_power
 
 wp.set_module_options({"enable_backward": False})
 
@@ -195,12 +195,11 @@ def splats_reaching(records: wp.uint64, k: int, size: int, pixel: wp.vec2i, thre
 
 
 @cache
-def forward_cooperative_kernel(depths: int, cut: AlphaCut = STEP_CUT) -> wp.Kernel:
+def forward_cooperative_kernel(depths: int) -> wp.Kernel:
     """Return the kernel in which a block of threads composites one tile, with a number of depths.
 
     To be run by `CooperativeLaunch`.
     """
-    alpha_of = cut.alpha
     with_depth, with_median = depths > 0, depths > 1
 
     @wp.kernel(
@@ -267,7 +266,7 @@ def forward_cooperative_kernel(depths: int, cut: AlphaCut = STEP_CUT) -> wp.Kern
                             dx = float(pixel[0]) + 0.5 - place[0]
                             dy = float(ys[i]) + 0.5 - place[1]
                             raw = uncapped_alpha(form, dx, dy)
-                            alpha = alpha_of(raw, view.min_alpha, view.max_alpha)
+                            alpha = capped_and_cut(raw, view.min_alpha, view.max_alpha)
                             after = t[i] * (1.0 - alpha)
                             if after < view.min_transmittance:
                                 live[i] = int(0)
@@ -300,12 +299,11 @@ def forward_cooperative_kernel(depths: int, cut: AlphaCut = STEP_CUT) -> wp.Kern
 
 
 @cache
-def backward_cooperative_kernel(with_depth: bool, cut: AlphaCut = STEP_CUT) -> wp.Kernel:
+def backward_cooperative_kernel(with_depth: bool) -> wp.Kernel:
     """Return the kernel in which a block of threads writes the gradient records of one tile.
 
     To be run by `CooperativeLaunch`.
     """
-    alpha_of, slope_of = cut.alpha, cut.slope
     fields = COLOR_FIELDS + with_depth
     Record = wp.types.vector(length=fields, dtype=float)
     put_warp_sums = put_sums(fields)
@@ -400,7 +398,7 @@ def backward_cooperative_kernel(with_depth: bool, cut: AlphaCut = STEP_CUT) -> w
                             dx = float(pixel[0]) + 0.5 - place[0]
                             dy = float(ys[i]) + 0.5 - place[1]
                             raw = uncapped_alpha(form, dx, dy)
-                            alpha = alpha_of(raw, view.min_alpha, view.max_alpha)
+                            alpha = capped_and_cut(raw, view.min_alpha, view.max_alpha)
                             if alpha > 0.0:
                                 has_share = int(1)
                                 weight = t[i] * alpha
@@ -416,9 +414,7 @@ def backward_cooperative_kernel(with_depth: bool, cut: AlphaCut = STEP_CUT) -> w
                                     )
                                 ahead[i] = ahead[i] - weight * shine
                                 d_alpha = t[i] * shine - ahead[i] / (1.0 - alpha)
-                                d_power = d_alpha * slope_of(
-                                    raw, alpha, view.min_alpha, view.max_alpha
-                                )
+                                d_power = d_alpha * slope_in_power(raw, alpha, view.max_alpha)
                                 d_x = d_power * dx
                                 d_y = d_power * dy
                                 sum_1 += d_power

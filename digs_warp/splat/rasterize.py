@@ -61,12 +61,11 @@ from digs_warp.splat.tile import (
     HALF_PIXELS,
     PIXELS,
     PLANE_FLOATS,
-    STEP_CUT,
     TILE,
-    AlphaCut,
     Ellipse,
     block_left,
     block_top,
+    capped_and_cut,
     exp_in_range,
     fill_tile,
     live_blocks,
@@ -101,9 +100,8 @@ def usual_kernels() -> list[wp.Kernel]:
 
 
 @cache
-def forward_kernel(options: RasterOptions, cut: AlphaCut = STEP_CUT) -> wp.Kernel:
+def forward_kernel(options: RasterOptions) -> wp.Kernel:
     """Return the kernel that composites one tile."""
-    alpha_of = cut.alpha
     with_depth = options.has_depth
     depths = options.depth_channels
     with_median = depths > 1
@@ -227,7 +225,7 @@ def forward_kernel(options: RasterOptions, cut: AlphaCut = STEP_CUT) -> wp.Kerne
                         dy = float(i >> BLOCK_SHIFT) + top
                         power = power_at(splat, dx, dy)
                         raw = splat.opacity * exp_in_range(power)
-                        alpha = alpha_of(raw, wp.static(min_alpha), wp.static(max_alpha))
+                        alpha = capped_and_cut(raw, wp.static(min_alpha), wp.static(max_alpha))
                         before = state[block + i]
                         after = before - before * alpha
                         weight = wp.where(after >= wp.static(least), alpha * before, 0.0)

@@ -23,15 +23,15 @@ from digs_warp.splat.tile import (
     COLUMN_MASK,
     HALF_PIXELS,
     PLANE_FLOATS,
-    STEP_CUT,
     TILE,
-    AlphaCut,
     block_left,
     block_top,
+    capped_and_cut,
     exp_in_range,
     lowest_bit,
     planes_memory,
     power_at,
+    slope_in_power,
     tile_splat,
 )
 
@@ -66,9 +66,8 @@ def usual_kernels() -> list[wp.Kernel]:
 
 
 @cache
-def backward_kernel(options: RasterOptions, cut: AlphaCut = STEP_CUT) -> wp.Kernel:
+def backward_kernel(options: RasterOptions) -> wp.Kernel:
     """Return the kernel that writes the gradient records of one tile."""
-    alpha_of, slope_of = cut.alpha, cut.slope
     with_depth = options.has_depth
     min_alpha, max_alpha = options.min_alpha, options.max_alpha
     least = options.min_transmittance
@@ -181,7 +180,7 @@ def backward_kernel(options: RasterOptions, cut: AlphaCut = STEP_CUT) -> wp.Kern
                         dy = float(i >> BLOCK_SHIFT) + top
                         power = power_at(splat, dx, dy)
                         raw = splat.opacity * exp_in_range(power)
-                        alpha = alpha_of(raw, wp.static(min_alpha), wp.static(max_alpha))
+                        alpha = capped_and_cut(raw, wp.static(min_alpha), wp.static(max_alpha))
                         before = state[block + i]
                         after = before - before * alpha
                         weight = wp.where(after >= wp.static(least), alpha * before, 0.0)
@@ -200,7 +199,7 @@ def backward_kernel(options: RasterOptions, cut: AlphaCut = STEP_CUT) -> wp.Kern
                         state[_AHEAD + block + i] = rest
                         d_alpha = before * shine - rest / (1.0 - alpha)
                         # dL/dpower: zero where capped, cut, or stopped
-                        slope = slope_of(raw, alpha, wp.static(min_alpha), wp.static(max_alpha))
+                        slope = slope_in_power(raw, alpha, wp.static(max_alpha))
                         d_power = wp.where(after >= wp.static(least), d_alpha * slope, 0.0)
                         state[lanes + side + i] = state[lanes + side + i] + d_power
                         state[lanes + _LANE_Y + side + i] = (

@@ -12,12 +12,9 @@ A block is passed over where the ellipse {alpha >= min_alpha} of the splat touch
 where all of them are saturated: bits of an integer say so, block b is bit b. What would be drawn there is
 exactly nothing: the image does not change.
 
-Alpha is o exp(-q / 2), capped at max_alpha and not drawn below min_alpha. The cut is a step, at which an
-image has no derivative: the raster kernels take it as two functions (`AlphaCut`), and a test gives them a
-smooth one.
+Alpha is o exp(-q / 2), capped at max_alpha and not drawn below min_alpha. Where that cut comes to lie, an
+image has no derivative; there is none of it in the gradient.
 """
-
-from dataclasses import dataclass
 
 import warp as wp
 
@@ -52,26 +49,9 @@ def capped_and_cut(raw: float, min_alpha: float, max_alpha: float) -> float:
 
 
 @wp.func
-def slope_in_power(raw: float, alpha: float, min_alpha: float, max_alpha: float) -> float:
+def slope_in_power(raw: float, alpha: float, max_alpha: float) -> float:
     """Derivative of alpha in -q / 2: alpha itself, and zero where it is capped or cut."""
     return wp.where(raw <= max_alpha, alpha, 0.0)
-
-
-@dataclass(frozen=True)
-class AlphaCut:
-    """Device functions: alpha, and its derivative in the exponent -q / 2.
-
-    Attributes:
-        alpha: (raw, min_alpha, max_alpha) -> alpha. It has to be 0 where raw < min_alpha: there a splat may
-            have been passed over.
-        slope: (raw, alpha, min_alpha, max_alpha) -> d alpha / d(-q / 2).
-    """
-
-    alpha: wp.Function
-    slope: wp.Function
-
-
-STEP_CUT = AlphaCut(capped_and_cut, slope_in_power)
 
 
 _CACHE_LINE = 16  # floats

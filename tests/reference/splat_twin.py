@@ -3,8 +3,7 @@
 Rendering is not differentiable where a splat enters or leaves a pixel (the alpha cut), where alpha is
 capped, where a pixel stops, and where a clamp switches. `render_twin` returns every such decision; passing
 them back freezes them, and with them frozen the image is a smooth function whose central differences are
-the gradient that the kernels compute. With a ``cut_width`` the alpha cut is no decision: it is a smooth step
-(`cut_share`) of that width above min_alpha, and is differentiated like the rest.
+the gradient that the kernels compute.
 """
 
 from dataclasses import dataclass, fields, replace
@@ -58,13 +57,12 @@ class Layer:
     """One splat on the image: alpha per pixel before cap and cut, features, and its decisions."""
 
     raw: np.ndarray  # (..., height, width)
-    share: np.ndarray  # (..., height, width) what a smooth cut lets through; 1 with a hard one
     features: np.ndarray  # (..., FEATURES)
     decisions: Decisions
 
     def alpha(self, max_alpha: float) -> np.ndarray:
         d = self.decisions
-        return np.where(d.drawn, np.where(d.capped, max_alpha, self.raw) * self.share, 0.0)
+        return np.where(d.drawn, np.where(d.capped, max_alpha, self.raw), 0.0)
 
     def over(
         self, behind: np.ndarray, through: np.ndarray, max_alpha: float
@@ -85,7 +83,6 @@ class TwinImage:
     layers: dict[int, Layer]
     # Pixels where a decision is so close that float32 may take it the other way.
     ambiguous: np.ndarray
-    cut_width: float
 
 
 @dataclass
@@ -163,21 +160,12 @@ def _seen_from(world_from_cam: np.ndarray, points: np.ndarray) -> np.ndarray:
     return np.einsum("...ij,...j->...i", rotation_cw, points - world_from_cam[..., :3, 3])
 
 
-def cut_share(raw: np.ndarray, min_alpha: float, cut_width: float) -> np.ndarray:
-    """Smooth cut: t^2 (3 - 2 t), t from 0 at min_alpha to 1 at ``cut_width`` above it; 1 for a hard cut."""
-    if cut_width == 0:
-        return np.ones_like(raw)
-    t = np.clip((raw - min_alpha) / cut_width, 0, 1)
-    return t * t * (3 - 2 * t)
-
-
 def layer_of(
     p: Parameters,
     view: TwinView,
     options: RasterOptions,
     frozen: Decisions | None = None,
     shift: np.ndarray | None = None,
-    cut_width: float = 0.0,
 ) -> Layer:
     """One splat on the image; without ``frozen`` nothing is drawn or capped yet.
 
@@ -247,8 +235,7 @@ def layer_of(
         *np.moveaxis(np.where(dark, 0.0, rgb), -1, 0),
         z,
     )
-    share = cut_share(raw, options.min_alpha, cut_width)
-    return Layer(raw, share, np.stack(parts, axis=-1), frozen)
+    return Layer(raw, np.stack(parts, axis=-1), frozen)
 
 
 def render_twin(
@@ -257,14 +244,13 @@ def render_twin(
     near: float,
     background: np.ndarray,
     options: RasterOptions = RasterOptions(),  # noqa: B008 (frozen)
-    cut_width: float = 0.0,
     rows: RowMotion = STILL,
 ) -> TwinImage:
     """Composite all splats; ``background`` is a color, (3,), or an image, (height, width, 3)."""
     k = camera.intrinsics
     shape = (k.height, k.width)
     view = TwinView.of(camera, rows)
-    every = [layer_of(p.splat(i), view, options, cut_width=cut_width) for i in range(len(p.means))]
+    every = [layer_of(p.splat(i), view, options) for i in range(len(p.means))]
     depths = np.array([layer.features[3] for layer in every])
     opacities = 1 / (1 + np.exp(-p.opacity_logits))
     visible = [
@@ -281,10 +267,10 @@ def render_twin(
         layer = every[i]
         raw = layer.raw
         capped = raw > options.max_alpha
-        alpha = np.where(capped, options.max_alpha, raw) * layer.share
-        inside = alive & ((alpha >= options.min_alpha) | (cut_width > 0))
+        alpha = np.where(capped, options.max_alpha, raw)
+        inside = alive & (alpha >= options.min_alpha)
         stops = inside & (transmittance * (1 - alpha) < options.min_transmittance)
-        near_cut = (np.abs(alpha / options.min_alpha - 1) < 1e-4) & (cut_width == 0)
+        near_cut = np.abs(alpha / options.min_alpha - 1) < 1e-4
         near_cap = np.abs(raw / options.max_alpha - 1) < 1e-4
         after = transmittance * (1 - alpha)
         near_stop = np.abs(after / options.min_transmittance - 1) < 1e-3
@@ -301,7 +287,7 @@ def render_twin(
         transmittance = after
     image = sums[..., :3] + transmittance[..., None] * background
     depth = _expected(sums[..., 3], transmittance)
-    return TwinImage(image, transmittance, depth, median, order, layers, ambiguous, cut_width)
+    return TwinImage(image, transmittance, depth, median, order, layers, ambiguous)
 
 
 def twin_gradients(
@@ -320,7 +306,6 @@ def twin_gradients(
     gradients = Parameters(*(np.zeros_like(getattr(p, f.name)) for f in fields(Parameters)))
     centers = np.zeros((len(p.means), 2))
     view, shape = TwinView.of(camera, rows), twin.transmittance.shape
-    cut = twin.cut_width
     behind = {len(twin.order): (np.zeros((*shape, FEATURES)), np.ones(shape))}
     for position in range(len(twin.order) - 1, -1, -1):
         layer = twin.layers[twin.order[position]]
@@ -342,10 +327,10 @@ def twin_gradients(
             size = np.broadcast_to(size, value.shape).reshape(-1)
             steps = _steps(size).reshape(-1, *value.shape)
             variants = replace(splat, **{f.name: value + steps})
-            losses = loss(layer_of(variants, view, options, frozen, None, cut)).sum(axis=(-1, -2))
+            losses = loss(layer_of(variants, view, options, frozen)).sum(axis=(-1, -2))
             getattr(gradients, f.name)[i] = _slopes(losses, size).reshape(value.shape)
         size = np.full(2, 1e-5)
-        slopes = _slopes(loss(layer_of(splat, view, options, frozen, _steps(size), cut)), size)
+        slopes = _slopes(loss(layer_of(splat, view, options, frozen, _steps(size))), size)
         centers[i] = slopes.sum(axis=(-1, -2))
         alpha = twin.layers[i].alpha(options.max_alpha)
         sums = sums + (through * alpha)[..., None] * twin.layers[i].features
@@ -355,7 +340,7 @@ def twin_gradients(
     moved = TwinView.of(camera, rows, _steps(size))
     features, left = np.zeros((12, *shape, FEATURES)), np.ones((12, *shape))
     for i in reversed(twin.order):
-        layer = layer_of(p.splat(i), moved, options, twin.layers[i].decisions, None, cut)
+        layer = layer_of(p.splat(i), moved, options, twin.layers[i].decisions)
         features, left = layer.over(features, left, options.max_alpha)
     losses = adjoints.loss_per_pixel(features, left, background).sum(axis=(-1, -2))
     return TwinGradients(gradients, _slopes(losses, size), centers)
