@@ -17,6 +17,7 @@ from digs_warp.record.files import write_atomically
 
 # What NumPy and zipfile raise for files that are damaged.
 UNREADABLE = (
+    AttributeError,  # an entry that is no array
     BadZipFile,
     KeyError,
     EOFError,

@@ -3,11 +3,9 @@
 import logging
 import re
 import struct
-import zlib
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
-from zipfile import BadZipFile
 
 import numpy as np
 
@@ -15,6 +13,7 @@ from digs_warp.checks import DigsError
 from digs_warp.data.gaussians import ANTIALIASED, CLASSIC, FIELDS, Gaussians, ScreenFilter
 from digs_warp.geometry.rigid import far_offset, quat_multiply, quat_xyzw_from_matrix
 from digs_warp.geometry.sh import rotate_sh
+from digs_warp.record.arrays import UNREADABLE
 
 logger = logging.getLogger(__name__)
 
@@ -52,9 +51,6 @@ _MODES = {
 }
 
 
-_BROKEN = (LookupError, TypeError, ValueError, OverflowError, OSError)
-
-
 @contextmanager
 def sound(what: str) -> Iterator[None]:
     """Raise a `DigsError` that names a file when the block finds what such a file cannot hold."""
@@ -62,7 +58,7 @@ def sound(what: str) -> Iterator[None]:
         yield
     except DigsError:
         raise
-    except (*_BROKEN, BadZipFile, struct.error, zlib.error) as error:
+    except (*UNREADABLE, LookupError, OverflowError, struct.error) as error:
         raise DigsError(
             f"{what}: broken or truncated ({error!r}); copy or export it again"
         ) from error

@@ -218,6 +218,8 @@ def broken(header: dict[str, Any], how: str) -> None:
         header["accessors"][0]["count"] = 10**12
     elif how == "short":
         header["accessors"][0]["count"] = 100_000
+    elif how == "kind":
+        header["bufferViews"] = [3] * len(header["bufferViews"])
     elif how == "circle":
         header["nodes"][0]["children"] = [0]
     elif how == "shear":
@@ -232,6 +234,7 @@ def broken(header: dict[str, Any], how: str) -> None:
         ("logarithms", "the file seems to hold logarithms"),
         ("count", "1,000,000,000,000 Gaussians, expected up to"),
         ("short", "broken or truncated"),
+        ("kind", "broken or truncated .AttributeError"),
         ("circle", "nodes in a circle"),
         ("shear", "scales its axes differently"),
     ],
