@@ -41,7 +41,7 @@ LINE_BUDGETS = {
     "device": 919,
     "engines": 996,
     "files at the top": 800,
-    "formats": 5_674,
+    "formats": 5_670,
     "geometry": 621,
     "init": 4_615,
     "losses": 732,
