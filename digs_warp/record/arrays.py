@@ -23,8 +23,7 @@ UNREADABLE = (
     EOFError,
     MemoryError,
     OSError,
-    RuntimeError,  # encrypted, or compressed in a way that Python does not know
-    RecursionError,  # brackets in the header of an array
+    RuntimeError,  # encrypted, packed in a way that Python does not know, or brackets without end
     SyntaxError,  # the header of an array is Python
     tokenize.TokenError,
     TypeError,
