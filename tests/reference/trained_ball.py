@@ -1,18 +1,33 @@
 """Reconstructions of the tiny capture: how a perfect camera sees them, and how they go on after Ctrl-C."""
 
 import signal
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from digs_warp.data.frame import Frame
 from digs_warp.data.gaussians import FIELDS, Gaussians
 from digs_warp.measure.scores import Score, mean_score
 from digs_warp.splat.device import DeviceGaussians
+from digs_warp.train.config import TrainConfig
 from digs_warp.train.evaluate import load_test_views, render_views, score_view
 from digs_warp.train.trainer import Trainer
-from reference.tiny_capture import write_tiny_capture
+from digs_warp.train.view_store import open_views
+from reference.tiny_capture import ball, write_tiny_capture
+
+
+def trained(
+    frames: Sequence[Frame], config: TrainConfig, start: Gaussians | None = None, steps: int = -1
+) -> Trainer:
+    """The state after some steps, all of them by default, from a ball."""
+    views = open_views(frames, config)
+    trainer = Trainer(ball(300) if start is None else start, views, config)
+    for _ in range(config.stop.iterations if steps < 0 else steps):
+        trainer.step()
+    views.close()
+    return trainer
 
 
 def score_of_perfect_views(gaussians: Gaussians, folder: Path) -> Score:

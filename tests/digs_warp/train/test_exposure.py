@@ -21,8 +21,8 @@ from digs_warp.train.evaluate import (
 )
 from digs_warp.train.exposure import Exposures, color_samples
 from digs_warp.train.trainer import Trainer
-from digs_warp.train.view_store import open_views
 from reference.tiny_capture import ball
+from reference.trained_ball import trained
 
 STEPS = 60
 
@@ -49,11 +49,7 @@ def gray_ball() -> Gaussians:
     return replace(truth, sh=np.zeros_like(truth.sh))
 
 
-def trained(
-    frames: list[Frame],
-    start: Gaussians | None = None,
-    fit_exposure: Literal["on", "off"] = "on",
-) -> Trainer:
+def exposures_trained(frames: list[Frame], fit_exposure: Literal["on", "off"] = "on") -> Trainer:
     config = TrainConfig(
         stop=Stop(iterations=STEPS),
         rates=Rates(colors=0.1, end=1.0),  # too few steps for a late decay
@@ -61,10 +57,7 @@ def trained(
         depth_weight=0.0,  # depth of a sphere; the photographs show splats on it, which reach farther
         fit_exposure=fit_exposure,
     )
-    trainer = Trainer(start or gray_ball(), open_views(frames, config), config)
-    for _ in range(STEPS):
-        trainer.step()
-    return trainer
+    return trained(frames, config, gray_ball())
 
 
 def quality(trainer: Trainer, frames: tuple[Frame, ...]) -> float:
@@ -75,9 +68,9 @@ def quality(trainer: Trainer, frames: tuple[Frame, ...]) -> float:
 
 def test_different_exposures_cost_little(frames: tuple[Frame, ...], stops: np.ndarray) -> None:
     changed = [exposed(frame, each) for frame, each in zip(frames, stops, strict=True)]
-    with_fit, without = trained(changed), trained(changed, fit_exposure="off")
+    with_fit, without = exposures_trained(changed), exposures_trained(changed, fit_exposure="off")
     assert with_fit.exposures is not None and without.exposures is None
-    constant = quality(trained(list(frames), fit_exposure="off"), frames)
+    constant = quality(exposures_trained(list(frames), fit_exposure="off"), frames)
     assert quality(without, frames) < constant - 2.5
     assert quality(with_fit, frames) > constant - 1.0
     found = with_fit.exposures.log_factors * 2.4 / np.log(2)
@@ -109,7 +102,7 @@ def test_black_white_and_constant_photographs_and_a_single_one(frames: tuple[Fra
 
     hard = [painted(frame, value) for frame, value in zip(frames, (0, 255, 90), strict=False)]
     for views in ([*hard, *frames[3:]], hard, [frames[0]], [hard[0]]):
-        trainer = trained(views)
+        trainer = exposures_trained(views)
         assert trainer.exposures is not None
         assert np.isfinite(trainer.exposures.log_factors).all()
         assert np.isfinite(trainer.gaussians.to_numpy().sh).all()

@@ -9,30 +9,15 @@ import pytest
 from digs_warp.checks import CaptureError
 from digs_warp.data.capture import Capture
 from digs_warp.data.frame import Frame
-from digs_warp.data.gaussians import FIELDS, Gaussians
+from digs_warp.data.gaussians import FIELDS
 from digs_warp.data.layers import Layer
 from digs_warp.splat.render import render
 from digs_warp.train.config import DEPTH_WEIGHT, Stop, TrainConfig
 from digs_warp.train.trainer import Trainer
-from digs_warp.train.view_store import open_views
 from reference.tiny_capture import ball, drawn_depth
+from reference.trained_ball import trained
 
-STEPS = 40
-
-
-FRAMES = 6
-
-
-def trained(
-    frames: Sequence[Frame], config: TrainConfig, start: Gaussians | None = None
-) -> Trainer:
-    config = replace(config, stop=Stop(iterations=STEPS))
-    views = open_views(frames, config)
-    trainer = Trainer(start or ball(300), views, config)
-    for _ in range(STEPS):
-        trainer.step()
-    views.close()
-    return trainer
+FRAMES, SHORT = 6, Stop(iterations=40)
 
 
 def off_by(trainer: Trainer, frames: Sequence[Frame]) -> float:
@@ -51,7 +36,7 @@ def test_a_strong_weight_holds_the_surface(capture: Capture) -> None:
     """At a depth that differs from that of the photographs by less than their errors."""
     frames = [f.with_layer(Layer.DEPTH, drawn_depth(f) + 0.002) for f in capture.frames]
     loose, held = (
-        off_by(trained(frames, TrainConfig(depth_weight=weight), ball()), frames)
+        off_by(trained(frames, TrainConfig(stop=SHORT, depth_weight=weight), ball()), frames)
         for weight in (0.0, 0.3)
     )
     assert held < 0.85 * loose
@@ -59,7 +44,9 @@ def test_a_strong_weight_holds_the_surface(capture: Capture) -> None:
 
 def test_it_holds_by_default_where_depth_was_measured(capture: Capture) -> None:
     usual, named, off = (
-        trained(capture.frames, TrainConfig(depth_weight=weight)).gaussians.means.numpy()
+        trained(
+            capture.frames, TrainConfig(stop=SHORT, depth_weight=weight)
+        ).gaussians.means.numpy()
         for weight in (None, DEPTH_WEIGHT, 0.0)
     )
     assert np.array_equal(usual, named)
@@ -68,13 +55,15 @@ def test_it_holds_by_default_where_depth_was_measured(capture: Capture) -> None:
 
 def test_some_or_all_frames_may_lack_depth(capture: Capture) -> None:
     bare = [frame.without_layer(Layer.DEPTH) for frame in capture.frames]
-    without = trained(bare, TrainConfig())
-    off = trained(capture.frames, TrainConfig(depth_weight=0.0))
+    without = trained(bare, TrainConfig(stop=SHORT))
+    off = trained(capture.frames, TrainConfig(stop=SHORT, depth_weight=0.0))
     assert np.array_equal(without.gaussians.means.numpy(), off.gaussians.means.numpy())
     assert not without.renderer.middle.options.has_depth
     with pytest.raises(CaptureError, match="no 'depth_file_path'"):
-        trained(bare, TrainConfig(depth_weight=0.004))
-    some = trained([*bare[:3], *capture.frames[3:]], TrainConfig()).gaussians.means.numpy()
+        trained(bare, TrainConfig(stop=SHORT, depth_weight=0.004))
+    some = trained(
+        [*bare[:3], *capture.frames[3:]], TrainConfig(stop=SHORT)
+    ).gaussians.means.numpy()
     assert np.isfinite(some).all() and not np.array_equal(some, off.gaussians.means.numpy())
 
 
@@ -84,5 +73,5 @@ def test_wrong_depth_leaves_finite_gaussians(capture: Capture, factor: float) ->
         frame.with_layer(Layer.DEPTH, np.float32(factor) * frame.load_depth())
         for frame in capture.frames
     ]
-    gaussians = trained(wrong, TrainConfig(depth_weight=0.02)).gaussians.to_numpy()
+    gaussians = trained(wrong, TrainConfig(stop=SHORT, depth_weight=0.02)).gaussians.to_numpy()
     assert all(np.isfinite(getattr(gaussians, name)).all() for name in FIELDS)

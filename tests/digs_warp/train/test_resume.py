@@ -1,6 +1,7 @@
 """N steps, a checkpoint, and N more are the same bits as 2 N steps, for every density control."""
 
 from dataclasses import replace
+from operator import attrgetter
 from pathlib import Path
 
 import numpy as np
@@ -8,7 +9,7 @@ import pytest
 
 from digs_warp.checks import DigsError
 from digs_warp.data.capture import Capture
-from digs_warp.data.gaussians import FIELDS, Gaussians
+from digs_warp.data.gaussians import Gaussians
 from digs_warp.record.arrays import write_arrays
 from digs_warp.train import density as density_module
 from digs_warp.train.checkpoint import checkpoint_step, load_checkpoint, save_checkpoint
@@ -16,6 +17,7 @@ from digs_warp.train.config import Density, DensityStrategy, Stop, TrainConfig
 from digs_warp.train.trainer import Trainer
 from digs_warp.train.view_store import open_views
 from reference.tiny_capture import ball
+from reference.trained_ball import assert_same_bits, trained
 
 # Refined every 6 steps from the 4th on, reset at the 18th: what takes thousands of steps otherwise.
 STEPS = 40
@@ -38,13 +40,6 @@ def start() -> Gaussians:
     return replace(truth, sh=np.zeros_like(truth.sh), opacity_logits=logits)
 
 
-def trained(capture: Capture, config: TrainConfig, steps: int) -> Trainer:
-    trainer = Trainer(start(), open_views(capture.frames, config), config)
-    for _ in range(steps):
-        trainer.step()
-    return trainer
-
-
 @pytest.mark.parametrize("density", ["fixed", "adaptive"])
 def test_a_resumed_run_continues_bit_for_bit(
     capture: Capture, tmp_path: Path, density: DensityStrategy
@@ -52,8 +47,8 @@ def test_a_resumed_run_continues_bit_for_bit(
     config = TrainConfig(
         stop=Stop(iterations=STEPS), density=Density(strategy=density, max_splats=900)
     )
-    whole = trained(capture, config, STEPS)
-    half = trained(capture, config, 15)
+    whole = trained(capture.frames, config, start(), STEPS)
+    half = trained(capture.frames, config, start(), 15)
     path = tmp_path / "checkpoint.npz"
     assert save_checkpoint(path, half)
     assert checkpoint_step(path) == 15
@@ -66,13 +61,9 @@ def test_a_resumed_run_continues_bit_for_bit(
             np.testing.assert_array_equal(values, half.control.state()[name])
     for _ in range(STEPS - 15):
         resumed.step()
-    states = [
-        (t.gaussians.to_numpy(), t.optimizer.moments_1.to_numpy(), t.optimizer.moments_2.to_numpy())
-        for t in (whole, resumed)
-    ]
-    for one, other in zip(*states, strict=True):
-        for name in FIELDS:
-            np.testing.assert_array_equal(getattr(one, name), getattr(other, name), err_msg=name)
+    for arrays in ("gaussians", "optimizer.moments_1", "optimizer.moments_2"):
+        one, other = (attrgetter(arrays)(trainer).to_numpy() for trainer in (whole, resumed))
+        assert_same_bits(one, other)
     assert whole.exposures is not None and resumed.exposures is not None
     assert whole.exposures.fitted.all()
     np.testing.assert_array_equal(whole.exposures.log_factors, resumed.exposures.log_factors)
@@ -83,13 +74,13 @@ def test_a_resumed_run_continues_bit_for_bit(
 def test_a_start_beyond_the_cap_is_refused(capture: Capture) -> None:
     config = TrainConfig(density=Density(strategy="adaptive", max_splats=200))
     with pytest.raises(DigsError, match=r"starts with 300 Gaussians.*voxel-size"):
-        trained(capture, config, 0)
+        trained(capture.frames, config, start(), 0)
 
 
 def test_a_state_that_is_not_finite_does_not_replace_a_good_one(
     capture: Capture, tmp_path: Path
 ) -> None:
-    trainer = trained(capture, TrainConfig(stop=Stop(iterations=5)), 2)
+    trainer = trained(capture.frames, TrainConfig(stop=Stop(iterations=5)), start(), 2)
     path = tmp_path / "checkpoint.npz"
     assert save_checkpoint(path, trainer)
     good = path.read_bytes()
@@ -105,10 +96,10 @@ def test_a_broken_checkpoint_and_that_of_other_settings_are_refused(
 ) -> None:
     config = TrainConfig(stop=Stop(iterations=5))
     path = tmp_path / "checkpoint.npz"
-    save_checkpoint(path, trained(capture, config, 1))
+    save_checkpoint(path, trained(capture.frames, config, start(), 1))
     other = replace(config, density=Density(strategy="adaptive"))
     with pytest.raises(DigsError, match="density control differ"):
-        load_checkpoint(path, trained(capture, other, 0))
+        load_checkpoint(path, trained(capture.frames, other, start(), 0))
     seeds = replace(start(), sh=np.zeros((300, 4, 3)))
     trainer = Trainer(seeds, open_views(capture.frames, config), config)
     with pytest.raises(DigsError, match="color coefficients differ"):
@@ -137,9 +128,9 @@ def test_a_checkpoint_of_another_shape_is_refused(
 ) -> None:
     config = TrainConfig(stop=Stop(iterations=5), density=Density(strategy="adaptive"))
     path = tmp_path / "checkpoint.npz"
-    save_checkpoint(path, trained(capture, config, 1))
+    save_checkpoint(path, trained(capture.frames, config, start(), 1))
     with np.load(path) as saved:
         state = {key: saved[key] for key in saved.files if key != name or value is not None}
     write_arrays(path, state | ({} if value is None else {name: value}))
     with pytest.raises(DigsError, match=r"checkpoint '.*checkpoint\.npz'"):
-        load_checkpoint(path, trained(capture, config, 0))
+        load_checkpoint(path, trained(capture.frames, config, start(), 0))

@@ -12,6 +12,7 @@ from digs_warp.train.config import Rates, Stop, TrainConfig
 from digs_warp.train.trainer import Trainer
 from digs_warp.train.view_store import open_views, view_index
 from reference.tiny_capture import ball
+from reference.trained_ball import assert_same_bits, trained
 
 
 def gray_start() -> Gaussians:
@@ -19,22 +20,9 @@ def gray_start() -> Gaussians:
     return replace(truth, sh=np.zeros_like(truth.sh))
 
 
-def trained(capture: Capture, config: TrainConfig, steps: int) -> Trainer:
-    trainer = Trainer(gray_start(), open_views(capture.frames, config), config)
-    for _ in range(steps):
-        trainer.step()
-    return trainer
-
-
-def assert_same(a: Trainer, b: Trainer) -> None:
-    one, other = a.gaussians.to_numpy(), b.gaussians.to_numpy()
-    for name in FIELDS:
-        np.testing.assert_array_equal(getattr(one, name), getattr(other, name), err_msg=name)
-
-
 def test_the_loss_falls(capture: Capture) -> None:
     config = TrainConfig(stop=Stop(iterations=150), sh_degree=0, rates=Rates(colors=0.05))
-    trainer = trained(capture, config, 1)
+    trainer = trained(capture.frames, config, gray_start(), 1)
     first = trainer.loss_value()
     for _ in range(149):
         trainer.step()
@@ -43,9 +31,12 @@ def test_the_loss_falls(capture: Capture) -> None:
 
 def test_the_same_seed_gives_the_same_bits_and_another_seed_does_not(capture: Capture) -> None:
     config = TrainConfig(stop=Stop(iterations=20))
-    a, b = trained(capture, config, 12), trained(capture, config, 12)
-    assert_same(a, b)
-    c = trained(capture, replace(config, seed=1), 12)
+    a, b = (
+        trained(capture.frames, config, gray_start(), 12),
+        trained(capture.frames, config, gray_start(), 12),
+    )
+    assert_same_bits(a.gaussians.to_numpy(), b.gaussians.to_numpy())
+    c = trained(capture.frames, replace(config, seed=1), gray_start(), 12)
     assert not np.array_equal(a.gaussians.to_numpy().means, c.gaussians.to_numpy().means)
 
 
@@ -57,9 +48,7 @@ def test_the_background_supervises_the_outside(capture: Capture) -> None:
     left = {}
     for background in ("white", "random"):
         config = TrainConfig(stop=Stop(iterations=120), sh_degree=0, background=background)
-        trainer = Trainer(Gaussians(*both), open_views(capture.frames, config), config)
-        for _ in range(120):
-            trainer.step()
+        trainer = trained(capture.frames, config, Gaussians(*both))
         left[background] = float(np.median(trainer.gaussians.to_numpy().opacities[-60:]))
     assert left["random"] < 0.5 < left["white"]
 
@@ -74,7 +63,7 @@ def test_a_parameter_that_is_not_finite_stops_the_run_in_the_same_step(
     capture: Capture, name: str, value: float
 ) -> None:
     """The message says which parameter, which Gaussian, which view and which iteration."""
-    trainer = trained(capture, TrainConfig(stop=Stop(iterations=5)), 1)
+    trainer = trained(capture.frames, TrainConfig(stop=Stop(iterations=5)), gray_start(), 1)
     # The scales that are learned: those that are drawn follow from them.
     array = trainer.smoothing.learned if name == "log_scales" else getattr(trainer.gaussians, name)
     spoiled = array.numpy()
