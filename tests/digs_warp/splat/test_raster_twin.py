@@ -37,7 +37,6 @@ GRADIENT_TOLERANCE, DEPTH_TOLERANCE = 2e-5, 3e-4
 # A conic of a needle or of a splat across the image is the small difference of large numbers in float32.
 STIFF_TOLERANCE = 1e-3
 STIFF = (
-    "needles",
     "needles of 10,000 to 1",
     "straddles the near plane",
     "covers the whole image",
