@@ -4,7 +4,7 @@ These can differ from the recording's poses and masks: structure from motion est
 segmentation makes masks. ``cameras.json`` in the reconstruction's folder stores them.
 """
 
-from collections.abc import Callable, Collection, Iterable
+from collections.abc import Callable, Collection
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -16,7 +16,6 @@ from digs_warp.data.capture import Capture
 from digs_warp.data.frame import Frame, PixelSource
 from digs_warp.data.images import read_image, write_image
 from digs_warp.data.layers import Layer
-from digs_warp.data.sfm_model import SfmModel
 from digs_warp.record.fields import ABOVE_ZERO, Fields
 from digs_warp.record.files import read_json, to_json, write_atomically
 from digs_warp.words import counted
@@ -135,12 +134,6 @@ class PosedFrames:
             groups[entry.flag("held_out")].append(frame)
         scale = record.number("sfm_per_metre", ABOVE_ZERO, default=None, what="a number above 0")
         return PosedFrames(tuple(groups[False]), tuple(groups[True]), scale)
-
-
-def with_cameras(frames: Iterable[Frame], sfm: SfmModel) -> list[Frame]:
-    """Return the frames that the model has a camera for, with that camera."""
-    cameras = dict(zip(sfm.names, sfm.cameras, strict=True))
-    return [replace(f, camera=cameras[f.name]) for f in frames if f.name in cameras]
 
 
 def _entry(frame: Frame, folder: Path, held_out: bool) -> dict[str, Any]:

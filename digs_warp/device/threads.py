@@ -62,19 +62,10 @@ def over_rows(count: int, work: Callable[[slice], _T], chunk: int = CHUNK) -> li
     number of threads, because the slices are always the same. The first error of ``work`` is raised; slices
     that have not started by then are skipped.
     """
-    from threadpoolctl import threadpool_limits
-
     slices = [slice(first, min(first + chunk, count)) for first in range(0, count, chunk)]
-    threads = min(len(slices), default_threads())
-    if threads <= 1:
+    if min(len(slices), default_threads()) <= 1:
         return [work(rows) for rows in slices]
-    # Concurrent matrix products would each try to use all cores, and wait for each other.
-    with threadpool_limits(1, user_api="blas"), ThreadPoolExecutor(threads) as pool:
-        try:
-            return list(pool.map(work, slices))
-        except BaseException:
-            pool.shutdown(cancel_futures=True)
-            raise
+    return _mapped(work, slices)
 
 
 def over_items(items: Sequence[_I], work: Callable[[_I], _T]) -> list[_T]:
@@ -94,15 +85,21 @@ def over_items(items: Sequence[_I], work: Callable[[_I], _T]) -> list[_T]:
         finally:
             _own.alone = False
 
+    return _mapped(alone, items)
+
+
+def _mapped(work: Callable[[_I], _T], items: Sequence[_I]) -> list[_T]:
+    """Return ``work(item)`` for all items, in order, on all cores."""
     from threadpoolctl import threadpool_limits
 
     threads = min(len(items), default_threads())
+    # Concurrent matrix products would each try to use all cores, and wait for each other.
     with threadpool_limits(1, user_api="blas"):
         if threads <= 1:
-            return [alone(item) for item in items]
+            return [work(item) for item in items]
         with ThreadPoolExecutor(threads) as pool:
             try:
-                return list(pool.map(alone, items))
+                return list(pool.map(work, items))
             except BaseException:
                 pool.shutdown(cancel_futures=True)
                 raise

@@ -17,7 +17,7 @@ import warp as wp
 
 from digs_warp.device.contiguous import floats_from
 from digs_warp.device.kernel_options import vector_module_options
-from digs_warp.device.parallel import launch_here, packed
+from digs_warp.device.parallel import launch_here
 
 wp.set_module_options(vector_module_options())
 
@@ -32,16 +32,6 @@ _ROWS = wp.constant(TILE_HEIGHT + 2 * REACH)
 _NEAR = wp.constant((TILE_WIDTH + 2 * REACH) * (TILE_HEIGHT + 2 * REACH))
 # y & 15 is y, and shows LLVM that the index is not negative, which Warp would have to wrap.
 _ROW_MASK = wp.constant(TILE_HEIGHT - 1)
-
-
-@wp.struct
-class ImagePart:
-    """A part of an image [px]."""
-
-    top: int
-    left: int
-    height: int
-    width: int
 
 
 @wp.func
@@ -65,12 +55,9 @@ def laplacian_kernel(
     tile_columns: int,
     total_weight: float,  # of all pairs
     min_weight: float,  # below which a pixel is not judged
-    part: ImagePart,  # whose magnitudes are wanted
     # outputs
-    magnitude: wp.array[float],  # [size of the part] |E|, NaN where not judged
-    sums: wp.array2d[
-        wp.float64
-    ],  # [tiles, 3] number, sum and sum of squares of |E|, over the whole image
+    magnitude: wp.array[float],  # [height * width] |E|, NaN where not judged
+    sums: wp.array2d[wp.float64],  # [tiles, 3] number, sum and sum of squares of |E|
 ):
     """Write |E|. The weights of the pairs are those of `digs_warp.init.edges.LAPLACIAN_5X5`."""
     tile = first + wp.tid()
@@ -90,8 +77,6 @@ def laplacian_kernel(
                 if row >= 0 and row < height and column >= 0 and column < width:
                     loaded = depth[row * width + column]
                 near[load_y * _STRIDE + edge_x] = loaded
-    from_x = wp.max(part.left - left, 0)
-    to_x = wp.min(part.left + part.width - left, _WIDTH)
     line = wp.zeros(shape=(_WIDTH,), dtype=float)
     count = wp.float64(0.0)
     total = wp.float64(0.0)
@@ -139,11 +124,9 @@ def laplacian_kernel(
             count += wp.float64(row_count)
             total += wp.float64(row_total)
             squares += wp.float64(row_squares)
-            if top + y >= part.top and top + y < part.top + part.height:
-                box_row = (top + y - part.top) * part.width + left + from_x - part.left
-                line_out = floats_from(magnitude, box_row, to_x - from_x)
-                for write_x in range(to_x - from_x):
-                    line_out[write_x] = line[from_x + write_x]
+            line_out = floats_from(magnitude, (top + y) * width + left, inside)
+            for write_x in range(inside):
+                line_out[write_x] = line[write_x]
     sums[tile, 0] = count
     sums[tile, 1] = total
     sums[tile, 2] = squares
@@ -169,26 +152,17 @@ MIN_PAIR_WEIGHT = 0.75
 STD_FRACTION = 0.1  # "10 % of the standard deviation" (section 4.1)
 
 
-def edge_magnitude(depth: np.ndarray, box: Box | None = None) -> tuple[np.ndarray, float]:
+def edge_magnitude(depth: np.ndarray) -> tuple[np.ndarray, float]:
     """Return |E| of a depth map [m], shape (height, width), float32, and the threshold tau_edge.
 
     Where some pairs are missing, the response of the others is scaled up to the full kernel. NaN: the
     pixel has no depth, or too few measured neighbors to judge. The threshold is NaN when none is known.
-
-    Args:
-        depth: shape (height, width), NaN where unknown.
-        box: rows and columns to return |E| for; None: all. The threshold is that of the whole map.
     """
     height, width = depth.shape
-    rows, columns = box or (slice(0, height), slice(0, width))
     tile_columns = -(-width // TILE_WIDTH)
     tiles = tile_columns * -(-height // TILE_HEIGHT)
-    magnitude = np.empty((rows.stop - rows.start, columns.stop - columns.start), dtype=np.float32)
+    magnitude = np.empty((height, width), dtype=np.float32)
     sums = np.empty((tiles, 3))
-    inner_height, inner_width = magnitude.shape
-    part = packed(
-        ImagePart, top=rows.start, left=columns.start, height=inner_height, width=inner_width
-    )
     launch_here(
         laplacian_kernel,
         tiles,
@@ -200,7 +174,6 @@ def edge_magnitude(depth: np.ndarray, box: Box | None = None) -> tuple[np.ndarra
             tile_columns,
             _TOTAL_WEIGHT,
             MIN_PAIR_WEIGHT * _TOTAL_WEIGHT,
-            part,
             on_device(magnitude.reshape(-1)),
             on_device(sums),
         ],
@@ -213,8 +186,8 @@ def smooth_depth(depth: np.ndarray, box: Box | None = None) -> np.ndarray:
 
     On a perfectly flat map, where all responses are equal, all measured pixels pass.
     """
-    magnitude, threshold = edge_magnitude(depth, box)
-    return magnitude <= threshold
+    magnitude, threshold = edge_magnitude(depth)
+    return (magnitude if box is None else magnitude[box]) <= threshold
 
 
 def on_device(array: np.ndarray) -> wp.array:

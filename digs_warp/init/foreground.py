@@ -20,8 +20,6 @@ a surface lies there. Noise grows with the square of the distance, and widens th
 from the object.
 """
 
-from dataclasses import dataclass
-
 import numpy as np
 
 # Pixels that vote on the centroids: a regular subset of large images is enough.
@@ -36,21 +34,9 @@ BORDER = BACKGROUND_WEIGHT / (1.0 + BACKGROUND_WEIGHT)
 FULL_MASK = 0.99
 
 
-@dataclass(frozen=True)
-class DepthRange:
-    """Depths that count as foreground [m], both ends included."""
-
-    near: float = -np.inf
-    far: float = np.inf
-
-    def contains(self, depth: np.ndarray) -> np.ndarray:
-        """Return which depths lie in the range; NaN does not."""
-        if np.isinf(self.near) and np.isinf(self.far):
-            return ~np.isnan(depth)
-        return (depth >= np.float32(self.near)) & (depth <= np.float32(self.far))
-
-
-EVERYTHING = DepthRange()
+# From the nearest to the farthest depth that counts as foreground [m], both included.
+DepthRange = tuple[np.float32, np.float32]
+EVERYTHING: DepthRange = (np.float32(-np.inf), np.float32(np.inf))
 
 
 def foreground_range(depth: np.ndarray, in_mask: np.ndarray) -> DepthRange:
@@ -67,19 +53,21 @@ def foreground_range(depth: np.ndarray, in_mask: np.ndarray) -> DepthRange:
     centers = two_means(np.sort(values))
     if centers is None:
         return EVERYTHING
-    near_center, far_center = centers
-    if np.mean(in_mask) > FULL_MASK:
-        return _up_to_border(near_center, far_center)
-    is_near = values < 0.5 * (near_center + far_center)
-    near_in_mask = np.count_nonzero(votes_mask & is_near)
-    far_in_mask = np.count_nonzero(votes_mask & ~is_near)
-    if near_in_mask >= far_in_mask:
-        if far_in_mask > 0.5 * np.count_nonzero(~is_near):
-            return EVERYTHING
-        return _up_to_border(near_center, far_center)
-    if near_in_mask > 0.5 * np.count_nonzero(is_near):
+    near, far = centers
+    is_near = values < 0.5 * (near + far)
+    near_in_mask, far_in_mask = (
+        np.count_nonzero(votes_mask & side) for side in (is_near, ~is_near)
+    )
+    is_full = np.mean(in_mask) > FULL_MASK
+    foreground_is_near = is_full or near_in_mask >= far_in_mask
+    other, other_in_mask = (
+        (~is_near, far_in_mask) if foreground_is_near else (is_near, near_in_mask)
+    )
+    if not is_full and other_in_mask > 0.5 * np.count_nonzero(other):
         return EVERYTHING
-    return DepthRange(near=far_center + BORDER * (near_center - far_center))
+    if foreground_is_near:
+        return EVERYTHING[0], np.float32(near + BORDER * (far - near))
+    return np.float32(far + BORDER * (near - far)), EVERYTHING[1]
 
 
 def two_means(ascending: np.ndarray) -> tuple[float, float] | None:
@@ -99,7 +87,3 @@ def two_means(ascending: np.ndarray) -> tuple[float, float] | None:
     upper = (sums[-1] - sums[:-1]) / (count - below)
     best = int(np.argmax(below * (count - below) * (upper - lower) ** 2))
     return float(lower[best]), float(upper[best])
-
-
-def _up_to_border(near_center: float, far_center: float) -> DepthRange:
-    return DepthRange(far=near_center + BORDER * (far_center - near_center))

@@ -20,7 +20,7 @@ from digs_warp.init.config import InitConfig as InitConfig
 from digs_warp.init.depth_points import NoPointsError, depth_points
 from digs_warp.init.hull import hull_points
 from digs_warp.init.multi_view_stereo import matched_depth
-from digs_warp.init.random_points import random_points, random_points_on_rays
+from digs_warp.init.random_points import random_points
 from digs_warp.init.scale import observed_pixels
 from digs_warp.init.start import DepthReport, Start, Subject
 from digs_warp.init.strategies import StrategyName, start_reason
@@ -144,10 +144,7 @@ def _without_depth(
     count = config.target_points
     if count is None:
         count = len(_needed(sfm, config).points if recorded is None else recorded)
-    if subject == "scene":
-        points = random_points_on_rays(frames, count)
-    else:
-        points = random_points([frame.camera for frame in frames], count)
+    points = random_points([frame.camera for frame in frames], count)
     return Start(points, {"random": len(points)})
 
 
@@ -198,7 +195,7 @@ def _measured_points(
     if is_emptied and len(points) < min(FEWEST_POINTS, LEAST_PER_PIXEL * wanted):
         raise DigsError(
             f"initialization: {len(points)} points are left of {wanted:,} pixels ({report}), which makes no "
-            "scene. If the depth is that poor, start without it: --strategy mvs, or random; else see what "
+            "scene. If the depth is that poor, start without it: --strategy mvs; else see what "
             "'digs-warp check' says of the recording"
         )
     return points, report

@@ -8,10 +8,6 @@ ridge regression follows from the fit with it (Allen's PRESS): residual / (1 - l
 Points that lie off by more, as the depth of a camera puts them, show another place of the surface to each
 photograph. Where it has texture, that does predict: it changes smoothly with the direction, like gloss. So
 points in plain surroundings are compared.
-
-Exposure and tone of each photograph are taken off first (`digs_warp.init.first_exposures`): where a camera
-adapts to the light, they differ more than any gloss. A value that a photograph clips is a lower bound then:
-it counts where other photographs see the point darker than that, and nowhere else.
 """
 
 from collections.abc import Sequence
@@ -69,39 +65,14 @@ class ViewDependence:
 
 def view_dependence(seen: "SeenColors") -> ViewDependence:
     """Choose the degree of the color by what the photographs show."""
-    often = _seen_often(seen.colors)  # in a room, most others contradict each other
-    colors = in_one_exposure(seen.colors[often])
-    still = _seen_often(colors)
-    if not len(still):
+    often = np.flatnonzero(np.isfinite(seen.colors[..., 0]).sum(axis=1) >= FEWEST_VIEWS)
+    if not len(often):
         few = f"too few points are seen by {FEWEST_VIEWS} photographs or more"
         return ViewDependence(USUAL_DEGREE, because=few)
-    points, colors = seen.points_world[often][still], colors[still]
+    points, colors = seen.points_world[often], seen.colors[often]
     plain = plainest(points, colors)
     some = plain[evenly(range(len(plain)), POINTS)]
     return chosen(points[some, None] - seen.centers_world, colors[some])
-
-
-def _seen_often(colors: np.ndarray) -> np.ndarray:
-    """Return the numbers of the points that enough photographs see."""
-    return np.flatnonzero(np.isfinite(colors[..., 0]).sum(axis=1) >= FEWEST_VIEWS)
-
-
-def in_one_exposure(colors: np.ndarray) -> np.ndarray:
-    """Return the colors (n, m, 3) of points in photographs of one exposure, NaN where they are not known.
-
-    Where the exposure is constant, all photographs clip the same light, and nothing changes.
-    """
-    from digs_warp.init.first_exposures import FirstExposures, clipped
-
-    found = FirstExposures.of(colors)
-    if not found.vary:
-        return colors
-    even, bounds = found.removed(colors), clipped(colors)
-    told = np.isfinite(even).all(axis=-1, keepdims=True) & ~bounds.any(axis=-1, keepdims=True)
-    counts = told.sum(axis=1, keepdims=True)
-    means = np.where(told, even, 0.0).sum(axis=1, keepdims=True) / np.maximum(counts, 1)
-    brighter = (bounds & (even > means)).any(axis=-1, keepdims=True)
-    return np.where((counts > 0) & (told | brighter), even, np.nan)
 
 
 def plainest(points_world: np.ndarray, colors: np.ndarray) -> np.ndarray:

@@ -124,7 +124,8 @@ def view_points(frame: Frame, config: InitConfig, levels: Levels, subject: Subje
         with lap("foreground"):
             if config.foreground_filter:
                 votes = depth if unknown is None else np.where(unknown, np.float32(np.nan), depth)
-                keep &= foreground_range(votes, in_mask).contains(depth[box])
+                nearest, farthest = foreground_range(votes, in_mask)
+                keep &= (depth[box] >= nearest) & (depth[box] <= farthest)
             pixels[FILTERS[3]] = int(np.count_nonzero(keep))
     with lap("back-project"):
         near = frame.camera.cropped(*box)

@@ -192,7 +192,12 @@ def _poses_and_start(
         with log.stage("scale"):
             model = in_metres(sparse, capture, frames, config.init)
         frames = registered(frames, model)
-        findings += _contradicted_by_depth(capture, frames, config.sfm, log)
+        if config.sfm.poses == "sfm" and capture.has_depth:
+            with log.stage("compare with depth"):
+                finding = depth_contradiction(capture, frames, config.sfm)
+            if finding:
+                logger.warning("%s: %s; --poses rgbd uses the depth", capture, finding)
+                findings += (finding,)
     metric_scale = metric_scale_of(capture, config.sfm.poses == "sfm")
     if not metric_scale.known:
         logger.warning("%s: the scale is %s", capture, metric_scale)
@@ -208,7 +213,9 @@ def _poses_and_start(
         findings += (finding,) if finding else ()
     with log.stage("check"):
         found = check.result()  # before the initialization, which counts its CPU time
-    start = _start(capture, frames, subject, model, recorded, config, log)
+    with log.stage("initialize"):
+        sfm = (model.sfm, model.sfm_per_metre) if model else (None, None)
+        start = initialize(frames.training, config.init, *sfm, subject, recorded)
     logger.info("%s: starting from %s", capture, start.because)
     poses = Poses(
         frames=frames,
@@ -262,41 +269,6 @@ def _sparse_points(
         return recorded, None
     with log.stage("structure from motion"):
         return None, match_images(capture, config.sfm, folder / SFM)
-
-
-def _contradicted_by_depth(
-    capture: Capture, frames: PosedFrames, config: SfmConfig, log: RunLog
-) -> tuple[str, ...]:
-    """Warn where depth contradicts poses that were estimated from images; return the findings."""
-    if config.poses != "sfm" or not capture.has_depth:
-        return ()
-    with log.stage("compare with depth"):
-        finding = depth_contradiction(capture, frames, config)
-    if not finding:
-        return ()
-    logger.warning("%s: %s; --poses rgbd uses the depth", capture, finding)
-    return (finding,)
-
-
-def _start(
-    capture: Capture,
-    frames: PosedFrames,
-    subject: Subject,
-    model: MetricModel | None,
-    recorded: PointCloud | None,
-    config: FrontEndConfig,
-    log: RunLog,
-) -> Start:
-    """Return the points to start from."""
-    with log.stage("initialize"):
-        return initialize(
-            frames.training,
-            config.init,
-            sfm=model.sfm if model else None,
-            sfm_per_metre=model.sfm_per_metre if model else None,
-            subject=subject,
-            recorded=recorded,
-        )
 
 
 def _findings(capture: Capture, config: FrontEndConfig) -> "tuple[Finding, ...]":

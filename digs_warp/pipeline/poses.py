@@ -16,7 +16,7 @@ from digs_warp.checks import DigsError
 from digs_warp.data.capture import BY_DEPTH, SCALE_IT, Capture, MetricScale
 from digs_warp.data.frame import posed_at
 from digs_warp.data.layers import Layer
-from digs_warp.data.posed_frames import PosedFrames, with_cameras
+from digs_warp.data.posed_frames import PosedFrames
 from digs_warp.data.sfm_model import SfmModel
 from digs_warp.data.viewpoints import looked_at
 from digs_warp.device.libraries import MissingLibraryError
@@ -144,9 +144,9 @@ def registered(frames: PosedFrames, model: MetricModel) -> PosedFrames:
     Raises:
         DigsError: no frame to train on is among them.
     """
-    training, held_out = (
-        tuple(with_cameras(group, model.sfm)) for group in (frames.training, frames.held_out)
-    )
+    cameras = dict(zip(model.sfm.names, model.sfm.cameras, strict=True))
+    known = frames.named(cameras).changed(lambda frame: replace(frame, camera=cameras[frame.name]))
+    training, held_out = known.training, known.held_out
     if not training:
         raise DigsError(
             f"structure from motion: none of the {len(frames.training)} training frames was registered"

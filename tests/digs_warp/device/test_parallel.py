@@ -5,9 +5,7 @@
 import os
 import subprocess
 import sys
-from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -18,7 +16,6 @@ from digs_warp.device.parallel import (
     ParallelLaunch,
     default_threads,
     launch_parallel,
-    run_together,
 )
 
 wp.set_module_options({"enable_backward": False})
@@ -95,32 +92,6 @@ def test_a_setting_that_is_no_number_of_threads_is_named(
     monkeypatch.setenv("DIGS_WARP_THREADS", setting)
     with pytest.raises(DigsError, match=f"DIGS_WARP_THREADS='{setting}'"):
         default_threads()
-
-
-def test_launches_run_together_visit_everything_once() -> None:
-    arrays = [[wp.zeros(dim, dtype=wp.int32, device="cpu") for _ in range(2)] for dim in DIMS]
-    launches = [
-        ParallelLaunch(count_visits, dim, [*pair], threads=3)
-        for dim, pair in zip(DIMS, arrays, strict=True)
-    ]
-    run_together(launches)
-    for dim, (visits, _) in zip(DIMS, arrays, strict=True):
-        assert visits.numpy().tolist() == [1] * dim
-    run_together([])
-
-
-def test_several_callers_share_the_threads() -> None:
-    pairs = [[wp.zeros(500, dtype=wp.int32, device="cpu") for _ in range(2)] for _ in range(6)]
-
-    def work(pair: list[Any]) -> None:
-        launch = ParallelLaunch(count_visits, 500, [*pair], threads=4)
-        for _ in range(50):
-            launch.run()
-
-    with ThreadPoolExecutor(6) as pool:
-        list(pool.map(work, pairs, timeout=60))
-    for visits, _ in pairs:
-        assert visits.numpy().tolist() == [50] * 500
 
 
 def test_an_exception_in_any_thread_reaches_the_caller() -> None:

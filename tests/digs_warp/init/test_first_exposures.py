@@ -70,15 +70,6 @@ def test_factors_are_those_of_all_unknowns_at_once() -> None:
     np.testing.assert_allclose(joint_log_factors(values), dense_log_factors(values), atol=1e-9)
 
 
-def test_photographs_in_two_groups_are_even_within_each() -> None:
-    factors = np.array([0.1, -0.1, 0.3, 0.2, 0.1])
-    values = np.full((40, 5), np.nan)
-    values[:20, :2], values[20:, 2:] = 0.3, 0.4
-    values = np.exp(factors) * (values + OFFSET) - OFFSET
-    expected = factors - np.repeat([factors[:2].mean(), factors[2:].mean()], [2, 3])
-    np.testing.assert_allclose(joint_log_factors(values), expected, atol=1e-9)
-
-
 def test_highlights_and_what_hides_a_point_do_not_count() -> None:
     factors = 0.2 * np.cos(ANGLES)
     values, _ = around(factors, points=2000)

@@ -92,18 +92,6 @@ def test_foreground_filter_removes_the_wall_that_a_mask_lets_in(
     assert np.linalg.norm(unfiltered.points_world, axis=1).max() > 2.5
 
 
-def test_without_the_mask_filter_the_wall_beside_the_ball_comes_in(
-    frames: tuple[Frame, ...],
-) -> None:
-    config = replace(CONFIG, mask_filter=False)
-    near = initial_points(frames, config)
-    everything = initial_points(frames, replace(config, foreground_filter=False))
-    radii = np.linalg.norm(everything.points_world, axis=1)
-    assert np.count_nonzero(radii > 2.5) > 0.3 * len(radii)
-    # The k-means tells the ball from the wall without a mask.
-    assert np.linalg.norm(near.points_world, axis=1).max() < RADIUS * (1 + 1e-5)
-
-
 def test_a_view_without_foreground_is_skipped_with_a_warning(
     tmp_path: Path,
     views: list[View],

@@ -10,7 +10,6 @@ from digs_warp.data.layers import Layer
 from digs_warp.data.point_cloud import PointCloud
 from digs_warp.init.config import InitConfig
 from digs_warp.init.recipes import initialize
-from digs_warp.init.seeds import seed_gaussians
 from digs_warp.init.unseen import FEW_VIEWS
 from reference.ball_capture import RADIUS, ball_view, ball_views, write_capture
 
@@ -57,16 +56,6 @@ def test_nothing_is_put_before_a_measured_surface_or_far_beyond_it(frames: list[
         columns, rows = np.floor(px).astype(int).T
         assert (z > frame.load_depth()[rows, columns] - 3 * SIZE).all()
     assert np.linalg.norm(unseen, axis=1).max() < 1.6 * RADIUS
-
-
-def test_hidden_points_start_opaque_and_are_stored(frames: list[Frame], tmp_path: Path) -> None:
-    points = initialize(frames, CLOSED).points
-    opacities = seed_gaussians(points, opacity=0.8).opacities
-    np.testing.assert_allclose(opacities[points.hidden], 0.8, rtol=1e-6)
-    points.save(tmp_path / "points.npz")
-    hidden = PointCloud.load(tmp_path / "points.npz").hidden
-    assert hidden is not None and points.hidden is not None
-    np.testing.assert_array_equal(hidden, points.hidden)
 
 
 @pytest.mark.parametrize("count", [3, FEW_VIEWS + 1])

@@ -5,18 +5,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from digs_warp.data.layers import Layer
 from digs_warp.geometry.sh import sh_basis
-from digs_warp.init.first_exposures import FirstExposures
 from digs_warp.init.seen_colors import SeenColors, look_up
 from digs_warp.init.view_dependence import (
     POINTS,
     chosen,
-    in_one_exposure,
     prediction_error,
     view_dependence,
 )
-from digs_warp.measure.color_gain import OFFSET, joint_log_factors
 from reference.tiny_capture import RADIUS, ball, write_tiny_capture
 
 RNG = np.random.default_rng(0)
@@ -53,56 +49,6 @@ def test_noise_is_no_dependence_on_the_view() -> None:
     assert matte.degree == 1
     assert matte.errors[3] < matte.errors[0]  # it predicts worse
     assert "used from 0.8 dB on" in matte.because
-
-
-def adapting(
-    directions: np.ndarray, colors: np.ndarray
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Directions of points that are seen, their colors where the exposure varies, and its log factors."""
-    some = np.isfinite(colors[..., 0]).any(axis=1)
-    angle = np.linspace(0, 6 * np.pi, colors.shape[1], endpoint=False)
-    factors = 0.3 * np.sin(2 * angle)
-    gains = np.exp(factors)[:, None]
-    return directions[some], gains * (colors[some] + OFFSET) - OFFSET, factors
-
-
-def test_a_camera_that_adapts_to_the_light_is_no_gloss() -> None:
-    directions, changed, factors = adapting(*seen(1, points=200))
-    assert chosen(directions, changed).degree == 3
-    found = FirstExposures.of(changed)
-    assert chosen(directions, in_one_exposure(changed)).degree == 1
-    np.testing.assert_allclose(found.log_factors, factors - factors.mean(), atol=0.06)
-
-
-def test_the_exposure_of_a_recording_is_taken_off(tmp_path: Path) -> None:
-    frames = []
-    for number, frame in enumerate(write_tiny_capture(tmp_path / "capture", frames=24).frames):
-        darker = np.exp(-0.4 * (1 + np.sin(0.5 * number)))
-        image = np.rint(frame.load_image() * darker).astype(np.uint8)
-        frames.append(frame.with_layer(Layer.IMAGE, image))
-    found = view_dependence(look_up(frames, ball(400).means))
-    assert found.degree == 1 and found.points > 40
-
-
-def exposures_alone(colors: np.ndarray) -> np.ndarray:
-    """Colors without the gains of their photographs; clipped values stay."""
-    factors = joint_log_factors(np.concatenate([colors[..., k] for k in range(3)]))
-    return FirstExposures(factors, vary=True).removed(colors)
-
-
-def matte_points() -> tuple[np.ndarray, np.ndarray]:
-    """Directions and colors of points from dark to white, hardly noisy."""
-    directions, noisy = seen(0, points=400, noise=0.01)
-    some = np.isfinite(noisy[..., 0]).any(axis=1)
-    noise = noisy[some] - np.nanmean(noisy[some], axis=1)[:, None]
-    return directions[some], noise + RNG.uniform(0.1, 0.95, (len(noise), 1, 3))
-
-
-def test_white_that_only_long_exposures_clip_is_no_gloss() -> None:
-    directions, changed, _ = adapting(*matte_points())
-    changed = np.clip(changed, 0.0, 1.0)
-    assert chosen(directions, exposures_alone(changed)).degree == 3
-    assert chosen(directions, in_one_exposure(changed)).degree == 1
 
 
 def off_the_surface(points: int = 12000, off: float = 0.01) -> SeenColors:

@@ -35,11 +35,6 @@ def measured(
     return measured_depth(GAUSSIANS, sensed, np.zeros(3), is_object=True)
 
 
-def test_noise_of_pixels_is_trusted(frames: Sequence[Frame]) -> None:
-    found = measured(frames, lambda depth: depth + RANDOM.normal(0, 0.003, depth.shape))
-    assert found is not None and found.trust > 0.9
-
-
 def test_wrong_regions_are_not(frames: Sequence[Frame]) -> None:
     def blotched(depth: np.ndarray) -> np.ndarray:
         rows, columns = np.indices(depth.shape) // 8
@@ -54,12 +49,6 @@ def test_a_shift_of_all_disparities_is_taken_off(frames: Sequence[Frame]) -> Non
     for frame, load in zip(frames, found.load, strict=True):
         apart = load() - frame.load_depth()
         assert abs(np.nanmedian(apart)) < 0.001  # of 8 mm
-
-
-def test_depth_in_some_frames_alone_is_left_out(frames: Sequence[Frame]) -> None:
-    some = [frames[0].without_layer(Layer.DEPTH), *frames[1:]]
-    assert measured_depth(GAUSSIANS, some, np.zeros(3), is_object=True) is None
-    assert measured_depth(GAUSSIANS, [], np.zeros(3), is_object=True) is None
 
 
 def test_depth_moves_where_both_show_one_surface() -> None:

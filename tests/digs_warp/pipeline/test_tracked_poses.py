@@ -12,7 +12,7 @@ from digs_warp.checks import DigsError
 from digs_warp.data.capture import Capture
 from digs_warp.data.images import write_image
 from digs_warp.data.layers import Layer
-from digs_warp.pipeline.config import FrontEndConfig, check_front_end
+from digs_warp.pipeline.config import FrontEndConfig
 from digs_warp.pipeline.front_end import front_end
 from digs_warp.pipeline.records import Poses, stored
 from digs_warp.poses.from_images.config import SfmConfig
@@ -73,15 +73,6 @@ def test_hidden_poses_are_found_and_the_record_says_how_well_they_fit(
     record = RunRecord.find(tmp_path)
     assert record is not None
     assert stored(Poses, record, tmp_path).tracking == prepared.poses.tracking
-
-
-def test_without_depth_in_all_frames_nothing_starts(capture: Capture, tmp_path: Path) -> None:
-    frames = [frame.without_layer(Layer.DEPTH) for frame in capture.frames]
-    blind = replace(unknown(capture), frames=tuple(frames))
-    with pytest.raises(DigsError, match="18 of 18 frames have no depth"):
-        front_end(blind, CONFIG, tmp_path, RunLog("test", {}))
-    with pytest.raises(DigsError, match="or with --poses rgbd from color and depth"):
-        check_front_end(unknown(capture), FrontEndConfig())
 
 
 def test_a_failed_match_of_images_names_the_other_way(

@@ -14,7 +14,7 @@ from digs_warp.data.posed_frames import PosedFrames
 from digs_warp.geometry.camera import Camera, Intrinsics
 from digs_warp.measure.scores import Score, Scores, SurfaceError
 from digs_warp.pipeline.records import Poses, Verdict
-from digs_warp.pipeline.verdict import PROJECTOR, likeness, verdict
+from digs_warp.pipeline.verdict import PROJECTOR, verdict
 
 SIDE, SIZE = 160, 0.2  # px, m
 K = Intrinsics(SIDE, SIDE, 200.0, 200.0, SIDE / 2, SIDE / 2)
@@ -66,12 +66,6 @@ def test_a_good_result_is_called_good_by_what_was_measured() -> None:
     assert re.fullmatch(f"{words}; held-out views are close to the photographs", found.words)
 
 
-def test_what_is_not_known_is_not_said() -> None:
-    assert judged(frames(0.95, 0.001, plain=False), Scores()).words.count(";") == 0
-    assert likeness(float("nan"), "object") == ("", "")
-    assert likeness(26.0, "object")[0] == "fair" and likeness(26.0, "scene")[0] == "good"
-
-
 POOR = {
     "holes": (frames(0.35, 0.001, True), {}, "depth covers 35% of the object", PROJECTOR),
     "noise": (frames(0.95, 0.05, False), {}, "neighboring views differs by", "nearer"),
@@ -99,11 +93,6 @@ def test_a_surface_far_from_the_truth_is_poor_whatever_the_photographs_say() -> 
     assert (
         "the surface is off by 12.9 mm, 7% of the object" in judged(frames(1, 0, True), off).words
     )
-
-
-def test_a_projector_is_not_suggested_to_who_has_one() -> None:
-    about = About(sensor={"projector_power": 0.2})
-    assert PROJECTOR not in judged(frames(0.35, 0.001, plain=True), about=about).advice
 
 
 def test_other_exposures_are_not_held_against_the_views() -> None:
