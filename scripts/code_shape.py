@@ -1,7 +1,6 @@
 """Measure the shape of the code: lines, functions, comments, words of the documentation; the longest by name.
 
-python scripts/code_shape.py                # this checkout
-python scripts/code_shape.py OTHER --top 10 # another one, for example before a change
+python scripts/code_shape.py [OTHER] [--top 10]   # this checkout or another one, before a change
 """
 
 import argparse
@@ -25,20 +24,7 @@ class Shape:
 
     files: dict[str, int] = field(default_factory=dict)
     functions: dict[str, int] = field(default_factory=dict)
-    code: int = 0
     comments: int = 0
-    docstrings: int = 0
-
-
-def docstring_lines(tree: ast.Module) -> set[int]:
-    """Return the numbers of the lines that hold docstrings, of attributes as well."""
-    return {
-        line
-        for node in ast.walk(tree)
-        if isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant)
-        if isinstance(node.value.value, str)
-        for line in range(node.lineno, (node.end_lineno or node.lineno) + 1)
-    }
 
 
 def measure(root: Path, folders: tuple[str, ...]) -> Shape:
@@ -53,15 +39,8 @@ def measure(root: Path, folders: tuple[str, ...]) -> Shape:
             if isinstance(node, FunctionNode):
                 lines = (node.end_lineno or node.lineno) - node.lineno + 1
                 shape.functions[f"{file}:{node.lineno} {node.name}"] = lines
-        docstrings, comments, code = docstring_lines(tree), set[int](), set[int]()
-        for token in tokenize.generate_tokens(io.StringIO(source).readline):
-            if token.type == tokenize.COMMENT:
-                comments.add(token.start[0])
-            elif token.string.strip():
-                code |= set(range(token.start[0], token.end[0] + 1))
-        shape.docstrings += len(docstrings)
-        shape.comments += len(comments)
-        shape.code += len(code - docstrings)
+        tokens = tokenize.generate_tokens(io.StringIO(source).readline)
+        shape.comments += sum(token.type == tokenize.COMMENT for token in tokens)
     return shape
 
 
@@ -69,9 +48,9 @@ def summary(name: str, shape: Shape) -> str:
     """Return the numbers of a part as a line."""
     lengths = sorted(shape.functions.values())
     return (
-        f"{name}: {sum(shape.files.values()):,} lines in {len(shape.files)} files; functions: "
-        f"{lengths[len(lengths) // 2]} lines in the median, {lengths[int(0.9 * len(lengths))]} at 90 %; "
-        f"comment:code {shape.comments / shape.code:.2f}, docstring:code {shape.docstrings / shape.code:.2f}"
+        f"{name}: {sum(shape.files.values()):,} lines in {len(shape.files)} files, {shape.comments:,} "
+        f"comments; functions: {lengths[len(lengths) // 2]} lines in the median, "
+        f"{lengths[int(0.9 * len(lengths))]} at 90 %"
     )
 
 

@@ -1,7 +1,6 @@
 """Damage inputs of every kind and see whether each is read, or refused with a message.
 
     python scripts/fuzz.py --count 100                       # 100 inputs of each kind
-    python scripts/fuzz.py --kind "splats: PLY" --count 1000
     python scripts/fuzz.py --count 556 --page  # 10,000, and the totals in docs/research/stability.md
 
 A traceback, a crash, more than 1 GB beyond the start and more than 10 s of the processor are defects; their

@@ -14,7 +14,6 @@ import re
 import subprocess
 import sys
 from collections.abc import Sequence
-from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 from mutations.catalogue import MUTATIONS, VARIABLE, find_mutation
@@ -88,22 +87,18 @@ def main() -> int:
     parser.add_argument(
         "--page", action="store_true", help=f"write how many are noticed into docs/{PAGE}"
     )
-    parser.add_argument("--jobs", type=int, default=1, help="faults that are tried at a time")
     options = parser.parse_args()
     show_progress()
     if before := failing(""):
         _say("without any fault fail: " + ", ".join(before))
         return 1
     chosen = options.only or names
-    with (
-        progress(len(chosen), "Trying", "fault") as bar,
-        ThreadPoolExecutor(options.jobs) as threads,
-    ):
-        found: dict[str, list[str]] = {}
-        for name, tests in zip(chosen, threads.map(failing, chosen), strict=True):
-            found[name] = tests
+    found: dict[str, list[str]] = {}
+    with progress(len(chosen), "Trying", "fault") as bar:
+        for name in chosen:
+            found[name] = failing(name)
             bar.update()
-            _say(f"{name}: {len(tests)}\n" + "".join(f"    {test}\n" for test in tests))
+            _say(f"{name}: {len(found[name])}\n" + "".join(f"    {t}\n" for t in found[name]))
     _say(summary(found))
     if options.page:
         _say(str(fill(PAGE, "mutations", summary(found))))

@@ -63,8 +63,8 @@ def prepare(folder: Path) -> None:
     """Make what other tasks start from."""
     images = (frame.load_image() for frame in read_capture(folder / "demo/capture").frames)
     write_video(folder / "walk.mp4", images, 10)
-    cpu_seconds("digs-warp convert demo/capture --to tum --out tum", folder)
-    cpu_seconds("digs-warp mesh demo --out bottle.glb", folder)
+    for words in ("convert demo/capture --to tum --out tum", "mesh demo --out bottle.glb"):
+        cpu_seconds(f"digs-warp {words}", folder)
 
 
 def main() -> None:

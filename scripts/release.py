@@ -49,8 +49,6 @@ def main() -> int:
     shutil.rmtree(DIST, ignore_errors=True)
     copy_folder(made, DIST)
     say(f"{version} is in '{DIST}'; its notes are the section [{title}] of CHANGELOG.md")
-    if title == UNRELEASED:
-        say(f"before it is published: name that section [{version}] with its date, and commit")
     return 0
 
 

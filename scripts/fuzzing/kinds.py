@@ -95,9 +95,6 @@ KINDS = (
                     form="colmap"),
         *_recording("7scenes", "frame-000001.pose.txt", "frame-000001.depth.png", "camera-intrinsics.txt"),
     )),
-    Kind("recording: film", (
-        Input("film", "walk.mp4", ("convert walk.mp4 --from video --frames 3 --out OUT",)),
-    )),
     Kind("splats: PLY", _splats("a.ply", "text.ply", "a.compressed.ply")),
     Kind("splats: SOG", _splats("a.sog")),
     Kind("splats: glTF", _splats("a.glb")),

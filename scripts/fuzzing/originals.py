@@ -20,7 +20,6 @@ from digs_warp.data.capture import read_capture
 from digs_warp.data.gaussians import Gaussians
 from digs_warp.data.images import write_image
 from digs_warp.formats.splats.files import write_splat_file
-from digs_warp.show.film.video import write_video
 from fuzzing.recordings import WRITERS, millimetres
 
 RECONSTRUCT = ("--iterations", "4", "--test-every", "3", "--keep-course")
@@ -146,11 +145,6 @@ class Originals:
             _digs_warp("convert", folder / "ours.npz", "--out", folder / name)
         _digs_warp("export-usd", self.make("reconstruction") / "reconstruction",
                    "--capture", self.make("capture"), "--out", folder / "capture.usdz")  # fmt: skip
-
-    def _film(self, folder: Path) -> None:
-        folder.mkdir()
-        frames = (frame.load_image() for frame in read_capture(self.make("capture")).frames)
-        write_video(folder / "walk.mp4", frames, 10)
 
     def _settings(self, folder: Path) -> None:
         """Settings of commands, as JSON and YAML, a profile of a camera, and a scene to plan for."""

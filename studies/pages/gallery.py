@@ -67,6 +67,14 @@ EXAMPLES = (
         "[CC0 1.0](https://creativecommons.org/publicdomain/zero/1.0/)",
     ),
     Example(
+        "armchair",
+        "An armchair under a forest sky",
+        "--mesh DATA/meshes/armchair/armchair.glb --mesh-unit cm "
+        "--environment DATA/envs/forest_slope/forest_slope_1k.hdr",
+        "Mesh: NVIDIA Kaolin samples, [CC BY 4.0](https://creativecommons.org/licenses/by/4.0/); panorama: "
+        '"forest_slope", Poly Haven, CC0 1.0',
+    ),
+    Example(
         "room",
         "A room: everything in view, not only the object",
         "--subject scene --width 320 --frames 16 --iterations 300",
