@@ -105,7 +105,8 @@ class Convert(Command):
 
     to: Annotated[CaptureFormat | None, tyro.conf.arg(metavar="FORMAT")] = None
     """For a capture, or for a reconstruction of it with the poses and masks that that used: the format to
-    write. colmap (binary), colmap-text, nerfstudio (also for OpenSplat), tum, bop or redwood (for Open3D);
+    write. colmap (binary), colmap-text, nerfstudio (also for OpenSplat), tum, bop, redwood (for Open3D), hdf5
+    (as BlenderProc writes it) or webdataset;
     with the labels of 'digs-warp simulate --labels disparity,flow' also a data set for stereo: kitti-stereo
     (2015), sceneflow (as FlyingThings3D) or middlebury (2014)."""
 
@@ -186,13 +187,13 @@ def import_recording(
     source: Path, form: RecordingFormat, out: Path, overwrite: bool, options: RecordingOptions
 ) -> str:
     """Write the capture of a recording; the folder is complete or not there."""
-    from digs_warp.formats.captures.formats import ImportOptions, opened_recording
+    from digs_warp.formats.captures.formats import opened_recording
     from digs_warp.formats.captures.to_capture import write_capture
 
     log = RunLog("convert", {"recording": source, "from": form, **vars(options)})
     with (
         OutputFolder(out=out, overwrite=overwrite).opened([source], can_resume=False) as folder,
-        opened_recording(source, form, ImportOptions(options.frames, options.fov_deg)) as recording,
+        opened_recording(source, form, options.frames, options.fov_deg) as recording,
     ):
         with log.stage("convert"):
             if options.register_depth is not None:

@@ -32,15 +32,8 @@ def make_many(
 ) -> str:
     """Make many things in one folder, with a record; return what to print.
 
-    Args:
-        output: the folder.
-        log: of the command.
-        engine: where they are made; kernels are compiled before, where that is this machine.
-        inputs: what is read.
-        writes: the names that results may have.
-        make: makes them in the folder; returns what became of each by name, an error if it failed.
-        thing: what each is called.
-        listed: the file of the folder with more of each.
+    ``make`` fills the folder, and returns what became of each by name, an error if it failed; each is called
+    ``thing``, and the file ``listed`` has more. ``inputs`` and ``writes`` are as of `OutputFolder.opened`.
 
     Raises:
         DigsError: some failed; what was made stays, but replaces no old result.

@@ -27,9 +27,6 @@ logger = logging.getLogger(__name__)
 
 NOT_LISTED = (MANIFEST, RUN_RECORD)
 
-# Bytes hashed at a time.
-_PIECE = 1 << 20
-
 
 @dataclass(frozen=True)
 class Content:
@@ -50,13 +47,9 @@ class Content:
         Raises:
             OSError: it cannot be read.
         """
-        digest = hashlib.sha256()
-        size = 0
         with path.open("rb") as file:
-            while piece := file.read(_PIECE):
-                digest.update(piece)
-                size += len(piece)
-        return Content(size, digest.hexdigest())
+            digest = hashlib.file_digest(file, "sha256").hexdigest()
+            return Content(file.tell(), digest)
 
 
 @dataclass(eq=False)

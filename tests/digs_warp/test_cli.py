@@ -1,7 +1,6 @@
 """The command line: exit codes, messages, and the rules that protect what lies in the output folder."""
 
 import os
-import shlex
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -22,7 +21,6 @@ from digs_warp.commands.settings_file import alternatives, settings_of
 from digs_warp.commands.simulate import Simulate
 from digs_warp.record.run_log import RunLog
 from digs_warp.sim.config import SimulateConfig
-from reference.splat_scenes import random_gaussians
 
 
 def our_folder(path: Path) -> Path:
@@ -179,41 +177,6 @@ def test_output_to_a_full_disk_is_an_error_in_one_line(
     assert result.returncode == EXIT_BAD_INPUT
     (line,) = result.stderr.splitlines()
     assert "could not be written: No space left on device" in line
-
-
-@pytest.mark.parametrize("suffix", [".ply", ".npz", ".usda"])
-def test_a_name_that_is_no_text_is_read_or_named(
-    tmp_path: Path, suffix: str, capsys: pytest.CaptureFixture[str]
-) -> None:
-    plain = tmp_path / f"a{suffix}"
-    random_gaussians(5, seed=1).save(plain)
-    path = tmp_path / os.fsdecode(b"b\xff" + suffix.encode())
-    try:
-        plain.rename(path)
-    except OSError:
-        pytest.skip("the file system takes only UTF-8")
-    is_usd = suffix.startswith(".usd")
-    assert main(["info", str(path)]) == is_usd
-    assert not is_usd or "rename it" in capsys.readouterr().err
-    out = tmp_path / os.fsdecode(b"c\xff.ply")
-    assert main(["convert", str(path), "--out", str(out)]) == is_usd
-    if not is_usd:
-        assert "c\\udcff.ply: 5 Gaussians" in capsys.readouterr().out
-        assert (
-            main(["convert", str(path), "--out", str(tmp_path / "d.usdz")]) == 0
-        )  # it names its source
-
-
-@pytest.mark.parametrize(
-    ("arguments", "closing"),
-    [("--version", ">&-"), ("--help", "2>&-"), ("study list", ">&- 2>&- <&-")],
-)
-def test_closed_streams_and_a_locale_of_ascii(arguments: str, closing: str) -> None:
-    ascii_only = {"LC_ALL": "C", "PYTHONUTF8": "0", "PYTHONCOERCECLOCALE": "0"}
-    command = f"{shlex.quote(sys.executable)} -m digs_warp {arguments} {closing}"
-    env = os.environ | ascii_only
-    done = subprocess.run(command, check=False, shell=True, env=env, stderr=subprocess.PIPE)
-    assert (done.returncode, done.stderr) == (0, b"")
 
 
 def test_the_list_of_commands_says_what_they_say() -> None:

@@ -7,7 +7,6 @@ import importlib
 import logging
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any, Literal, TypeAlias
@@ -78,42 +77,35 @@ def _function(place: str) -> Callable[..., Any]:
     return getattr(importlib.import_module(f"digs_warp.formats.captures.{module}"), name)
 
 
-@dataclass(frozen=True)
-class ImportOptions:
-    """What is taken of a recording.
-
-    Attributes:
-        frames: the most frames, evenly spread; None: all, of a film `MOST_OF_A_FILM`.
-        fov_deg: horizontal field of view of images from which lens distortion is removed; None: the focal
-            length stays. Of a film, the field of view of its camera.
-    """
-
-    frames: int | None = None
-    fov_deg: float | None = None
-
-
 @contextmanager
 def opened_recording(
-    source: Path, form: str, options: ImportOptions = ImportOptions()
+    source: Path, form: str, frames: int | None = None, fov_deg: float | None = None
 ) -> "Iterator[Recording]":
     """Yield a recording of the format ``form``, one of `READERS` or `FILE_READERS`.
 
     Frames of a film or an archive are in a temporary folder, which the end of the block deletes.
 
+    Args:
+        source: its folder or file.
+        form: the format.
+        frames: the most to take, evenly spread; None: all, of a film `MOST_OF_A_FILM`.
+        fov_deg: horizontal field of view of images from which lens distortion is removed; None: the focal
+            length stays. Of a film, the field of view of its camera.
+
     Raises:
         DigsError: as of `read_recording`, or a library that the format needs is missing.
     """
     if form in FILE_READERS and not (form in READERS and source.is_dir()):
-        fov_deg = (options.fov_deg,) if form == "video" else ()
+        camera = (fov_deg,) if form == "video" else ()
         with TemporaryDirectory(prefix="digs-warp-") as scratch:
-            count = options.frames or MOST_OF_A_FILM
-            yield _function(FILE_READERS[form])(source, Path(scratch), count, *fov_deg)
+            count = frames or MOST_OF_A_FILM
+            yield _function(FILE_READERS[form])(source, Path(scratch), count, *camera)
         return
     recording = read_recording(source, form)
-    if options.frames is not None:
-        recording = recording.thinned(options.frames)
-    if options.fov_deg is not None:
-        recording = recording.with_field_of_view(options.fov_deg)
+    if frames is not None:
+        recording = recording.thinned(frames)
+    if fov_deg is not None:
+        recording = recording.with_field_of_view(fov_deg)
     yield recording
 
 

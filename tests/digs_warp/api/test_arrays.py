@@ -129,7 +129,11 @@ def test_results_are_saved_by_suffix_replaced_on_request_and_short(
     recorded: dw.Capture, tmp_path: Path
 ) -> None:
     result = dw.reconstruct(recorded, out=tmp_path / "out", iterations=2)
-    for name in ("a.ply", "a.usdz", "a.npz"):
+    camera = recorded.frames[0].camera
+    wanted = dw.render(result.gaussians, camera, background=(0.0, 0.0, 0.0))
+    view = result.render(camera, background=(0.0, 0.0, 0.0))
+    np.testing.assert_array_equal(view.image, wanted.image)
+    for name in ("a.ply", "a.usdz", "a.usdc", "a.npz"):
         assert result.save(tmp_path / name) is result
         assert len(dw.load(tmp_path / name)) == len(result.gaussians)  # pyright: ignore
     with pytest.raises(dw.DigsError, match="suffix"):

@@ -52,18 +52,6 @@ def test_memory_and_folder_give_the_same_gaussians_and_only_out_is_left(
     assert same(loaded.gaussians, on_disk.gaussians) and loaded.scores.views == on_disk.scores.views
 
 
-def test_a_result_renders_and_writes_usd(recording: dw.Capture, tmp_path: Path) -> None:
-    result = dw.reconstruct(recording, iterations=2)
-    camera = recording.frames[0].camera
-    view = result.render(camera, background=(0.0, 0.0, 0.0))
-    wanted = dw.render(result.gaussians, camera, background=(0.0, 0.0, 0.0))
-    np.testing.assert_array_equal(view.image, wanted.image)
-    for name, capture in (("plain.usdc", None), ("package.usdz", recording)):
-        result.save_usd(tmp_path / name, capture)
-        loaded = dw.load(tmp_path / name)
-        assert isinstance(loaded, dw.Gaussians) and len(loaded) == len(result.gaussians)
-
-
 def test_structure_from_motion_reads_images_in_memory(tmp_path: Path) -> None:
     stored = record(arc(6), tmp_path / "capture")
     frames = [

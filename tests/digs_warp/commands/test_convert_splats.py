@@ -6,13 +6,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import trimesh
 
 from digs_warp.cli import EXIT_BAD_INPUT, EXIT_OK, main
 from digs_warp.data.gaussians import ANTIALIASED, CLASSIC, NO_FILTER, Gaussians
 from digs_warp.data.posed_frames import PosedFrames
 from digs_warp.formats.splats.files import write_splat_file
-from digs_warp.geometry.sh import C0
 from digs_warp.pipeline import scene_files
 from digs_warp.record.run_log import RunLog
 from digs_warp.usd.reader import read_scene
@@ -57,20 +55,6 @@ def test_any_pair(tmp_path: Path, gaussians: Gaussians, capsys) -> None:
         np.testing.assert_allclose(shapes(read), shapes(gaussians), atol=0.4)
         np.testing.assert_allclose(read.opacities, gaussians.opacities, atol=1.1 / 255)
         np.testing.assert_allclose(read.sh[:, 0], gaussians.sh[:, 0], atol=0.05)
-
-
-def test_converted_ply_files_show_colors_in_other_programs(
-    tmp_path: Path, gaussians: Gaussians, capsys
-) -> None:
-    gaussians.save(tmp_path / "a.npz")
-    for name, flags in (("b.ply", ()), ("c.ply", ("--no-vertex-colors",))):
-        assert run(capsys, tmp_path / "a.npz", tmp_path / name, *flags)[0] == EXIT_OK
-    with_colors, without = (trimesh.load(tmp_path / name) for name in ("b.ply", "c.ply"))
-    assert isinstance(with_colors, trimesh.PointCloud) and isinstance(without, trimesh.PointCloud)
-    expected = 255 * (0.5 + C0 * gaussians.sh[:, 0]).clip(0, 1)
-    np.testing.assert_allclose(with_colors.colors[:, :3], expected, atol=0.5001)
-    assert not len(without.colors)
-    assert (tmp_path / "c.ply").stat().st_size < (tmp_path / "b.ply").stat().st_size
 
 
 def test_up_turns_what_formats_without_axes_hold(
@@ -148,22 +132,6 @@ def test_files_for_classic_viewers_have_thinner_splats(tmp_path: Path, suffix: s
     assert (code, "already made for viewers" in text) == (EXIT_BAD_INPUT, True), text
 
 
-def test_what_no_file_for_classic_viewers_can_be_made_of(
-    tmp_path: Path, gaussians: Gaussians, capsys
-) -> None:
-    for target, flags, message in [
-        ("b.usdz", ["--for", "classic"], "expected .ply, .compressed.ply, .spz"),
-        ("b.npz", ["--for", "classic"], "expected .ply, .compressed.ply, .spz"),
-        ("b.ply", ["--for", "classic"], "no recording with cameras"),
-        ("b.ply", ["--for-width", "640"], "--for-width needs --for classic"),
-    ]:
-        gaussians.save(tmp_path / "a.npz")
-        code, text = run(capsys, tmp_path / "a.npz", tmp_path / target, *flags)
-        assert code != EXIT_OK
-        assert message in " ".join(text.split())
-        assert not (tmp_path / target).exists()
-
-
 def test_a_scene_of_thinner_splats_says_so(tmp_path: Path, gaussians, capsys) -> None:
     """USD has no attribute for it and its renderers add nothing; our own reading does."""
     for suffix in scene_files.USD_SUFFIXES:
@@ -173,19 +141,6 @@ def test_a_scene_of_thinner_splats_says_so(tmp_path: Path, gaussians, capsys) ->
             code, text = run(capsys, source, target, "--overwrite")
             assert (code, "show them thinner" in text) == (EXIT_OK, warns), text
             assert scene_files.read_scene(target).gaussians.screen_filter == made_for
-
-
-def test_existing_files_are_replaced_only_on_request(
-    tmp_path: Path, gaussians: Gaussians, capsys
-) -> None:
-    gaussians.save(tmp_path / "a.npz")
-    (tmp_path / "b.ply").write_text("mine")
-    assert run(capsys, tmp_path / "a.npz", tmp_path / "b.ply")[0] == EXIT_BAD_INPUT
-    assert (tmp_path / "b.ply").read_text() == "mine"
-    assert run(capsys, tmp_path / "a.npz", tmp_path / "b.ply", "--overwrite")[0] == EXIT_OK
-    code, text = run(capsys, tmp_path / "b.ply", tmp_path / "b.ply", "--overwrite")
-    assert code == EXIT_BAD_INPUT
-    assert "is the source itself" in text
 
 
 def test_only_a_reconstruction_lends_its_record_to_usd(

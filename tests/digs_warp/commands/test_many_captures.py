@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from digs_warp.cli import EXIT_BAD_INPUT, EXIT_OK, EXIT_WRONG_USAGE, main
+from digs_warp.cli import EXIT_BAD_INPUT, EXIT_OK, main
 from digs_warp.commands.many_captures import find_jobs
 from digs_warp.data.gaussians import Gaussians
 from digs_warp.engines.task import RESULTS
@@ -70,18 +70,3 @@ def test_names_are_what_the_paths_do_not_share(captures: Path, tmp_path: Path) -
     write_tiny_capture(tmp_path / "other")
     names = [job.name for job in find_jobs([captures, tmp_path / "other"])]
     assert names == ["set/boot/00", "set/mug/00", "other"]
-
-
-@pytest.mark.parametrize(
-    ("sources", "flags", "code", "reason"),
-    [
-        (["a", "b"], ["--view"], EXIT_BAD_INPUT, "--view shows one training"),
-        (["a"], ["--workers", "2"], EXIT_BAD_INPUT, "are for several captures"),
-        ([], [], EXIT_WRONG_USAGE, "CAPTURE: none given"),
-    ],
-)
-def test_flags_that_do_not_fit_are_refused(
-    sources: list[str], flags: list[str], code: int, reason: str, capsys: pytest.CaptureFixture[str]
-) -> None:
-    assert main(["reconstruct", *sources, "--out", "out", *flags]) == code
-    assert reason in capsys.readouterr().err

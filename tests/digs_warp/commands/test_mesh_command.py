@@ -14,7 +14,6 @@ from digs_warp.data.gaussians import Gaussians
 from digs_warp.geometry.camera import Intrinsics
 from digs_warp.geometry.sh import sh_from_rgb
 from digs_warp.measure.surface_metrics import sample_surface
-from digs_warp.record.run_log import RunLog
 from digs_warp.show.film.camera_path import Subject, orbit
 from digs_warp.sim.config import SimulateConfig
 from digs_warp.sim.record.record import simulate
@@ -113,17 +112,6 @@ def test_a_recording_of_something_real_is_compared_with_nothing(tmp_path: Path, 
     assert "8 views" in text
     assert "the photographs doubt the measured depth" in text
     assert "Chamfer" not in text
-
-
-def test_a_mesh_that_is_gone_is_no_reason_to_fail(
-    built_in: Path, tmp_path: Path, capsys, caplog: pytest.LogCaptureFixture
-) -> None:
-    write_tiny_capture(tmp_path / "capture", frames=8)
-    RunLog("simulate", {"mesh": "gone.glb"}).save(tmp_path / "capture/run.json")
-    ball(3000).save(tmp_path / "a.npz")
-    code, text = run(capsys, tmp_path / "a.npz", "--out", tmp_path / "a.ply", "--voxel-size", 0.02)
-    assert code == EXIT_OK, text
-    assert "no longer there" in text
 
 
 def test_what_cannot_be_done_is_said(tmp_path: Path, monkeypatch, capsys) -> None:

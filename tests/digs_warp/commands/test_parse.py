@@ -4,15 +4,12 @@ import re
 import subprocess
 import sys
 from collections.abc import Iterator
-from dataclasses import is_dataclass
 from itertools import pairwise
-from typing import get_args
 
 import pytest
 
 from digs_warp.cli import EXIT_OK, EXIT_WRONG_USAGE, main
-from digs_warp.commands.command import COMMANDS, Command, Group, Node
-from digs_warp.commands.settings_file import alternatives, settings_of
+from digs_warp.commands.command import COMMANDS, Group
 
 
 def names_below(group: Group) -> Iterator[list[str]]:
@@ -87,6 +84,9 @@ def test_a_close_miss_is_suggested_in_a_few_lines(capsys: pytest.CaptureFixture[
             "did you mean '--samples-per-pixel'?",
         ),  # hidden
         (["run", "--out", "x", "--quite"], "--quiet"),
+        (["run", "--out", "x", "--frames", "q"], "--frames: 'q', expected a whole number"),
+        (["run", "--out", "x", "--voxel-size", "q"], "--voxel-size: 'q', expected a number"),
+        (["render", "a", "--out", "x", "--background", *"q11"], "--background: 'q', expected a"),
         (
             ["run", "--out", "x", "--no-edge-filter"],
             "no flag '--no-edge-filter'; it is the setting reconstruction.init.edge_filter in a file",
@@ -117,70 +117,6 @@ def test_refused_settings_are_explained_in_one_line(capsys: pytest.CaptureFixtur
         error = capsys.readouterr().err
         assert error.startswith(f"digs-warp: {reason}")
         assert len(error.splitlines()) == 1
-
-
-# Every flag
-
-# What a command cannot be read without.
-REQUIRED = {
-    **dict.fromkeys(("run", "simulate"), "--out x"),
-    **dict.fromkeys(("reconstruct", "export-usd", "render", "mesh", "edit"), "a --out x"),
-    **{
-        "convert": "a --out b",
-        "info": "a",
-        "view": "a",
-        "report": "a",
-        "usd info": "a",
-        "usd validate": "a",
-    },
-    **{"sensor fit": "a --out x", "sensor wall": "--out x"},
-    **{"study run": "tradeoff", "study report": "tradeoff"},
-}
-
-# Of flags that take several.
-NUMBERS = {"--background": 3, "--spz-sh-bits": 2, "--keep-box": 6, "--turn": 3, "--move": 3}
-
-
-def kinds() -> Iterator[tuple[list[str], type[Command]]]:
-    """Each kind of command once, under its first name."""
-    seen = set()
-    for words in ALL:
-        node: Node = COMMANDS
-        for word in words:
-            assert isinstance(node, Group)
-            node = node.members[word]
-        kind = node
-        if isinstance(kind, type) and kind not in seen:
-            seen.add(kind)
-            yield words, kind
-
-
-def number_flags(kind: type) -> Iterator[str]:
-    """The flags of a command that take numbers, also those of settings within settings."""
-    for name, _, hint in settings_of(kind):
-        within = alternatives(hint)
-        if isinstance(within[0], type) and is_dataclass(within[0]):
-            yield from number_flags(within[0])
-        elif {int, float} & {*within, *(part for each in within for part in get_args(each))}:
-            yield f"--{name.replace('_', '-')}"
-
-
-NUMBER_FLAGS = [(words, list(number_flags(kind))) for words, kind in kinds()]
-
-
-def test_a_word_for_a_number_is_refused_with_the_flag_as_typed(
-    capsys: pytest.CaptureFixture[str],
-) -> None:
-    for words, flags in NUMBER_FLAGS:
-        for flag in flags:
-            required = REQUIRED.get(" ".join(words), "").split()
-            bad = ["qqq"] * NUMBERS.get(flag, 1)
-            assert main([*words, *required, flag, *bad]) == EXIT_WRONG_USAGE
-            error = capsys.readouterr().err
-            text = " ".join(error.replace("\u2502", " ").split())
-            assert f"{flag}: 'qqq', expected a" in text
-            for internal in ("tyro", "Traceback", "command.", "int()", "<class", "class '"):
-                assert internal not in text
 
 
 # The flags of every command

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from digs_warp.cli import EXIT_BAD_INPUT, EXIT_OK, EXIT_WRONG_USAGE, main
+from digs_warp.cli import EXIT_OK, main
 
 TINY = ["--width", "64", "--samples-per-pixel", "1", "--frames", "2"]
 
@@ -33,17 +33,3 @@ def test_a_list_of_effects_overrides_what_the_scene_calls_for(
     rows = [line.split() for line in capsys.readouterr().out.splitlines()]
     on = {row[0] for row in rows if row[1:2] == ["on"]}
     assert on == {"mirror", "shot-noise"}
-
-
-def test_wrong_settings_are_explained(capsys: pytest.CaptureFixture[str]) -> None:
-    for arguments, code, word in [
-        (
-            ["--effects", "vigneting"],
-            EXIT_BAD_INPUT,
-            "no effect 'vigneting'; did you mean 'vignetting'? (expected one of auto, all",
-        ),
-        (["--profile", "kinect"], EXIT_BAD_INPUT, "profile 'kinect': not known"),
-        (["--tier", "law"], EXIT_WRONG_USAGE, "law"),
-    ]:
-        assert main(["plan", *TINY, *arguments]) == code
-        assert word in capsys.readouterr().err

@@ -75,14 +75,3 @@ def test_along_the_path_of_a_capture(tmp_path: Path, scene: Path, capsys) -> Non
     columns = ((np.arange(64) + 0.5) * 72 / 64).astype(int)
     mask = capture.frames[0].load_mask()[rows][:, columns] > 250
     assert np.abs(film - photograph[rows][:, columns])[mask].mean() < 12
-
-
-def test_what_cannot_be_filmed_is_said(tmp_path: Path, scene: Path, monkeypatch, capsys) -> None:
-    for arguments, message in [
-        (["--out", "a.avi"], "suffix '.avi', expected .mp4, .gif, or a folder"),
-        (["--out", "a.mp4", "--follow", "none"], "no such folder"),
-    ]:
-        monkeypatch.chdir(tmp_path)
-        code, text = run(capsys, scene, *arguments)
-        assert (code, message in text) == (EXIT_BAD_INPUT, True), text
-        assert not list(tmp_path.glob("a.*"))

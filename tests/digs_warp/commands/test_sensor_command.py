@@ -66,21 +66,6 @@ def test_the_profile_has_the_figures_and_can_be_used(
         assert part in page
 
 
-def test_wrong_flags_are_explained(
-    wall: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    for words, message in [
-        (["--out", "p.json"], "suffix '.json', expected .yaml or .yml"),
-        (["--out", "p.yaml", "--base", "zed2"], "--base 'zed2': unknown; did you mean 'zed2-"),
-        (["--out", "p.yaml", "--distances", "1", "2", "3"], "3 values, expected 2, one for each"),
-        (["--out", "p.yaml", "--distances", "2", "1"], "not in rising order"),
-    ]:
-        monkeypatch.chdir(tmp_path)
-        assert fit(wall, *words) == EXIT_BAD_INPUT
-        assert message in capsys.readouterr().err
-        assert not any(tmp_path.iterdir())
-
-
 def test_a_recording_of_something_else_is_no_wall(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -5,7 +5,6 @@ import pty
 import signal
 import subprocess
 import sys
-import threading
 import time
 from pathlib import Path
 
@@ -75,19 +74,6 @@ def test_an_ignored_signal_stays_ignored() -> None:
         assert interruption.asked is None
     finally:
         signal.signal(signal.SIGHUP, before)
-
-
-def test_other_threads_change_no_handler() -> None:
-    seen = []
-
-    def look() -> None:
-        with stopped_by_signals(), deferred_interrupt():
-            seen.extend(signal.getsignal(number) for number in STOP_SIGNALS)
-
-    thread = threading.Thread(target=look)
-    thread.start()
-    thread.join()
-    assert seen == [signal.getsignal(number) for number in STOP_SIGNALS]
 
 
 @pytest.mark.parametrize("number", STOP_SIGNALS)

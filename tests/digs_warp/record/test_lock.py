@@ -10,7 +10,7 @@ import pytest
 from digs_warp.checks import DigsError
 from digs_warp.cli import main
 from digs_warp.record.layout import LOCK
-from digs_warp.record.lock import sole_writer, taking_turns
+from digs_warp.record.lock import sole_writer
 
 HOLD = """
 import sys, time
@@ -89,16 +89,6 @@ def test_a_thread_may_lock_twice_and_two_threads_may_not(tmp_path: Path) -> None
         thread.join()
     try_it()
     assert found == ["refused", "taken"]
-
-
-def test_a_turn_is_waited_for(tmp_path: Path) -> None:
-    note = tmp_path / "note"
-    process = hold("taking_turns", tmp_path / "made", seconds=0.5, note=note)
-    with taking_turns(tmp_path / "made"):
-        assert note.exists()
-    process.communicate()
-    assert process.returncode == 0
-    assert list(tmp_path.iterdir()) == [note]
 
 
 def test_many_processes_take_turns(tmp_path: Path) -> None:

@@ -9,11 +9,9 @@ from pathlib import Path
 
 import pytest
 
-from digs_warp.checks import DigsError
 from digs_warp.record.files import copy_file, new_file, remove, write_atomically
 from digs_warp.record.manifest import Manifest, is_kept, recorded_files
 from reference.file_hashes import file_hashes, listed_hashes
-from reference.full_disk import small_disk
 
 
 def test_it_lists_what_is_written_below_its_folder_by_any_thread(tmp_path: Path) -> None:
@@ -106,17 +104,6 @@ def test_lines_of_others_lead_nowhere(tmp_path: Path) -> None:
     with recorded_files(inner, resume=True) as manifest:
         assert manifest.files == {} and manifest.drop_damaged() == []
     assert victim.read_bytes() == b"not ours"
-
-
-def test_a_full_disk_leaves_whole_lines(tmp_path: Path) -> None:
-    with small_disk(tmp_path / "disk", 16 * 4096) as folder:
-        with pytest.raises(DigsError, match="cannot be written"), recorded_files(folder):
-            for number in range(1000):
-                write_atomically(folder / f"{number}.bin", bytes(1))
-        assert Manifest.read(folder).files.keys() >= file_hashes(folder).keys()
-        for name in file_hashes(folder):
-            assert Manifest.read(folder).is_whole(folder / name)
-        assert (folder / "files.jsonl").read_bytes().endswith(b"\n")
 
 
 def test_a_folder_that_was_moved_to_another_disk_and_linked_is_still_whole(tmp_path: Path) -> None:

@@ -137,10 +137,6 @@ def test_a_file_that_no_run_wrote_is_not_replaced(name: str, kind: str, tmp_path
     assert all(f"{UNFINISHED}/{each}" in after for each in NEW)
 
 
-def test_foreign_files_that_are_not_in_the_way_are_no_error(tmp_path: Path) -> None:
-    check_place(make(tmp_path / "out"), ["a.txt", "images/[0-9]*.png", "added/*.txt"])
-
-
 def test_files_behind_a_link_are_not_ours(tmp_path: Path) -> None:
     folder = make(tmp_path / "out")
     shutil.move(folder / "images", tmp_path / "elsewhere")

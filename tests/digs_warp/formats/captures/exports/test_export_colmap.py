@@ -1,10 +1,7 @@
 """Captures as COLMAP models, read back by pycolmap and by the rules of OpenSplat."""
 
-import struct
-from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -91,66 +88,6 @@ def test_masks_without_the_object_are_a_warning(
     frames = tuple(frame.with_layer(Layer.MASK, empty) for frame in ball.frames)
     export_capture(replace(ball, frames=frames), "colmap", tmp_path)
     assert "exported without points to start from: initialization: no points in 8" in caplog.text
-
-
-@dataclass
-class Reader:
-    """Reads values as OpenSplat's readBinary does."""
-
-    data: bytes
-    position: int = 0
-
-    def __call__(self, kind: str) -> Any:
-        (value,) = struct.unpack_from("<" + kind, self.data, self.position)
-        self.position += struct.calcsize("<" + kind)
-        return value
-
-    def name(self) -> str:
-        end = self.data.index(b"\0", self.position)
-        text = self.data[self.position : end].decode()
-        self.position = end + 1
-        return text
-
-
-def read_as_opensplat(folder: Path) -> Iterator[np.ndarray]:
-    """Yield the points of a project folder, after the checks that OpenSplat makes of its three files."""
-    root = folder / "sparse/0"
-    cameras, images, points = (
-        Reader((root / f"{name}.bin").read_bytes()) for name in ("cameras", "images", "points3D")
-    )
-    ids = set()
-    for _ in range(cameras("Q")):
-        ids.add(cameras("I"))
-        assert cameras("i") in (0, 1, 2, 4)  # SIMPLE_PINHOLE, PINHOLE, SIMPLE_RADIAL, OPENCV
-        assert (folder / "images").is_dir() and cameras("Q") and cameras("Q")
-        for _ in range(4):
-            cameras("d")
-    for _ in range(images("Q")):
-        images("I")
-        for _ in range(7):
-            images("d")
-        assert images("I") in ids
-        assert (folder / "images" / images.name()).is_file()
-        for _ in range(images("Q")):
-            for kind in "ddQ":
-                images(kind)
-    for _ in range(points("Q")):
-        points("Q")
-        yield np.array([points("d") for _ in range(3)])
-        for kind in "BBBd":
-            points(kind)
-        for _ in range(points("Q")):
-            for kind in "II":
-                points(kind)
-    assert [r.position for r in (cameras, images, points)] == [
-        len(r.data) for r in (cameras, images, points)
-    ]
-
-
-def test_opensplat_reads_what_colmap_means_by_default(ball: Capture, tmp_path: Path) -> None:
-    found = list(read_as_opensplat(exported(ball, "colmap", tmp_path)))
-    expected = initial_points(ball.split()[0], InitConfig()).points_world
-    np.testing.assert_allclose(found, expected, atol=1e-7)
 
 
 def test_colmap_keeps_a_camera_per_frame(capture: Capture, tmp_path: Path) -> None:

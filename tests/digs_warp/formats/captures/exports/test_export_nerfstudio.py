@@ -51,14 +51,6 @@ def test_opensplat_starts_from_our_points(ball: Capture, tmp_path: Path) -> None
         assert (folder / frame["file_path"]).is_file()
 
 
-def test_nerfstudio_holds_out_the_frames_that_we_do(ball: Capture, tmp_path: Path) -> None:
-    index = index_of(exported(ball, "nerfstudio", tmp_path))
-    training, held_out = ball.split()
-    assert index["train_filenames"] == [f"images/{frame.name}.png" for frame in training]
-    assert index["val_filenames"] == [f"images/{frame.name}.png" for frame in held_out]
-    assert index["test_filenames"] == index["val_filenames"]
-
-
 def test_cameras_that_differ_are_given_per_frame_only(capture: Capture, tmp_path: Path) -> None:
     """nerfstudio takes a shared key for all frames, whatever a frame says."""
     index = index_of(exported(zoomed(capture), "nerfstudio", tmp_path))

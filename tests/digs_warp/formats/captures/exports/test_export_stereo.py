@@ -150,12 +150,6 @@ DATA = "SceneFlow/FlyingThings3D"
 FUTURE = "TRAIN/A/0000/into_future/left"
 
 
-def test_opencv_reads_the_float_images(capture: Capture, flying: Path) -> None:
-    path = flying / DATA / "disparity/TRAIN/A/0000/right/0001.pfm"
-    found = cv2.imread(str(path), cv2.IMREAD_UNCHANGED)
-    np.testing.assert_array_equal(found, capture.frames[1].load_disparity_right())
-
-
 def test_disparity_flow_and_change_come_back(capture: Capture, flying: Path) -> None:
     for number, frame in enumerate(capture.frames):
         left, right = frame.load_disparity(), frame.load_disparity_right()

@@ -15,7 +15,6 @@ from digs_warp.cli import main
 from digs_warp.data.capture import Capture, read_capture
 from digs_warp.data.images import read_image
 from digs_warp.formats.captures.formats import export_capture, read_recording
-from digs_warp.formats.captures.lens import Lens
 from digs_warp.train.shutter import with_motions
 from reference.recorded import converted
 
@@ -62,27 +61,6 @@ def test_photographs_are_not_taken_for_a_film(copy: Path, tmp_path: Path) -> Non
     found = converted("colmap", copy, tmp_path / "capture")
     assert np.diff([frame.time for frame in found.frames]) == pytest.approx(1.0)
     assert all(frame.exposure.camera_motion is None for frame in with_motions(found.frames))
-
-
-@pytest.mark.parametrize(
-    ("camera", "lens"),
-    [
-        ("SIMPLE_PINHOLE 21 14 19 9.25 7.75", None),
-        ("SIMPLE_RADIAL 21 14 19 9.25 7.75 -0.1", Lens((-0.1, 0, 0, 0, 0, 0, 0, 0))),
-        ("OPENCV 21 14 19 23 9.25 7.75 -0.1 0.01 0.002 0.001",
-         Lens((-0.1, 0.01, 0.002, 0.001, 0, 0, 0, 0))),
-        ("FULL_OPENCV 21 14 19 23 9.25 7.75 -.1 .01 .002 .001 .003 .004 .005 .006",
-         Lens((-0.1, 0.01, 0.002, 0.001, 0.003, 0.004, 0.005, 0.006))),
-        ("OPENCV_FISHEYE 21 14 19 23 9.25 7.75 .1 .2 .3 .4", Lens((0.1, 0.2, 0.3, 0.4), True)),
-        ("RADIAL_FISHEYE 21 14 19 9.25 7.75 .1 .2", Lens((0.1, 0.2, 0, 0), True)),
-    ],
-)  # fmt: skip
-def test_cameras_of_all_usual_models_are_read(copy: Path, camera: str, lens: Lens | None) -> None:
-    (copy / "sparse/0/cameras.txt").write_text(f"1 {camera}\n")
-    frame = read_recording(copy, "colmap").frames[0]
-    k = frame.intrinsics
-    assert (k.fx, k.cx, k.cy) == (19, 9.25, 7.75) and k.fy in (19, 23)
-    assert (frame.view.lens if frame.view else None) == lens
 
 
 def test_a_field_of_view_can_be_chosen(copy: Path, tmp_path: Path) -> None:

@@ -155,31 +155,6 @@ def test_nerfstudio_folders_that_cannot_be_used(
         converted("nerfstudio", tmp_path / "ns", tmp_path / "capture")
 
 
-@pytest.mark.parametrize(
-    "name",
-    [
-        "images\\frame_00002.jpg",
-        "/home/me/ns/images/frame_00002.jpg",
-        "C:\\me\\images\\frame_00002.jpg",
-        "Images/FRAME_00002.JPG",
-        "../ns/images/frame_00002.JPG",
-    ],
-)
-def test_names_from_another_system_are_found(
-    capture: Capture, tmp_path: Path, caplog: pytest.LogCaptureFixture, name: str
-) -> None:
-    index = write_nerfstudio(capture, tmp_path / "ns")
-    index["frames"][1]["file_path"] = name
-    (tmp_path / "ns/transforms.json").write_text(to_json(index))
-    found = read_recording(tmp_path / "ns", "nerfstudio")
-    assert found.frames[1].image == tmp_path / "ns/images/frame_00002.jpg"
-    assert found.notes
-    with pytest.raises(CaptureError, match=r"frame_2.jpg' does not exist in .*correct the name"):
-        index["frames"][1]["file_path"] = "images/frame_2.jpg"
-        (tmp_path / "ns/transforms.json").write_text(to_json(index))
-        read_recording(tmp_path / "ns", "nerfstudio")
-
-
 def test_a_fourth_radial_coefficient_goes_with_the_eighth_power(
     capture: Capture, tmp_path: Path
 ) -> None:

@@ -4,17 +4,13 @@ import cv2
 import numpy as np
 import pytest
 
-from digs_warp.checks import CaptureError
 from digs_warp.formats.captures.lens import (
     Lens,
     PinholeView,
     register_depth,
-    resample_depth,
     undistorted,
 )
-from digs_warp.formats.captures.to_capture import nearly_rigid
-from digs_warp.geometry.camera import Camera, Intrinsics, pixel_centers
-from digs_warp.geometry.rigid import look_at
+from digs_warp.geometry.camera import Intrinsics, pixel_centers
 
 
 def test_distortion_is_taken_out() -> None:
@@ -94,29 +90,3 @@ def test_depth_of_a_camera_beside_is_seen_from_the_color_camera() -> None:
     assert shadow.any() and np.isnan(found[shadow]).all()
     # Not a hole elsewhere, although each pixel became more than four.
     assert np.isfinite(found[5:50, 5:25]).all()
-
-
-def test_depth_of_another_camera_is_sought_along_the_same_ray() -> None:
-    rng = np.random.default_rng(3)
-    source = Intrinsics(40, 30, 50.0, 50.0, 20.0, 15.0)
-    target = Intrinsics(64, 48, 64.0, 66.0, 30.0, 25.0)
-    depth = rng.uniform(1, 2, (30, 40)).astype(np.float32)
-    found = resample_depth(depth, source, target)
-    camera = Camera(source, np.eye(4))
-    centers = pixel_centers(64, 48)
-    rays = Camera(target, np.eye(4)).unproject(centers, np.ones((48, 64)))
-    px, _ = camera.project(rays)
-    inside = (px >= 0).all(-1) & (px < [40, 30]).all(-1)
-    column, row = np.floor(px[inside]).astype(int).T
-    np.testing.assert_array_equal(found[inside], depth[row, column])
-    assert np.isnan(found[~inside]).all() and (~inside).any()
-
-
-def test_poses_of_few_digits_are_made_rigid_and_others_refused() -> None:
-    pose = look_at(np.array([1.0, 2.0, 0.5]), np.zeros(3), np.array([0.0, 0.0, 1.0]))
-    fixed = nearly_rigid(np.round(pose, 3), "pose")
-    np.testing.assert_allclose(fixed[:3, :3] @ fixed[:3, :3].T, np.eye(3), atol=1e-14)
-    np.testing.assert_allclose(fixed, pose, atol=2e-3)
-    for wrong in (pose * 1.5, pose @ np.diag([1, 1, -1, 1]), pose * np.nan):
-        with pytest.raises(CaptureError, match="pose"):
-            nearly_rigid(wrong, "pose")
