@@ -27,6 +27,9 @@ from digs_warp.words import counted
 
 BUILT_IN_OBJECT, BUILT_IN_ROOM = "built-in-object", "built-in-room"
 
+# What is known of a recording in the end.
+NUMBERS = ("frames", "seconds", "fill", "error_mm", "size")
+
 # Frames of a recording whose depth is evaluated for the summary.
 JUDGED_FRAMES = 3
 
@@ -143,25 +146,18 @@ def record_scene(job: SceneJob, folder: Path) -> dict[str, Any]:
     capture = simulate(job.config, folder / job.name, resume=True)
     seconds = time.perf_counter() - start
     fill, error_mm = judge_depth(capture)
-    size = _longest_side(folder / job.name)
-    found = {"frames": len(capture), "seconds": seconds, "fill": fill, "error_mm": error_mm}
-    return {**found, "size": size}
+    recorded = RecordedObject.find(folder / job.name)
+    size = max(recorded.size) if recorded else None
+    numbers = (len(capture), seconds, fill, error_mm, size)
+    return dict(zip(NUMBERS, numbers, strict=True))
 
 
 def _result(job: SceneJob, record: Mapping[str, Any]) -> SceneResult:
+    drawn = job.drawn or None
     if "error" in record:
-        failure = record["failure"]
-        return SceneResult(
-            job.name, record["error"], 0, 0.0, drawn=job.drawn or None, failure=failure
-        )
-    numbers = {name: record[name] for name in ("frames", "seconds", "fill", "error_mm", "size")}
-    return SceneResult(job.name, "", **numbers, drawn=job.drawn or None)
-
-
-def _longest_side(folder: Path) -> float | None:
-    """Return the longest side of the object [m], as the record of its capture has it."""
-    found = RecordedObject.find(folder)
-    return max(found.size) if found else None
+        error, failure = record["error"], record["failure"]
+        return SceneResult(job.name, error, 0, 0.0, drawn=drawn, failure=failure)
+    return SceneResult(job.name, "", **{name: record[name] for name in NUMBERS}, drawn=drawn)
 
 
 def judge_depth(capture: Capture) -> tuple[float | None, float | None]:

@@ -213,11 +213,11 @@ def prepare_session(config: SimulateConfig, inputs: Inputs) -> Session:
     walk = _walk(config, inputs)
     beside = (config.distractors, config.distractor_meshes)
     things = add_distractors(inputs.scene, *beside, config.seed, walk.nearest)
-    setting = set_up(things, inputs.environment, config.chosen_ground, walk.farthest)
-    scene = with_table_top(setting.scene, config.look, config.seed)
-    renderer = _make_renderer(config, scene, setting.environment)
-    placed = (scene, setting.environment, inputs.profile, inputs.rig, walk)
-    return Session(config, *placed, renderer, setting.ground)
+    ground = config.chosen_ground
+    scene, surround, ground = set_up(things, inputs.environment, ground, walk.farthest)
+    scene = with_table_top(scene, config.look, config.seed)
+    renderer = _make_renderer(config, scene, surround)
+    return Session(config, scene, surround, inputs.profile, inputs.rig, walk, renderer, ground)
 
 
 def _walk(config: SimulateConfig, inputs: Inputs) -> Walk:

@@ -1,6 +1,5 @@
 """The scene of several mesh files: each in its size and at rest, together on the ground or in a pile."""
 
-import logging
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -105,13 +104,8 @@ def _within(sides: np.ndarray, direction: np.ndarray) -> tuple[float, float] | N
     return (start, end) if start < end else None
 
 
-_log = logging.getLogger(__name__)
-
 # Identifies the arrangement in the seeds.
 ARRANGEMENT = 201
-
-# Of objects whose sizes differ more, the small ones have few pixels: probably a wrong unit.
-ODD_RATIO = 20.0
 
 
 def load_objects(
@@ -144,8 +138,6 @@ def load_objects(
         read = {
             path: each.with_size(each.longest_side * size / longest) for path, each in read.items()
         }
-    else:
-        _check_ratio(list(read.values()))
     files = [read[path] for path in paths]
     rng = np.random.default_rng([seed, ARRANGEMENT])
     motions = dropped(files, rng) if falling else beside_each_other(files, rng)
@@ -174,16 +166,3 @@ def _centering(files: Sequence[MeshFile], motions: Sequence[np.ndarray]) -> np.n
     shift = np.eye(4)
     shift[:3, 3] = -(low + high) / 2
     return shift
-
-
-def _check_ratio(files: list[MeshFile]) -> None:
-    """Warn of objects whose sizes do not fit together."""
-    largest = max(files, key=lambda each: each.longest_side)
-    smallest = min(files, key=lambda each: each.longest_side)
-    if largest.longest_side > ODD_RATIO * smallest.longest_side:
-        _log.warning(
-            "'%s' is %.3g m long beside '%s' of %.3g m: the smaller ones have few pixels. Is the unit of "
-            "both files right? Scale one of them in a modelling program, or leave one out",
-            *(largest.path.name, largest.longest_side),
-            *(smallest.path.name, smallest.longest_side),
-        )

@@ -195,17 +195,10 @@ TABLE_THINGS = 0.55
 TABLE_SPREAD = 1.5
 
 
-@dataclass(frozen=True, eq=False)
-class Setting:
-    """Objects with what they stand on, and what is around them; ``ground`` is never "auto"."""
-
-    scene: Scene
-    environment: Environment
-    ground: Ground
-
-
-def set_up(scene: Scene, environment: Environment, ground: Ground, farthest: float) -> Setting:
-    """Return the objects on their ground, in a surround that is large enough for a walk.
+def set_up(
+    scene: Scene, environment: Environment, ground: Ground, farthest: float
+) -> tuple[Scene, Environment, Ground]:
+    """Return the objects on their ground, a surround that is large enough for a walk, and the ground chosen.
 
     Args:
         scene: the objects.
@@ -217,7 +210,7 @@ def set_up(scene: Scene, environment: Environment, ground: Ground, farthest: flo
     beyond = SURROUND_MARGIN * farthest
     if ground == "none":
         wide = replace(environment, radius=max(environment.radius, beyond))
-        return Setting(scene, wide, ground)
+        return scene, wide, ground
     if ground == "auto":
         ground = "table" if _fit_a_table(scene) and not environment.is_room else "floor"
     least = ROOM_HALF_WIDTH if environment.is_room else DOME_RADIUS
@@ -228,7 +221,7 @@ def set_up(scene: Scene, environment: Environment, ground: Ground, farthest: flo
 
         floor = top - TABLE_HEIGHT
         scene = join_scenes(scene, table_scene(top, floor, things.astype(np.float64)))
-    return Setting(scene, replace(environment, radius=max(least, beyond), floor=floor), ground)
+    return scene, replace(environment, radius=max(least, beyond), floor=floor), ground
 
 
 def _fit_a_table(scene: Scene) -> bool:

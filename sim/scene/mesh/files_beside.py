@@ -141,13 +141,12 @@ class UndecodableError(DigsError):
     """An image file is damaged, or of an unknown kind."""
 
 
-def check_texture(what: str, data: bytes, decode: bool = True) -> None:
+def check_texture(what: str, data: bytes) -> None:
     """Check that an image file is of a bounded size and can be decoded.
 
     Args:
         what: names it in the message.
         data: the content of the file.
-        decode: whether to decode all of it, not only its header.
 
     Raises:
         UndecodableError: it is damaged.
@@ -158,9 +157,8 @@ def check_texture(what: str, data: bytes, decode: bool = True) -> None:
     with decoding(what):
         image = Image.open(BytesIO(data))
     TEXTURE.check(what, image.width * image.height)
-    if decode:
-        with decoding(what):
-            image.load()
+    with decoding(what):
+        image.load()
 
 
 @contextmanager

@@ -2,7 +2,6 @@
 
 import base64
 import struct
-from collections.abc import Iterator
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -13,7 +12,6 @@ import numpy as np
 from digs_warp.bounds import GLTF_TEXT, JSON, check_unpacked
 from digs_warp.checks import MeshError
 from digs_warp.record.fields import parse_json
-from digs_warp.sim.scene.mesh.files_beside import UndecodableError, check_texture
 from digs_warp.words import quoted
 
 # glTF 2.0, section 4.4: 12 bytes of file header, 8 bytes of chunk header, the first chunk is JSON.
@@ -161,22 +159,6 @@ def check_files(path: Path, header: dict[str, Any]) -> None:
                 f"mesh '{path}': its {kind} {quoted(unquote(uri))} is missing in '{path.parent}'; copy the "
                 "whole folder, or export one GLB file"
             )
-
-
-def undecodable_images(path: Path, header: dict[str, Any]) -> Iterator[str]:
-    """Yield a sentence for every image that is damaged: the mesh is drawn without it.
-
-    For a base color that is an error, which its material raises; other maps are missed less.
-
-    Raises:
-        DigsError: an image is larger than `digs_warp.bounds.TEXTURE`.
-    """
-    for number, image in shown_images(header).items():
-        what = f"image {number} {quoted(image.get('name') or image.get('uri', ''))}"
-        try:
-            check_texture(what, image_bytes(path, header, image), decode=False)
-        except UndecodableError as error:
-            yield f"{error}; drawn without it"
 
 
 def image_bytes(path: Path, header: dict[str, Any], entry: dict[str, Any]) -> bytes:

@@ -1,8 +1,7 @@
 """Materials of glTF files, with the extensions that change how a surface looks, as `Material`."""
 
+import logging
 from collections.abc import Iterator, Sequence
-from contextlib import suppress
-from dataclasses import dataclass
 from io import BytesIO
 from pathlib import Path
 from typing import Any
@@ -11,7 +10,7 @@ import numpy as np
 
 from digs_warp.checks import MeshError
 from digs_warp.data.images import linear_from_srgb
-from digs_warp.sim.scene.mesh.files_beside import UndecodableError, decoding
+from digs_warp.sim.scene.mesh.files_beside import UndecodableError, check_texture
 from digs_warp.sim.scene.mesh.gltf import SPLATS, GltfNumbers, image_bytes, image_of
 from digs_warp.sim.scene.mesh.materials import (
     MIN_OPACITY,
@@ -23,6 +22,8 @@ from digs_warp.sim.scene.mesh.materials import (
 from digs_warp.sim.scene.mesh.parts import MeshPart
 from digs_warp.sim.scene.scene import DIELECTRIC_IOR, Material
 from digs_warp.words import cut, quoted
+
+logger = logging.getLogger(__name__)
 
 # Attenuation colors are not darker: black would absorb without limit.
 DARKEST = 1e-4
@@ -56,6 +57,7 @@ class GltfMaterials:
 
     def __init__(self, path: Path, header: dict[str, Any]) -> None:
         self._path, self._header = path, header
+        self._damaged = set[int]()
         # By identity: parts name their material by its entry in the header.
         self._names: dict[int, str] = {}
         taken = set[str]()
@@ -125,10 +127,18 @@ class GltfMaterials:
         number = image_of(self._header["textures"][entry["index"]])
         if number is None:
             return None
-        data = image_bytes(self._path, self._header, self._header["images"][number])
-        with suppress(UndecodableError), decoding("image"):
-            return Image.open(BytesIO(data))
-        return None
+        image = self._header["images"][number]
+        data = image_bytes(self._path, self._header, image)
+        try:
+            check_texture(
+                f"image {number} {quoted(image.get('name') or image.get('uri', ''))}", data
+            )
+        except UndecodableError as error:
+            if number not in self._damaged:
+                logger.warning("mesh '%s': %s; drawn without it", self._path.name, error)
+            self._damaged.add(number)
+            return None
+        return Image.open(BytesIO(data))
 
     def _mean(self, entry: Any, name: str, parts: Sequence[MeshPart]) -> np.ndarray:
         """Return the mean of a map over the surface, (3,), 0 to 1; 1 without a map."""
@@ -249,32 +259,19 @@ def _scaled(pixels: np.ndarray, factor: np.ndarray | float) -> np.ndarray:
     return np.rint(np.clip(pixels * factor, 0, 255)).astype(np.uint8)
 
 
-@dataclass(frozen=True)
-class MapPlace:
-    """Where one map of a material lies.
+# Set of texture coordinates, and offset, rotation [rad] and scale of KHR_texture_transform.
+MapPlace = tuple[int, tuple[float, float], float, tuple[float, float]]
+FIRST_SET: MapPlace = (0, (0.0, 0.0), 0.0, (1.0, 1.0))
 
-    Attributes:
-        uv_set: number of the set of texture coordinates.
-        offset, rotation, scale: of KHR_texture_transform; the rotation in radians.
-    """
 
-    uv_set: int = 0
-    offset: tuple[float, float] = (0.0, 0.0)
-    rotation: float = 0.0
-    scale: tuple[float, float] = (1.0, 1.0)
-
-    @staticmethod
-    def of(entry: dict[str, Any]) -> "MapPlace":
-        """Return the place that the entry of a map names."""
-        transform = entry.get("extensions", {}).get("KHR_texture_transform", {})
-        u, v = transform.get("offset", (0.0, 0.0))
-        width, height = transform.get("scale", (1.0, 1.0))
-        return MapPlace(
-            uv_set=int(transform.get("texCoord", entry.get("texCoord", 0))),
-            offset=(float(u), float(v)),
-            rotation=float(transform.get("rotation", 0.0)),
-            scale=(float(width), float(height)),
-        )
+def _place(entry: dict[str, Any]) -> MapPlace:
+    """Return the place that the entry of a map names."""
+    transform = entry.get("extensions", {}).get("KHR_texture_transform", {})
+    u, v = transform.get("offset", (0.0, 0.0))
+    width, height = transform.get("scale", (1.0, 1.0))
+    uv_set = int(transform.get("texCoord", entry.get("texCoord", 0)))
+    rotation = float(transform.get("rotation", 0.0))
+    return uv_set, (float(u), float(v)), rotation, (float(width), float(height))
 
 
 def map_places(material: dict[str, Any]) -> list[MapPlace]:
@@ -288,7 +285,7 @@ def map_places(material: dict[str, Any]) -> list[MapPlace]:
         material.get("emissiveTexture"),
         extensions.get("KHR_materials_transmission", {}).get("transmissionTexture"),
     )
-    return list(dict.fromkeys(MapPlace.of(entry) for entry in entries if entry))
+    return list(dict.fromkeys(_place(entry) for entry in entries if entry))
 
 
 def placed_uvs(
@@ -298,16 +295,15 @@ def placed_uvs(
 
     None: it has none. A renderer that has one set of coordinates lays all maps there.
     """
-    place = next(iter(map_places(material)), MapPlace())
-    name = f"TEXCOORD_{place.uv_set}"
-    if name not in attributes:
-        name, place = "TEXCOORD_0", MapPlace()
-    if name not in attributes:
+    uv_set, offset, rotation, scale = next(iter(map_places(material)), FIRST_SET)
+    if f"TEXCOORD_{uv_set}" not in attributes:
+        uv_set, offset, rotation, scale = FIRST_SET
+    if (name := f"TEXCOORD_{uv_set}") not in attributes:
         return None
     uvs = numbers.values(attributes[name]).astype(np.float64)
-    cos, sin = np.cos(place.rotation), np.sin(place.rotation)
+    cos, sin = np.cos(rotation), np.sin(rotation)
     # Scaled, turned and shifted; v still points down, so that this is counterclockwise as the image is seen.
-    uvs = (uvs * place.scale) @ np.array([[cos, -sin], [sin, cos]]) + place.offset
+    uvs = (uvs * scale) @ np.array([[cos, -sin], [sin, cos]]) + offset
     uvs = uvs.astype(np.float32)
     return np.stack([uvs[:, 0], np.float32(1) - uvs[:, 1]], axis=1).astype(np.float64)
 

@@ -14,9 +14,6 @@ CREASE_DEGREES = 40.0
 # Normals that differ by less are the same: the order of a sum changes its last bits.
 SAME_NORMAL = 1e-4
 
-# Of more corners, those at smooth places are treated together; the last bits of their normals differ.
-MANY_CORNERS = 600_000
-
 _ROWS_AT_A_TIME = 1 << 17
 
 
@@ -98,14 +95,10 @@ def corner_normals(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
         corners = order[rows]
         rank[corners] = np.arange(rows.start, rows.stop) - starts[place[corners]]
 
-    if len(place) > MANY_CORNERS:
-        total, is_smooth = _means_at_places(unit, angles, place)
-        todo = np.flatnonzero(~is_smooth)
-    else:
-        total, todo = np.empty((len(place), 3)), np.arange(len(place))
+    total = np.empty((len(place), 3))
     cosine = np.cos(np.radians(CREASE_DEGREES))
-    for rows in batches(len(todo)):
-        corners = todo[rows]
+    for rows in batches(len(place)):
+        corners = np.arange(rows.start, rows.stop)
         own, places = unit[corners // 3], place[corners]
         sums = own * angles[corners]
         # Step k adds to every corner the k-th next one at its position.
@@ -118,31 +111,6 @@ def corner_normals(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
             sums[here[smooth]] += unit[other // 3] * angles[other]
         total[corners] = sums / np.maximum(np.linalg.norm(sums, axis=1, keepdims=True), 1e-300)
     return total
-
-
-def _means_at_places(
-    unit: np.ndarray, angles: np.ndarray, place: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
-    """Return for each corner the mean over all at its position, and whether all meet within the crease angle.
-
-    That is so where none is farther than half of it from the mean: most places of a fine mesh.
-
-    Args:
-        unit: normals of the faces, shape (m, 3).
-        angles: of the corners, shape (3 m, 1).
-        place: number of each corner's position, shape (3 m,).
-    """
-    weights = (np.repeat(column, 3) * angles[:, 0] for column in unit.T)
-    sums = np.stack([np.bincount(place, each) for each in weights], axis=1)
-    sums /= np.maximum(np.linalg.norm(sums, axis=1, keepdims=True), 1e-300)
-    crease = np.zeros(len(sums), bool)
-    cosine = np.cos(np.radians(CREASE_DEGREES / 2))
-    for rows in batches(len(place)):
-        places = place[rows]
-        corners = np.arange(rows.start, rows.stop)
-        apart = np.einsum("ij,ij->i", sums[places], unit[corners // 3]) <= cosine
-        crease[places[apart]] = True
-    return sums[place], ~crease[place]
 
 
 def _corner_angles(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:

@@ -4,7 +4,6 @@ import logging
 import re
 from contextlib import suppress
 from functools import partial
-from itertools import chain
 from pathlib import Path
 
 from digs_warp.bounds import TRIANGLES
@@ -16,7 +15,6 @@ from digs_warp.sim.scene.mesh.gltf import (
     check_extensions,
     check_files,
     read_gltf_header,
-    undecodable_images,
 )
 from digs_warp.sim.scene.mesh.gltf_geometry import gltf_parts
 from digs_warp.sim.scene.mesh.gltf_materials import GltfMaterials, unmodeled_features
@@ -68,7 +66,7 @@ def _gltf(path: Path) -> tuple[list[MeshPart], Convert]:
     check_extensions(path, header)
     check_files(path, header)
     check_counts(path, header)
-    for sentence in chain(unmodeled_features(header), undecodable_images(path, header)):
+    for sentence in unmodeled_features(header):
         logger.warning("mesh '%s': %s", path.name, sentence)
     return gltf_parts(path, header), GltfMaterials(path, header).convert
 

@@ -130,6 +130,9 @@ def test_scenes_on_dask_are_those_of_one_process(inputs: Path, tmp_path: Path) -
         (["--meshes", "nothing/*.glb"], EXIT_BAD_INPUT, "no file matches"),
         (["--meshes", "*.glb", "--mesh", "a.glb"], EXIT_WRONG_USAGE, "contradict"),
         (["--trajectories", "0"], EXIT_WRONG_USAGE, "--trajectories: 0, expected 1 to 10,000"),
+        (["--randomize", "indoor"], EXIT_WRONG_USAGE, "how many scenes? Give --scenes"),
+        (["--scenes", "2", "--trajectories", "2"], EXIT_WRONG_USAGE, "contradict each other"),
+        (["--scenes", "2", "--randomize", "indor"], EXIT_BAD_INPUT, "did you mean 'indoor'"),
     ],
 )
 def test_wrong_flags_are_explained_before_anything_is_written(

@@ -48,25 +48,6 @@ def test_in_an_all_black_environment_nothing_is_seen_and_nothing_measured(
     assert not np.isfinite(frame.load_depth()).any() or not frame.load_confidence().any()
 
 
-def test_in_an_all_white_environment_the_plain_surround_fails_in_parts(tmp_path: Path) -> None:
-    write_image(tmp_path / "white.png", np.full((8, 16, 3), 255, np.uint8))
-    capture = simulate(replace(SMALL, environment=tmp_path / "white.png"), tmp_path / "capture")
-    check_frame(capture)
-    (frame,) = capture.frames
-    surround = frame.load_mask() == 0
-    assert 0.1 < np.isfinite(frame.load_depth())[surround].mean() < 0.9
-
-
-def test_a_sun_of_70000_leaves_a_recording_with_finite_numbers(tmp_path: Path) -> None:
-    radiance = np.full((32, 64, 3), 0.4, np.float32)
-    radiance[8, 20] = SUN
-    write_image(tmp_path / "sun.exr", radiance)
-    capture = simulate(replace(SMALL, environment=tmp_path / "sun.exr"), tmp_path / "capture")
-    check_frame(capture)
-    (frame,) = capture.frames
-    assert frame.load_image().max() > 150  # the sunlit side of the object
-
-
 @pytest.mark.parametrize(
     ("mesh", "expected"),
     [

@@ -1,11 +1,9 @@
 """A recording in memory, and a stream of frames, hold what the capture folder holds."""
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 
-from digs_warp.checks import CaptureError, DigsError
+from digs_warp.checks import CaptureError
 from digs_warp.data.capture import Capture
 from digs_warp.data.frame import Frame
 from digs_warp.data.layers import Layer
@@ -81,10 +79,3 @@ def test_a_capture_in_memory_has_no_folder() -> None:
     assert str(capture) == "capture in memory"
     with pytest.raises(CaptureError, match="in memory: this needs a capture folder"):
         _ = capture.folder
-
-
-def test_a_wrong_mesh_is_named_by_both(tmp_path: Path) -> None:
-    config = SimulateConfig(profile="bare-matcher", mesh=tmp_path / "gone.glb", frames=1, width=64)
-    for begin in (simulate_in_memory, lambda config: next(stream(config))):
-        with pytest.raises(DigsError, match=r"gone\.glb"):
-            begin(config)

@@ -129,12 +129,6 @@ def test_the_recording_of_others_is_left_alone(
     assert file_hashes(folder) == file_hashes(recording)
 
 
-def test_the_truth_tier_reports_true_depth(config: SimulateConfig, tmp_path: Path) -> None:
-    capture = simulate(replace(config, frames=1, tier="truth"), tmp_path / "capture")
-    (frame,) = capture.frames
-    np.testing.assert_array_equal(frame.load_depth(), frame.load_depth_true())
-
-
 def test_strength_scales_the_errors(config: SimulateConfig, tmp_path: Path) -> None:
     errors = []
     for strength in (0.0, 1.0, 3.0):
@@ -150,16 +144,6 @@ def test_one_pixel_is_enough(config: SimulateConfig, tmp_path: Path) -> None:
     capture = simulate(replace(config, frames=2, width=1, height=1), tmp_path / "capture")
     assert capture.frames[0].load_image().shape == (1, 1, 3)
     assert capture.frames[1].load_depth_true().shape == (1, 1)
-
-
-def test_impossible_settings_are_refused() -> None:
-    for name, value, said in (
-        *(("frames", 0, "--frames: 0"), ("samples_per_pixel", 0, "--samples-per-pixel: 0")),
-        *(("seed", -1, "--seed: -1"), ("object_size", float("nan"), "--object-size")),
-        ("strength", float("inf"), r"strength: .*0 to 100"),
-    ):
-        with pytest.raises(DigsError, match=said):
-            replace(SimulateConfig(), **{name: value})
 
 
 def test_settings_of_a_mesh_file_need_one() -> None:

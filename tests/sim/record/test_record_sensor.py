@@ -1,9 +1,8 @@
 """Recording with the planned sensor: its layers and files, and the same bytes however it is run."""
 
-import shutil
 from dataclasses import replace
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 import pytest
@@ -12,9 +11,9 @@ from digs_warp.checks import DigsError
 from digs_warp.data.capture import Capture, read_capture
 from digs_warp.data.images import read_image
 from digs_warp.data.layers import Layer
+from digs_warp.device import parallel
 from digs_warp.record.files import read_json
 from digs_warp.sim.config import SimulateConfig
-from digs_warp.sim.record.frame_maker import FrameMaker
 from digs_warp.sim.record.inputs import load_inputs
 from digs_warp.sim.record.record import simulate
 from digs_warp.sim.record.sensor_plan import SensorPlan, make_plan, plan_for_facts
@@ -78,38 +77,33 @@ def test_a_recording_tells_how_long_its_rows_take(
     assert capture.readout_time == pytest.approx(readout_time)
 
 
-def test_a_planned_recording_that_was_cut_off_resumes_to_the_same_bytes(
-    recording: Path, tmp_path: Path
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {},
+        {"labels": "all", "effects": "all"},
+        {"profile": "d435"},
+    ],
+    ids=lambda changes: ",".join(changes) or "usual",
+)
+def test_what_was_cut_off_resumes_to_the_same_bytes_with_any_number_of_threads(
+    changes: dict[str, Any], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    config = replace(CONFIG, frames=2, **changes)
     folder = tmp_path / "capture"
-    shutil.copytree(recording, folder)
-    before = read_json(folder / "run.json", "record")["seconds"]
-    for gone in ("transforms.json", "sensor_plan.json", "cause/0001.png", "depth/0002.exr"):
-        (folder / gone).unlink()
-    (folder / "depth/.0002.exr.4711.tmp").write_bytes(
-        b"half a fi"
-    )  # left by a process that was killed
-    simulate(CONFIG, folder, resume=True)
-    assert file_hashes(folder) == file_hashes(recording)
+    simulate(config, folder)
+    expected, before = file_hashes(folder), read_json(folder / "run.json", "record")["seconds"]
+    simulate(config, folder, resume=True)
+    assert read_json(folder / "run.json", "record")["seconds"] == before  # nothing was left to do
+    gone = [path for path in folder.glob("*/0001.*") if path.parent.name != "images"]
+    for path in (*gone, folder / "transforms.json", folder / "sensor_plan.json"):
+        path.unlink()
+    (folder / "depth/.0001.exr.4711.tmp").write_bytes(b"left by a process that was killed")
+    monkeypatch.setattr(parallel, "default_threads", lambda: 1)
+    simulate(config, folder, resume=True)
+    assert file_hashes(folder) == expected
     after = read_json(folder / "run.json", "record")["seconds"]
     assert all(after[stage] >= before[stage] for stage in before)
-
-
-def test_resuming_a_finished_recording_touches_nothing(recording: Path) -> None:
-    times = {path: path.stat().st_mtime_ns for path in recording.rglob("*") if path.is_file()}
-    simulate(CONFIG, recording, resume=True)
-    assert times == {path: path.stat().st_mtime_ns for path in times}
-
-
-def test_a_frame_does_not_depend_on_those_before_it(recording: Path, session: Session) -> None:
-    maker = FrameMaker(session, make_plan(session))
-    for number in (2, 0):
-        images = maker.finish(maker.render(number), {})
-        frame = read_capture(recording).frames[number]
-        np.testing.assert_array_equal(images.image, frame.load_image())
-        np.testing.assert_array_equal(images.cause, frame.load_cause())
-        coded = read_image(frame.path(Layer.DEPTH))[..., 0]
-        np.testing.assert_array_equal(images.depth, coded)
 
 
 def layers(capture: Capture) -> list[np.ndarray]:

@@ -59,15 +59,6 @@ def test_glass_hides_nothing() -> None:
     assert rays.right_visibility(ALL, depth).all()
 
 
-def test_the_other_side_of_a_thin_sheet_is_not_the_same_point() -> None:
-    """A sheet seen from its two sides by the two eyes."""
-    sheet = plate((0, 0.06, 0), (0.1, 0, 0), (0, 0, 0.1), Material("paper", np.ones(3)))
-    rays, depth = rays_of(sheet)
-    seen_sheet = depth < 1.3
-    assert seen_sheet.sum() > 20
-    assert not rays.right_visibility(ALL, depth)[seen_sheet].any()
-
-
 def test_a_mirror_at_the_origin_shows_the_surround_at_its_distance() -> None:
     rays, depth = rays_of(wall(0.0, 0.2))
     distance = rays.reflection_distance(ALL)

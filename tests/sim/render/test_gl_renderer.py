@@ -139,19 +139,6 @@ def test_a_camera_that_nearly_touches_the_object() -> None:
     assert_same_geometry(gl_renderer(wall), rays, camera)
 
 
-@pytest.mark.parametrize(("width", "height"), [(1, 64), (64, 1)])
-def test_images_one_pixel_wide(
-    width: int, height: int, vase: tuple[GlRenderer, RaycastRenderer]
-) -> None:
-    intrinsics = Intrinsics(width, height, 200.0, 200.0, width / 2, height / 2)
-    camera = Camera(intrinsics, look_at(np.array([0.9, 0, 0]), np.zeros(3), UP))
-    gl, rays = (see(renderer, camera) for renderer in vase)
-    assert gl.image.shape == rays.image.shape == (height, width, 3)
-    same = gl.material_ids == rays.material_ids
-    assert same.mean() > 0.95
-    assert np.median(np.abs(gl.depth / rays.depth - 1)[same]) < MAX_DEPTH_ERROR
-
-
 def test_a_renderer_outlives_another(vase: tuple[GlRenderer, RaycastRenderer]) -> None:
     """pyrender shuts EGL down for the whole process when it frees a buffer."""
     camera = Camera(INTRINSICS, look_at(np.array([0.8, 0.3, 0.3]), np.zeros(3), UP))

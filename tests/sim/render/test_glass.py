@@ -14,7 +14,6 @@ from digs_warp.sim.scene.environment import Environment, panorama_directions
 from digs_warp.sim.scene.join import join_scenes
 from digs_warp.sim.scene.scene import Material, Scene
 from reference.plates import plate, scene_of
-from reference.raycast_scenes import see
 
 UP = np.array([0.0, 0.0, 1.0])
 INTRINSICS = Intrinsics.from_fov(160, 90, 40.0)
@@ -147,23 +146,3 @@ def test_light_is_totally_reflected_in_a_prism() -> None:
     np.testing.assert_allclose(middle, 0.9 * 0.96**2, atol=0.01)
     thin = body(trimesh.convex.convex_hull(points), replace(GLASS, absorption=None))
     assert linear(join_scenes(thin, lamp), BLACK)[45, 80].max() < 0.05
-
-
-def test_clear_glass_disappears_in_a_white_surround() -> None:
-    white = Environment(np.ones((16, 32, 3), np.float32))
-    ball = trimesh.creation.icosphere(subdivisions=4, radius=0.2)
-    renderer = RaycastRenderer(body(ball, GLASS, smooth=True), white)
-    image, mask = renderer.render_image(EYE, 16)
-    level = linear_from_srgb(image[..., 0] / 255)
-    assert (mask == 255).sum() > 2000
-    assert np.abs(level[mask == 255] / level[mask == 0].mean() - 1).max() < 0.03
-
-
-def test_a_body_covers_and_measures_like_any_other_surface() -> None:
-    ball = trimesh.creation.icosphere(subdivisions=4, radius=0.2)
-    views = [
-        see(RaycastRenderer(body(ball, m, smooth=True), BLACK), EYE)
-        for m in (GLASS, replace(GLASS, transmission=0.0))
-    ]
-    np.testing.assert_array_equal(views[0].mask, views[1].mask)
-    np.testing.assert_array_equal(views[0].depth, views[1].depth)

@@ -47,8 +47,7 @@ def under_grey_sky(ground: str) -> RaycastRenderer:
 
 
 def on(ground: str, environment: Environment) -> RaycastRenderer:
-    setting = set_up(ball(), environment, ground, 0.9)  # pyright: ignore
-    return RaycastRenderer(setting.scene, setting.environment)
+    return RaycastRenderer(*set_up(ball(), environment, ground, 0.9)[:2])  # pyright: ignore
 
 
 def openness_beside_ball(x: np.ndarray, y: np.ndarray) -> np.ndarray:
@@ -163,11 +162,11 @@ def test_threads_do_not_change_the_picture() -> None:
 def test_auto_puts_small_things_on_a_table_and_large_ones_on_the_floor() -> None:
     small, large = ball(0.2), ball(0.4)
     room = replace(GREY_SKY, is_room=True)
-    assert set_up(small, GREY_SKY, "auto", 1.0).scene.has_furniture
-    assert set_up(small, GREY_SKY, "auto", 1.0).ground == "table"
-    assert set_up(large, GREY_SKY, "auto", 1.0).ground == "floor"
-    assert not set_up(large, GREY_SKY, "auto", 1.0).scene.has_furniture
-    assert not set_up(small, room, "auto", 1.0).scene.has_furniture
-    table = set_up(small, room, "table", 1.0)
-    assert table.environment.floor == pytest.approx(-0.2 - 0.75)
-    assert planes_of(table.scene, table.environment)[0] is not None
+    assert set_up(small, GREY_SKY, "auto", 1.0)[0].has_furniture
+    assert set_up(small, GREY_SKY, "auto", 1.0)[2] == "table"
+    assert set_up(large, GREY_SKY, "auto", 1.0)[2] == "floor"
+    assert not set_up(large, GREY_SKY, "auto", 1.0)[0].has_furniture
+    assert not set_up(small, room, "auto", 1.0)[0].has_furniture
+    table, surround, _ = set_up(small, room, "table", 1.0)
+    assert surround.floor == pytest.approx(-0.2 - 0.75)
+    assert planes_of(table, surround)[0] is not None

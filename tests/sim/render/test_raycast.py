@@ -9,7 +9,6 @@ from digs_warp.checks import DigsError
 from digs_warp.geometry.camera import Camera, Intrinsics, pixel_centers
 from digs_warp.geometry.rigid import look_at
 from digs_warp.sim.render.raycast import RaycastRenderer
-from digs_warp.sim.scene.environment import Environment, panorama_directions
 from digs_warp.sim.scene.join import join_scenes
 from reference.plates import plate
 from reference.raycast_scenes import (
@@ -81,29 +80,6 @@ def test_depth_and_normals_of_a_sphere() -> None:
     # Facets lie inside the sphere by up to r (1 - cos(pi / 256)) * 2 / facing = 1.5e-4 m.
     np.testing.assert_allclose(depth[inner], expected[inner], atol=1.5e-4)
     np.testing.assert_allclose(normals[inner], points[inner] / radius, atol=2e-3)
-
-
-def test_the_surround_has_the_depth_of_its_sphere() -> None:
-    view = see(RaycastRenderer(FAR_AWAY, sky(radius=2.5)), CAMERA)
-    rays, eye = rays_world(CAMERA), CAMERA.center_world
-    a, b = (rays**2).sum(-1), rays @ eye
-    expected = (-b + np.sqrt(b * b - a * (eye @ eye - 2.5**2))) / a
-    np.testing.assert_allclose(view.depth, expected, rtol=1e-5)
-    assert (view.material_ids == -1).all() and not view.mask.any()
-    points = CAMERA.unproject(pixel_centers(161, 91), expected)
-    np.testing.assert_allclose(view.normals_world, -points / 2.5, atol=1e-5)
-
-
-def test_the_surround_shows_the_panorama_where_it_lies() -> None:
-    directions = panorama_directions(256, 128)
-    renderer = RaycastRenderer(FAR_AWAY, Environment((directions + 1).astype(np.float32) / 2))
-    camera = Camera(INTRINSICS, CAMERA.world_from_cam)
-    depth = renderer.render_geometry(camera).depth
-    outward = camera.unproject(pixel_centers(161, 91), depth) / 4.0
-    image, _ = renderer.render_image(camera, samples_per_pixel=64)
-    linear = np.where(image <= 10, image / 255 / 12.92, ((image / 255 + 0.055) / 1.055) ** 2.4)
-    expected = np.clip((outward + 1) / 2 * renderer.exposure, 0, 1)
-    assert np.abs(linear - expected).max() < 0.012
 
 
 def test_mask_is_the_covered_share_of_the_image() -> None:

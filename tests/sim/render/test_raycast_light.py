@@ -66,18 +66,6 @@ def test_zero_vertex_normals_fall_back_to_the_triangle() -> None:
     assert other.image[45, 80].min() > 0
 
 
-def test_a_corner_is_darker_than_an_open_surface() -> None:
-    floor = plate((0, 0, 0), (0.3, 0, 0), (0, 0.3, 0), GRAY)
-    wall = plate((-0.3, 0, 0.3), (0, 0.3, 0), (0, 0, 0.3), GRAY)
-    corner = join_scenes(floor, wall)
-    camera = Camera(INTRINSICS, look_at(np.array([0.4, 0, 0.8]), np.zeros(3), UP))
-    alone, beside = (
-        RaycastRenderer(s, gray_sky()).render_image(camera)[0] for s in (floor, corner)
-    )
-    (u, v), _ = camera.project(np.array([-0.25, 0.0, 0.0]))
-    assert beside[int(v), int(u), 0] < 0.9 * alone[int(v), int(u), 0]
-
-
 def test_the_middle_of_a_large_face_is_bright_between_dark_corners() -> None:
     """The floor of a tray is two triangles; their corners alone say nothing about the middle."""
     floor = plate((0, 0, 0), (0.3, 0, 0), (0, 0.3, 0), GRAY)

@@ -80,17 +80,6 @@ def test_panes_cover_with_their_opacity_one_after_the_other(panes: int) -> None:
     assert mask[45, 80] == 255
 
 
-def test_an_unused_transparent_material_changes_nothing() -> None:
-    opaque = wall(MATTE)
-    with_glass = replace(opaque, materials=(MATTE, Material("glass", np.ones(3), opacity=0.1)))
-    sky = Environment(np.random.default_rng(0).uniform(0.5, 1.5, (16, 32, 3)).astype(np.float32))
-    images = [
-        RaycastRenderer(scene, sky).render_image(FRONT)[0].astype(int)
-        for scene in (opaque, with_glass)
-    ]
-    assert np.abs(images[0] - images[1]).max() <= 1
-
-
 @pytest.mark.parametrize("gain", [1e-3, 1.0, 1e3])
 def test_glow_does_not_depend_on_the_exposure(gain: float) -> None:
     sky = Environment(np.full((16, 32, 3), gain, np.float32))

@@ -10,7 +10,7 @@ from digs_warp.data.images import write_image
 from digs_warp.sim.config import SimulateConfig
 from digs_warp.sim.record.record import simulate_in_memory
 from digs_warp.sim.scene.builtin import builtin_scene
-from digs_warp.sim.scene.distractors import GAP, REACH, add_distractors, places
+from digs_warp.sim.scene.distractors import GAP, REACH, add_distractors
 from digs_warp.sim.scene.scene import FURNITURE, Scene
 from digs_warp.sim.scene.shapes import plain_shape
 from reference.mesh_files import TETRAHEDRON
@@ -24,22 +24,6 @@ def things_of(scene: Scene) -> list[np.ndarray]:
     """Vertices of each distractor: they have materials of their own."""
     beside = np.unique(scene.face_materials[scene.face_objects == FURNITURE])
     return [scene.vertices[np.unique(scene.faces[scene.face_materials == m])] for m in beside]
-
-
-def test_circles_in_a_ring_do_not_overlap() -> None:
-    for seed in range(20):
-        sizes = [0.3, 0.2, 0.1, 0.2, 0.3, 0.4]
-        found = places(sizes, 1.0, 1.7, 0.04, np.random.default_rng(seed))
-        assert all(circle.radius <= size for circle, size in zip(found, sizes, strict=True))
-        for i, a in enumerate(found):
-            away = np.hypot(a.x, a.y)
-            assert 1.04 + a.radius <= away + 1e-9 and away + a.radius <= 1.7 + 1e-9
-            for b in found[:i]:
-                assert np.hypot(a.x - b.x, a.y - b.y) > a.radius + b.radius + 0.04
-    few = places([0.2, 0.1], 1.0, 1.7, 0.04, np.random.default_rng(0))
-    assert [circle.radius for circle in few] == [0.2, 0.1]
-    crowd = places([0.3] * 40, 1.0, 1.7, 0.01, np.random.default_rng(0))
-    assert len(crowd) == 40 and min(circle.radius for circle in crowd) < 0.3
 
 
 def test_they_stand_on_the_ground_of_the_object_and_are_none() -> None:

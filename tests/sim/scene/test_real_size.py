@@ -1,18 +1,15 @@
 """Objects keep their size, and the capture says where their mesh file stands."""
 
-import json
 from pathlib import Path
 
 import numpy as np
 import pytest
 import trimesh
 
-from digs_warp.commands.convert import export_capture_folder
 from digs_warp.data.capture import Capture
 from digs_warp.data.layers import Layer
 from digs_warp.data.triangle_mesh import TriangleMesh
 from digs_warp.geometry.camera import pixel_centers
-from digs_warp.geometry.rigid import rigid
 from digs_warp.measure.surface_metrics import distances_to_surface
 from digs_warp.show.report.capture_facts import recorded_object
 from digs_warp.show.report.facts import describe
@@ -50,16 +47,6 @@ def points_on_the_object(capture: Capture, layer: Layer) -> np.ndarray:
     return np.concatenate(found)
 
 
-def test_depth_shows_a_glb_in_its_real_size(tmp_path: Path) -> None:
-    mesh, longest = lopsided(), 0.06
-    mesh.apply_scale(longest / mesh.extents.max())
-    path = save(tmp_path / "a.glb", mesh)
-    capture = recorded(path, tmp_path / "capture")
-    points = points_on_the_object(capture, Layer.DEPTH_TRUE)
-    # Sampled at pixels, seen from three sides: a little smaller, never larger.
-    assert 0.8 * longest < np.ptp(points, axis=0).max() < 1.001 * longest
-
-
 @pytest.mark.parametrize("suffix", [".obj", ".glb"])
 def test_the_file_lies_on_the_surface_that_depth_shows(tmp_path: Path, suffix: str) -> None:
     mesh = lopsided()
@@ -79,31 +66,6 @@ def test_the_file_lies_on_the_surface_that_depth_shows(tmp_path: Path, suffix: s
     found = read_true_surface(capture.folder)
     assert found is not None
     assert distances_to_surface(placed, found).max() < 1e-5
-
-
-def test_bop_poses_take_the_model_to_the_camera(tmp_path: Path) -> None:
-    mesh = lopsided()
-    mesh.apply_translation((3.0, -2.0, 1.0))
-    capture = recorded(save(tmp_path / "a.glb", mesh), tmp_path / "capture")
-    export_capture_folder(tmp_path / "capture", "bop", tmp_path / "bop", overwrite=False)
-    model = trimesh.load_mesh(tmp_path / "bop/models/obj_000001.ply", process=False)
-    # The axes and the origin of the file, in millimetres.
-    np.testing.assert_allclose(model.bounds, 1000 * mesh.bounds, rtol=1e-5)
-    poses = json.loads((tmp_path / "bop/train/000000/scene_gt.json").read_text())
-    for number, frame in enumerate(capture.frames):
-        (pose,) = poses[str(number)]
-        in_camera = rigid(np.reshape(pose["cam_R_m2c"], (3, 3)), np.array(pose["cam_t_m2c"]))
-        assert capture.about.world_from_mesh is not None
-        expected = frame.camera.cam_from_world @ np.array(capture.about.world_from_mesh)
-        np.testing.assert_allclose(
-            trimesh.transform_points(1000 * mesh.vertices, in_camera),
-            1000 * trimesh.transform_points(mesh.vertices, expected),
-            atol=1e-6,
-        )
-    info = json.loads((tmp_path / "bop/models/models_info.json").read_text())["1"]
-    apart = np.linalg.norm(model.vertices[:, None] - model.vertices[None], axis=-1)
-    assert info["diameter"] == pytest.approx(apart.max(), rel=1e-6)
-    assert info["size_x"] == pytest.approx(1000 * mesh.extents[0], rel=1e-5)
 
 
 def test_info_names_size_unit_and_axis_of_a_mesh(tmp_path: Path) -> None:

@@ -6,10 +6,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from digs_warp.checks import DigsError
 from digs_warp.sim.scene.appearance import (
     LookSettings,
-    of_object,
     refinished,
     tint_color,
     with_table_top,
@@ -58,19 +56,6 @@ def test_a_tint_takes_away_the_other_colors(
 
 def test_nothing_asked_for_changes_nothing() -> None:
     assert refinished(SCENE, LookSettings(tint_hue=(80.0,))) is SCENE
-
-
-def test_one_value_counts_for_all_objects_and_several_for_one_each() -> None:
-    assert [of_object((), n, 1.0) for n in range(3)] == [1, 1, 1]
-    assert [of_object((0.5,), n, 1.0) for n in range(3)] == [0.5, 0.5, 0.5]
-    assert [of_object((0.5, 2.0), n, 1.0) for n in range(3)] == [0.5, 2.0, 0.5]
-
-
-def test_values_out_of_range_are_refused() -> None:
-    with pytest.raises(DigsError, match=r"tint: 1\.2, expected 0 to 1"):
-        LookSettings(tint=(0.2, 1.2))
-    with pytest.raises(DigsError, match=r"light_temperature: 500\.0, expected 2,000 to 25,000"):
-        LookSettings(light_temperature=500.0)
 
 
 def test_every_object_gets_its_own_finish_and_furniture_none() -> None:

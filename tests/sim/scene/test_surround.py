@@ -131,8 +131,8 @@ def test_the_floor_is_under_the_object_and_the_walk_inside() -> None:
 def test_large_objects_get_large_surrounds() -> None:
     scene = plate((0.0, 0.0, 0.0), (5.0, 0.0, 0.0), (0.0, 5.0, 0.0), GREY)
     for environment in SHAPES.values():
-        assert set_up(scene, environment, "floor", 40.0).environment.radius == 70.0
-    sphere = set_up(scene, SHAPES["sphere"], "none", 1.0).environment
+        assert set_up(scene, environment, "floor", 40.0)[1].radius == 70.0
+    sphere = set_up(scene, SHAPES["sphere"], "none", 1.0)[1]
     assert sphere.surround == SHAPES["sphere"].surround
 
 

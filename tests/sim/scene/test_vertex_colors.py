@@ -29,14 +29,6 @@ def test_textures_are_sampled_between_texels_and_repeat():
     assert_allclose(sampled_texture(texture, uvs), expected, atol=1e-12)
 
 
-def test_bottom_row_is_where_v_is_small():
-    texture = np.zeros((2, 1, 3), dtype=np.uint8)
-    texture[1] = 255  # the lower row is white
-    assert_allclose(
-        sampled_texture(texture, np.array([[0.5, 0.25], [0.5, 0.75]])), [[1] * 3, [0] * 3]
-    )
-
-
 def test_factor_texture_and_vertex_color_multiply_for_each_material():
     texture = np.full((1, 1, 3), 128, dtype=np.uint8)
     materials = (

@@ -111,24 +111,6 @@ def test_pixels_without_depth_have_no_place() -> None:
     np.testing.assert_allclose(found.shift[5, 7], 0, atol=1e-5)
 
 
-def test_glass_hides_nothing() -> None:
-    """What stands behind the front sheet is hidden by the two others only."""
-    pair, scene = PAIRS["stereo"], sheets(GLASS)
-    found, depth = followed(scene, pair)
-    faces = slice(2, None)
-    others = replace(
-        scene,
-        faces=scene.faces[faces],
-        face_materials=scene.face_materials[faces],
-        face_objects=scene.face_objects[faces],
-    )
-    expected = occlusion(landings(pair[0], depth, pair[1]), others)
-    behind = depth == followed(others, pair)[1]  # not on the glass itself
-    assert (found.occlusion != expected)[behind].mean() < 1e-3
-    solid, _ = followed(sheets(), pair)
-    assert (solid.occlusion != found.occlusion)[behind].mean() > 0.005
-
-
 @pytest.mark.parametrize("material", [MATTE, GLASS])
 def test_the_other_side_of_a_thin_sheet_is_hidden(material: Material) -> None:
     """From the front, then from behind: the same places, but another side."""

@@ -1,6 +1,5 @@
 """Labels of whole recordings: eyes, frames and photographs agree, and the bytes are always the same."""
 
-import shutil
 from dataclasses import replace
 from pathlib import Path
 
@@ -158,20 +157,6 @@ def test_frames_have_the_layers_that_were_asked_for(recording: Path) -> None:
     assert frames[0].load_flow().shape == (36, 64, 2)
     with pytest.raises(CaptureError, match="flow_file_path"):
         frames[-1].load_flow()
-
-
-def test_a_resumed_recording_has_the_same_bytes(recording: Path, tmp_path: Path) -> None:
-    """Labels of any frame can be made without the others."""
-    expected = file_hashes(recording)
-    copy = tmp_path / "capture"
-    shutil.copytree(recording, copy)
-    for name in ("flow/0000.exr", "occlusion_right/0001.png", "disparity/0002.exr"):
-        (copy / name).unlink()
-    simulate(RECORDED, copy, resume=True)
-    names = [name for name in expected if name.endswith((".png", ".exr"))]
-    assert len(names) > 30
-    again = file_hashes(copy)
-    assert {name: again[name] for name in names} == {name: expected[name] for name in names}
 
 
 def test_labels_change_nothing_else(recording: Path, tmp_path: Path) -> None:

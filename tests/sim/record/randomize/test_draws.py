@@ -100,19 +100,6 @@ def test_whole_numbers_and_choices_come_as_often_as_the_file_says() -> None:
 
 
 @pytest.mark.parametrize(
-    "words",
-    [
-        *("null", "0.5", "d435", "[10, 20]", "{uniform: [0, 360]}"),
-        "{choice: [d435, oak-d], weights: [2, 1]}",
-    ],
-)
-def test_words_are_those_of_the_file(words: str) -> None:
-    import yaml
-
-    assert Distribution(yaml.safe_load(words), "choice", ()).words == words
-
-
-@pytest.mark.parametrize(
     ("text", "words"),
     [
         ("lihgt_level: 1", "unknown key 'lihgt_level'; did you mean 'light_level'"),

@@ -75,15 +75,6 @@ def test_a_fan_is_its_triangles(tmp_path: Path, indexed: bool) -> None:
     np.testing.assert_allclose(scene.size, [0.3, 0, 0.2], atol=1e-6)
 
 
-def test_what_hangs_on_a_camera_is_shown(tmp_path: Path) -> None:
-    builder = GltfBuilder()
-    builder.header["nodes"] = [{"camera": 0, "children": [1]}, {"mesh": 0}]
-    builder.header["cameras"] = [
-        {"type": "perspective", "perspective": {"yfov": 1.0, "znear": 0.1, "aspectRatio": 1.0}}
-    ]
-    assert len(load(builder, tmp_path).faces) == 2
-
-
 def test_a_texture_lies_where_its_transform_says(tmp_path: Path) -> None:
     """The example of the extension: the lower left quarter of the image, turned by 90 degrees."""
     builder = GltfBuilder()
@@ -135,17 +126,6 @@ def test_materials_of_the_same_name_keep_their_own_extensions(
     scene = load(builder, tmp_path)
     assert [material.transmission for material in scene.materials] == [1.0, 0.0]
     assert len({material.name for material in scene.materials}) == 2
-
-
-def test_a_part_without_material_stands_beside_a_textured_one(tmp_path: Path) -> None:
-    builder = GltfBuilder()
-    texture = builder.add_texture(checker())
-    builder.material["pbrMetallicRoughness"]["baseColorTexture"] = {"index": texture}
-    above = builder.add((CORNERS + (0, 0.5, 0)).astype(np.float32))
-    second = {"attributes": {"POSITION": above}, "indices": 2}
-    builder.header["meshes"][0]["primitives"].append(second)
-    textures = [material.texture is not None for material in load(builder, tmp_path).materials]
-    assert textures == [True, False]
 
 
 def test_a_webp_map_of_an_extension_is_read(tmp_path: Path) -> None:

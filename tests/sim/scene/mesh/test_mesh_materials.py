@@ -23,18 +23,6 @@ from reference.mesh_files import (
 )
 
 
-def test_a_texture_keeps_its_orientation_and_size(tmp_path: Path) -> None:
-    scene = load_scene(
-        save(tmp_path / "s.glb", textured_square(baseColorTexture=checker())), up="z"
-    )
-    texture = scene.materials[0].texture
-    assert texture is not None
-    np.testing.assert_array_equal(texture, np.asarray(checker()))
-    # v = 0 is the bottom row: the upper left corner of the square is red.
-    corner = np.argmin(scene.vertices[:, 0] - scene.vertices[:, 1])
-    np.testing.assert_allclose(scene.uvs[corner], (0, 1), atol=1e-6)
-
-
 def test_pbr_factors_are_linear_and_multiplied_by_the_mean_of_their_texture(tmp_path: Path) -> None:
     image = Image.fromarray(np.full((8, 8, 3), (9, 102, 51), np.uint8))
     square = textured_square(
@@ -74,12 +62,6 @@ def test_several_materials_stay_with_their_faces(tmp_path: Path) -> None:
     )
     assert [scene.materials[k].name for k in left_to_right] == ["m0", "m1", "m2"]
     np.testing.assert_allclose([scene.materials[k].base_color for k in left_to_right], colors)
-
-
-def test_a_material_that_several_parts_share_comes_once(sample_data: Path) -> None:
-    scene = load_scene(sample_data / "meshes/armchair/armchair.glb")
-    names = [material.name for material in scene.materials]
-    assert sorted(names) == ["M_Armchair_Cushions.001", "M_Armchair_Legs.001"]
 
 
 @pytest.mark.parametrize(("suffix", "linear"), [(".glb", True), (".ply", False), (".obj", False)])

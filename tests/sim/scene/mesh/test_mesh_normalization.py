@@ -9,7 +9,6 @@ import trimesh
 from scipy.spatial import KDTree
 
 from digs_warp.sim.scene.load import load_scene, load_scene_at
-from digs_warp.sim.scene.mesh import normals
 from reference.mesh_files import check_scene, corners_of, face_vectors, lopsided, save
 
 
@@ -83,18 +82,6 @@ def test_a_far_away_mesh_keeps_its_shape(tmp_path: Path) -> None:
     np.testing.assert_allclose(corners_of(scene), corners_of(reference), atol=1e-7)
 
 
-def test_the_same_mesh_as_y_up_glb_and_z_up_ply_is_the_same_scene(tmp_path: Path) -> None:
-    mesh = lopsided()
-    from_ply = load_scene(save(tmp_path / "a.ply", mesh))
-    y_up = mesh.copy()
-    y_up.apply_transform(trimesh.transformations.rotation_matrix(-np.pi / 2, (1, 0, 0)))
-    from_glb = load_scene(save(tmp_path / "a.glb", y_up))
-    np.testing.assert_allclose(corners_of(from_glb), corners_of(from_ply), atol=2e-7)
-    np.testing.assert_allclose(
-        from_glb.normals[from_glb.faces], from_ply.normals[from_ply.faces], atol=1e-5
-    )
-
-
 @pytest.mark.parametrize(
     ("suffix", "up", "axis"),
     [
@@ -139,17 +126,6 @@ def test_a_box_without_normals_gets_flat_sides_and_shared_corners(tmp_path: Path
     expected = np.repeat(facing[:, None], 3, axis=1)
     np.testing.assert_allclose(scene.normals[scene.faces], expected, atol=1e-6)
     assert len(scene.vertices) == 24  # four corners on each of six sides
-
-
-def test_corners_of_fine_meshes_get_the_same_normals(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Smooth places are treated together there, sharp edges as always: a ball, and a box that cuts it."""
-    parts = [trimesh.creation.icosphere(3, 0.1), trimesh.creation.box((0.3, 0.1, 0.1))]
-    parts.append(trimesh.creation.cylinder(0.05, 0.3, sections=11))  # its sides meet at 33 degrees
-    mesh: Any = trimesh.util.concatenate(parts)
-    vertices, faces = np.array(mesh.vertices), np.array(mesh.faces)
-    expected = normals.corner_normals(vertices, faces)
-    monkeypatch.setattr(normals, "MANY_CORNERS", 0)
-    np.testing.assert_allclose(normals.corner_normals(vertices, faces), expected, atol=1e-14)
 
 
 def test_normals_of_the_file_are_kept_and_turned_upright(tmp_path: Path) -> None:

@@ -8,7 +8,9 @@ from typing import Any
 
 import numpy as np
 import pytest
+import trimesh
 from PIL import Image
+from trimesh.visual import TextureVisuals
 
 from digs_warp.checks import MeshError
 from digs_warp.sim.scene.load import load_scene
@@ -153,23 +155,11 @@ def test_a_material_file_is_found_by_a_name_in_latin_1(tmp_path: Path) -> None:
 def test_textures_of_ply_files_are_treated_the_same(
     tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
-    header = """ply
-format ascii 1.0
-comment TextureFile Wood.png
-element vertex 3
-property float x
-property float y
-property float z
-property float s
-property float t
-element face 1
-property list uchar int vertex_indices
-end_header
-0 0 0 0 0
-1 0 0 1 0
-1 1 0 1 1
-3 0 1 2
-"""
+    corners = trimesh.Trimesh([[0, 0, 0], [1, 0, 0], [1, 1, 0]], [[0, 1, 2]], process=False)
+    corners.visual = TextureVisuals(uv=[[0, 0], [1, 0], [1, 1]])
+    text: Any = corners.export(file_type="ply", encoding="ascii")
+    named = "format ascii 1.0\ncomment TextureFile Wood.png"
+    header = text.decode().replace("format ascii 1.0", named)
     (tmp_path / "s.ply").write_text(header)
     checker().save(tmp_path / "wood.png")
     (material,) = load_scene(tmp_path / "s.ply", unit="m").materials
