@@ -7,11 +7,6 @@ A scan of a million faces has more nodes than an image has pixels. Openness hard
 thousandths of an object: one node of each small cell is measured, and the others are means of those around.
 """
 
-# Warp's stubs do not type device code.
-# pyright: reportArgumentType=false, reportAttributeAccessIssue=false, reportCallIssue=false
-# pyright: reportGeneralTypeIssues=false, reportInvalidTypeForm=false, reportOperatorIssue=false
-# pyright: reportIndexIssue=false
-
 from dataclasses import dataclass
 
 import numpy as np

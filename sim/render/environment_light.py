@@ -4,11 +4,6 @@ The irradiance is that of Ramamoorthi and Hanrahan, "An Efficient Representation
 Maps" (2001), eq. 7 and 8; see `digs_warp.sim.render.lighting`.
 """
 
-# Warp's stubs do not type device code.
-# pyright: reportArgumentType=false, reportAttributeAccessIssue=false, reportCallIssue=false
-# pyright: reportGeneralTypeIssues=false, reportInvalidTypeForm=false, reportOperatorIssue=false
-# pyright: reportIndexIssue=false
-
 import hashlib
 from threading import Lock
 

@@ -21,12 +21,6 @@ from digs_warp.sim.render.view import FAR
 from digs_warp.sim.scene.environment import Environment
 from digs_warp.sim.scene.scene import FURNITURE, Material, Scene
 
-# Warp's stubs do not type device code.
-# pyright: reportArgumentType=false, reportAttributeAccessIssue=false, reportCallIssue=false
-# pyright: reportGeneralTypeIssues=false, reportInvalidTypeForm=false, reportOperatorIssue=false
-# pyright: reportIndexIssue=false
-
-
 wp.set_module_options(ray_module_options())
 
 # Rays of each node, and nodes along the longer side of the fine and of the coarse grid.

@@ -62,12 +62,6 @@ def sheen_at(surface: Surface, material: int, cosine: float) -> wp.vec3:
     return share * surface.data[material].sheen
 
 
-# Warp's stubs do not type device code.
-# pyright: reportArgumentType=false, reportAttributeAccessIssue=false, reportCallIssue=false
-# pyright: reportGeneralTypeIssues=false, reportInvalidTypeForm=false, reportOperatorIssue=false
-# pyright: reportIndexIssue=false
-
-
 # Twice the value of byte 128, which is zero in normal maps.
 MAP_ZERO = wp.constant(256.0 / 255.0)
 

@@ -6,11 +6,6 @@ Unreal Engine 4", 2013): copies of the panorama, blurred with the GGX lobe of a 
 along the reflected ray.
 """
 
-# Warp's stubs do not type device code.
-# pyright: reportArgumentType=false, reportAttributeAccessIssue=false, reportCallIssue=false
-# pyright: reportGeneralTypeIssues=false, reportInvalidTypeForm=false, reportOperatorIssue=false
-# pyright: reportIndexIssue=false
-
 import numpy as np
 import warp as wp
 

@@ -25,12 +25,6 @@ from digs_warp.sim.render.views import Geometry
 from digs_warp.sim.scene.environment import Surround
 from digs_warp.sim.scene.scene import Scene
 
-# Warp's stubs do not type device code.
-# pyright: reportArgumentType=false, reportAttributeAccessIssue=false, reportCallIssue=false
-# pyright: reportGeneralTypeIssues=false, reportInvalidTypeForm=false, reportOperatorIssue=false
-# pyright: reportIndexIssue=false
-
-
 wp.set_module_options(ray_module_options())
 
 

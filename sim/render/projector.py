@@ -4,11 +4,6 @@ A dot on a white matte surface that faces the projector at distance 1 m has brig
 that surfaces pass on to others is left out: the projector's reflection in a mirror lights nothing.
 """
 
-# Warp's stubs do not type device code.
-# pyright: reportArgumentType=false, reportAttributeAccessIssue=false, reportCallIssue=false
-# pyright: reportGeneralTypeIssues=false, reportInvalidTypeForm=false, reportOperatorIssue=false
-# pyright: reportIndexIssue=false
-
 import numpy as np
 import warp as wp
 

@@ -27,10 +27,6 @@ from digs_warp.sim.scene.environment import Environment
 from digs_warp.sim.scene.scene import Scene
 from digs_warp.sim.sensor.highlights import Highlights
 
-# Warp's type hints take the dtype of an array for a value, and structs for functions.
-# pyright: reportArgumentType=false, reportGeneralTypeIssues=false
-
-
 # A single sample looks up textures as if it were one of two in its pixel: their filter is wider than a pixel.
 SMOOTH = 2.0
 

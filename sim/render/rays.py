@@ -1,10 +1,5 @@
 """Rays that only some effects of the sensor need; see `digs_warp.sim.sensor.frame.FrameRays`."""
 
-# Warp's stubs do not type device code.
-# pyright: reportArgumentType=false, reportAttributeAccessIssue=false, reportCallIssue=false
-# pyright: reportGeneralTypeIssues=false, reportInvalidTypeForm=false, reportOperatorIssue=false
-# pyright: reportIndexIssue=false
-
 from typing import Any
 
 import numpy as np

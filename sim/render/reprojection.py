@@ -4,11 +4,6 @@ The other eye may be the right one, or the same camera at another time: the scen
 a rolling shutter see each band of rows from another place; a point appears in the band in which it lands.
 """
 
-# Warp's stubs do not type device code.
-# pyright: reportArgumentType=false, reportAttributeAccessIssue=false, reportCallIssue=false
-# pyright: reportGeneralTypeIssues=false, reportInvalidTypeForm=false, reportOperatorIssue=false
-# pyright: reportIndexIssue=false
-
 from typing import Any
 
 import numpy as np

@@ -5,11 +5,6 @@ two pixels apart. It is linear between them. It is measured only where a few ray
 It belongs to the surface: both eyes and all frames find the same shadow, without noise of their own.
 """
 
-# Warp's stubs do not type device code.
-# pyright: reportArgumentType=false, reportAttributeAccessIssue=false, reportCallIssue=false
-# pyright: reportGeneralTypeIssues=false, reportInvalidTypeForm=false, reportOperatorIssue=false
-# pyright: reportIndexIssue=false, reportReturnType=false
-
 import numpy as np
 import warp as wp
 

@@ -1,10 +1,5 @@
 """The boundary of the surround and the light maps of ground planes, as structs for kernels."""
 
-# Warp's stubs do not type device code.
-# pyright: reportArgumentType=false, reportAttributeAccessIssue=false, reportCallIssue=false
-# pyright: reportReturnType=false, reportGeneralTypeIssues=false, reportInvalidTypeForm=false
-# pyright: reportOperatorIssue=false
-
 import warp as wp
 
 from digs_warp.sim.scene.environment import Surround

@@ -9,10 +9,6 @@ sRGB bytes, averaged in linear light: a table of 256 values decodes them. A seco
 quantities (roughness, normals).
 """
 
-# Warp's stubs do not type device code.
-# pyright: reportArgumentType=false, reportAttributeAccessIssue=false, reportCallIssue=false
-# pyright: reportGeneralTypeIssues=false, reportInvalidTypeForm=false, reportOperatorIssue=false
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

@@ -11,10 +11,6 @@ from digs_warp.sim.render.surface import MaterialData, Surface
 from digs_warp.sim.render.textures import LINEAR, SRGB, TextureImage, pack_textures
 from digs_warp.sim.scene.scene import Material, Scene
 
-# Warp's type hints take the dtype of an array for a value, and structs for functions.
-# pyright: reportArgumentType=false, reportGeneralTypeIssues=false, reportAttributeAccessIssue=false
-
-
 start_warp()
 
 # Shares of the scene's radius: a ray that passes a surface continues this far behind it, and one that

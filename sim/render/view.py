@@ -1,10 +1,5 @@
 """A camera inside its surround, for kernels, and the sRGB encoding of what it sees."""
 
-# Warp's stubs do not type device code.
-# pyright: reportArgumentType=false, reportAttributeAccessIssue=false, reportCallIssue=false
-# pyright: reportGeneralTypeIssues=false, reportInvalidTypeForm=false, reportOperatorIssue=false
-# pyright: reportIndexIssue=false, reportReturnType=false
-
 from functools import cache
 from typing import Any
 
