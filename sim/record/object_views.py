@@ -68,27 +68,19 @@ class ObjectViews:
         return tuple(views)
 
     def _beyond_the_border(
-        self, i: int, camera: Camera, canvas: "Canvas", inside: Box | None
+        self, i: int, camera: Camera, canvas: tuple[Intrinsics, int, int], inside: Box | None
     ) -> tuple[int, Box | None]:
         """Return how many pixels an object has outside the image, and the box around all."""
         k = camera.intrinsics
-        outside = self.alone[i].cast(Camera(canvas.intrinsics, camera.world_from_cam))
-        outside[canvas.top : canvas.top + k.height, canvas.left : canvas.left + k.width] = False
+        wide, left, top = canvas
+        outside = self.alone[i].cast(Camera(wide, camera.world_from_cam))
+        outside[top : top + k.height, left : left + k.width] = False
         found = box_of(outside)
         if found is None:
             return 0, inside
         x, y, width, height = found
-        boxes = [(x - canvas.left, y - canvas.top, width, height)]
+        boxes = [(x - left, y - top, width, height)]
         return int(outside.sum()), joined([*boxes, inside] if inside else boxes)
-
-
-@dataclass(frozen=True)
-class Canvas:
-    """A larger image with the image inside, ``left`` and ``top`` pixels from its border."""
-
-    intrinsics: Intrinsics
-    left: int
-    top: int
 
 
 def cam_from_object(camera: Camera, placed: SceneObject) -> np.ndarray:
@@ -98,7 +90,7 @@ def cam_from_object(camera: Camera, placed: SceneObject) -> np.ndarray:
     return camera.cam_from_world @ world_from_object
 
 
-def wider_canvas(camera: Camera, corners: np.ndarray) -> Canvas | None:
+def wider_canvas(camera: Camera, corners: np.ndarray) -> tuple[Intrinsics, int, int] | None:
     """Return the canvas for an object that the image border cuts, up to an image's size on each side.
 
     Args:
@@ -106,7 +98,8 @@ def wider_canvas(camera: Camera, corners: np.ndarray) -> Canvas | None:
         corners: points whose hull holds the object, in the world [m], shape (n, 3).
 
     Returns:
-        None for an object inside the image, or behind the camera as a whole.
+        The canvas, and where the image begins on it: column and row. None for an object inside the image, or
+        behind the camera as a whole.
     """
     k = camera.intrinsics
     px, z = camera.project(corners)
@@ -127,7 +120,7 @@ def wider_canvas(camera: Camera, corners: np.ndarray) -> Canvas | None:
         cx=k.cx + left,
         cy=k.cy + top,
     )
-    return Canvas(wide, left, top)
+    return wide, left, top
 
 
 def _over(excess: float, most: int) -> int:

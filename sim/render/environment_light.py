@@ -124,22 +124,17 @@ def light_from_above(coefficients: np.ndarray, keys: KeyLights) -> tuple[np.ndar
     return smooth, np.maximum(keys.vectors.numpy()[:, 2], 0.0) @ keys.colors.numpy()
 
 
-def _panorama(sizes: list[tuple[int, int]]) -> Panorama:
-    """Return memory for levels of those widths and heights."""
+def _pyramid(levels: list[np.ndarray]) -> Panorama:
+    """Return levels, the finest first, each (height, width, 3), for the kernels."""
     panorama = Panorama()
+    sizes = [(level.shape[1], level.shape[0]) for level in levels]
     counts = np.array(sizes, dtype=np.int32).prod(axis=1)
-    panorama.texels = wp.empty(int(counts.sum()), dtype=wp.vec3, device="cpu")
+    texels = np.concatenate([level.reshape(-1, 3) for level in levels])
+    panorama.texels = wp.array(texels, dtype=wp.vec3, device="cpu")
     panorama.sizes = wp.array(np.array(sizes, np.int32), dtype=wp.vec2i, device="cpu")
     starts = np.cumsum([0, *counts[:-1]]).astype(np.int32)
     panorama.offsets = wp.array(starts, dtype=int, device="cpu")
     panorama.levels = len(sizes)
-    return panorama
-
-
-def _pyramid(levels: list[np.ndarray]) -> Panorama:
-    """Return levels, the finest first, each (height, width, 3), for the kernels."""
-    panorama = _panorama([(level.shape[1], level.shape[0]) for level in levels])
-    np.concatenate([level.reshape(-1, 3) for level in levels], out=panorama.texels.numpy())
     return panorama
 
 
@@ -154,7 +149,8 @@ def _blurred(finest: np.ndarray, panorama: Panorama, threads: int) -> Panorama:
         known = _copies.get(key)
     if known is not None:
         return known
-    copies = _panorama([(SPECULAR_WIDTH, SPECULAR_HEIGHT)] * SPECULAR_COPIES)
+    empty = np.zeros((SPECULAR_HEIGHT, SPECULAR_WIDTH, 3), np.float32)
+    copies = _pyramid([empty] * SPECULAR_COPIES)
     launch_parallel(_blur_kernel, copies.texels.size, [panorama, copies.texels], threads=threads)
     with _lock:
         if len(_copies) == KEPT_COPIES:

@@ -5,13 +5,16 @@ from typing import Any
 import numpy as np
 import warp as wp
 
+from digs_warp.data.layers import Occlusion
 from digs_warp.device.kernel_options import exact_vector_module_options
 from digs_warp.device.parallel import launch_parallel
 from digs_warp.geometry.camera import Camera
+from digs_warp.sim.render.reprojection import follow
 from digs_warp.sim.render.surface import ANY_SURFACE, OPAQUE, Surface, trace, viewer_side_normal
 from digs_warp.sim.render.surround import boundary_distance
 from digs_warp.sim.render.upload import DeviceScene
 from digs_warp.sim.render.view import FAR, View, center_ray, make_view
+from digs_warp.sim.render.views import CameraTrack
 from digs_warp.sim.scene.environment import Surround
 
 # Without Warp's flags, which would inline the traversal wherever a ray is cast: 3 s to compile.
@@ -20,77 +23,6 @@ wp.set_module_options(exact_vector_module_options())
 # Points along a ray that differ by less than this share of their distance are the same point: float32 hits
 # from two eyes differ by a tenth of that.
 SAME_POINT = wp.constant(1.0e-4)
-
-
-@wp.struct
-class Sight:
-    """A point that one eye sees."""
-
-    origin: wp.vec3  # of that eye
-    direction: wp.vec3  # unit, toward the point
-    distance: float  # [m]
-
-
-@wp.func
-def is_same_side(surface: Surface, sight: Sight, toward: wp.vec3) -> bool:
-    """Whether a second ray meets the side of a thin sheet that the first one does."""
-    start = sight.distance * (1.0 - SAME_POINT)
-    span = 2.0 * SAME_POINT * sight.distance
-    origin = sight.origin + start * sight.direction
-    hit = wp.mesh_query_ray(surface.mesh, origin, sight.direction, span)
-    same = wp.dot(hit.normal, sight.direction) * wp.dot(hit.normal, toward) > 0.0
-    return (not hit.result) or same
-
-
-@wp.func
-def is_clear(
-    surface: Surface, sight: Sight, eye: wp.vec3, toward: wp.vec3, reach: float, cone: float
-) -> bool:
-    """Whether another eye sees the point, too: one ray, two among see-through things.
-
-    Args:
-        surface: the scene.
-        sight: the point.
-        eye: center of the other eye.
-        toward: unit direction from there to the point.
-        reach: its distance from there [m].
-        cone: spread of a pixel [rad].
-    """
-    near = reach * (1.0 - SAME_POINT)
-    if surface.see_through == 1:
-        clear = trace(surface, eye, toward, near, cone, OPAQUE) < 0.0
-        return clear and is_same_side(surface, sight, toward)
-    hit = wp.mesh_query_ray(surface.mesh, eye, toward, reach * (1.0 + SAME_POINT))
-    if not hit.result:
-        return True
-    # The other eye may see the other side of a thin sheet.
-    same = wp.dot(hit.normal, sight.direction) * wp.dot(hit.normal, toward) > 0.0
-    return hit.t >= near and same
-
-
-@wp.kernel
-def right_visibility_kernel(
-    first: int,
-    view: View,
-    pixels: wp.array[int],
-    surface: Surface,
-    right_center: wp.vec3,
-    depth: wp.array[float],  # [height * width] planar z of what the left eye sees [m]
-    # outputs
-    visible: wp.array[wp.uint8],  # [pixels]
-):
-    """Look from the right eye at what the left one sees."""
-    index = first + wp.tid()
-    pixel = pixels[index]
-    direction_cam = center_ray(view, pixel)
-    sight = Sight()
-    sight.origin = view.center
-    sight.direction = view.world_from_cam * direction_cam
-    sight.distance = depth[pixel] / direction_cam[2]
-    toward = view.center + sight.distance * sight.direction - right_center
-    reach = wp.length(toward)
-    clear = is_clear(surface, sight, right_center, toward / reach, reach, view.pixel_cone)
-    visible[index] = wp.uint8(wp.where(clear, 1, 0))
 
 
 @wp.kernel
@@ -165,7 +97,7 @@ class SurfaceRays:
         threads: int = 0,
     ) -> None:
         self._scene = scene
-        self._right = camera.shifted_right(baseline).center_world
+        self._camera, self._baseline = camera, baseline
         self._view = make_view(camera, surround)
         self._threads = threads
 
@@ -176,11 +108,11 @@ class SurfaceRays:
         Points outside the right image count as seen, and so do those outside ``where``, (height, width),
         bool. ``depth``: planar z of the points [m], (height, width), float32.
         """
-        known = wp.array(depth.reshape(-1), dtype=float, device="cpu", copy=False)
-        inputs = [self._scene.surface, wp.vec3(*self._right), known]
-        return (
-            self._cast(right_visibility_kernel, where, inputs, np.ones(where.shape, np.uint8)) > 0
-        )
+        eyes = (self._camera, self._camera.shifted_right(self._baseline))
+        source, target = map(CameraTrack.still, eyes)
+        asked = np.where(where, depth, np.float32(np.nan))
+        found = follow(self._scene, source, asked, target, self._threads)
+        return found.occlusion != Occlusion.HIDDEN
 
     def reflection_distance(self, where: np.ndarray) -> np.ndarray:
         """Distance from the surface to what it reflects [m], (height, width), float32.

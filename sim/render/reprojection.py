@@ -12,8 +12,7 @@ import warp as wp
 from digs_warp.data.layers import Occlusion
 from digs_warp.device.parallel import launch_parallel, packed
 from digs_warp.geometry.reproject_kernel import is_inside, project, ray_through
-from digs_warp.sim.render.rays import Sight, is_clear
-from digs_warp.sim.render.surface import Surface
+from digs_warp.sim.render.surface import OPAQUE, Surface, trace
 from digs_warp.sim.render.upload import DeviceScene
 from digs_warp.sim.render.views import CameraTrack, Followed
 
@@ -26,6 +25,57 @@ HIDDEN = wp.constant(wp.uint8(Occlusion.HIDDEN))
 # Looks for the band in which a point lands. A band moves points by a fraction of its height, so that the
 # second look mostly confirms the first.
 ROUNDS = wp.constant(8)
+
+
+# Points along a ray that differ by less than this share of their distance are the same point: float32 hits
+# from two eyes differ by a tenth of that.
+SAME_POINT = wp.constant(1.0e-4)
+
+
+@wp.struct
+class Sight:
+    """A point that one eye sees."""
+
+    origin: wp.vec3  # of that eye
+    direction: wp.vec3  # unit, toward the point
+    distance: float  # [m]
+
+
+@wp.func
+def is_same_side(surface: Surface, sight: Sight, toward: wp.vec3) -> bool:
+    """Whether a second ray meets the side of a thin sheet that the first one does."""
+    start = sight.distance * (1.0 - SAME_POINT)
+    span = 2.0 * SAME_POINT * sight.distance
+    origin = sight.origin + start * sight.direction
+    hit = wp.mesh_query_ray(surface.mesh, origin, sight.direction, span)
+    same = wp.dot(hit.normal, sight.direction) * wp.dot(hit.normal, toward) > 0.0
+    return (not hit.result) or same
+
+
+@wp.func
+def is_clear(
+    surface: Surface, sight: Sight, eye: wp.vec3, toward: wp.vec3, reach: float, cone: float
+) -> bool:
+    """Whether another eye sees the point, too: one ray, two among see-through things.
+
+    Args:
+        surface: the scene.
+        sight: the point.
+        eye: center of the other eye.
+        toward: unit direction from there to the point.
+        reach: its distance from there [m].
+        cone: spread of a pixel [rad].
+    """
+    near = reach * (1.0 - SAME_POINT)
+    if surface.see_through == 1:
+        clear = trace(surface, eye, toward, near, cone, OPAQUE) < 0.0
+        return clear and is_same_side(surface, sight, toward)
+    hit = wp.mesh_query_ray(surface.mesh, eye, toward, reach * (1.0 + SAME_POINT))
+    if not hit.result:
+        return True
+    # The other eye may see the other side of a thin sheet.
+    same = wp.dot(hit.normal, sight.direction) * wp.dot(hit.normal, toward) > 0.0
+    return hit.t >= near and same
 
 
 @wp.struct

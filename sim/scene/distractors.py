@@ -1,7 +1,7 @@
 """Things that stand beside the objects and are none: they hide and resemble them, and are in no mask."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -25,15 +25,6 @@ NEAR_SHARE = 0.75
 # Places that are tried for each; then it is made smaller.
 TRIES = 100
 SHRINKING = 0.8
-
-
-@dataclass(frozen=True)
-class Circle:
-    """Where something stands: the circle around its plan [m]."""
-
-    x: float
-    y: float
-    radius: float
 
 
 def add_distractors(
@@ -60,7 +51,7 @@ def add_distractors(
     circles = places(sizes, inner, outer, GAP * radius, np.random.default_rng([seed, PLACES]))
     floor = float(scene.object_vertices[:, 2].min())
     standing = [
-        _moved(thing, circle, circle.radius / size, floor)
+        _moved(thing, circle, circle[2] / size, floor)
         for thing, circle, size in zip(things, circles, sizes, strict=True)
     ]
     return join_scenes(scene, *standing)
@@ -68,8 +59,8 @@ def add_distractors(
 
 def places(
     sizes: Sequence[float], inner: float, outer: float, gap: float, rng: np.random.Generator
-) -> list[Circle]:
-    """Return circles in a ring around the origin that do not overlap.
+) -> list[np.ndarray]:
+    """Return circles (x, y, radius) in a ring around the origin that do not overlap.
 
     Args:
         sizes: their radii [m]; those for which there is no place get smaller ones.
@@ -78,7 +69,7 @@ def places(
         gap: between circles, and between them and the hole [m].
         rng: source of places.
     """
-    found: list[Circle] = []
+    found: list[np.ndarray] = []
     for size in sizes:
         radius = min(size, (outer - inner - gap) / 2)
         while (circle := _place(radius, found, inner + gap, outer, gap, rng)) is None:
@@ -89,17 +80,17 @@ def places(
 
 def _place(
     radius: float,
-    others: Sequence[Circle],
+    others: Sequence[np.ndarray],
     inner: float,
     outer: float,
     gap: float,
     rng: np.random.Generator,
-) -> Circle | None:
+) -> np.ndarray | None:
     for _ in range(TRIES):
         away, angle = rng.uniform(inner + radius, outer - radius), rng.uniform(0, 2 * np.pi)
-        x, y = away * np.cos(angle), away * np.sin(angle)
-        if all(np.hypot(x - o.x, y - o.y) > radius + o.radius + gap for o in others):
-            return Circle(float(x), float(y), radius)
+        circle = np.array([away * np.cos(angle), away * np.sin(angle), radius])
+        if all(np.hypot(*(circle - o)[:2]) > radius + o[2] + gap for o in others):
+            return circle
     return None
 
 
@@ -119,8 +110,8 @@ def _mesh(path: Path, most: float) -> Scene:
     )
 
 
-def _moved(scene: Scene, circle: Circle, scale: float, floor: float) -> Scene:
+def _moved(scene: Scene, circle: np.ndarray, scale: float, floor: float) -> Scene:
     """Return a thing scaled and moved to its place on the floor."""
     vertices = scene.vertices.astype(np.float64) * scale
-    vertices += (circle.x, circle.y, floor - vertices[:, 2].min())
+    vertices += (*circle[:2], floor - vertices[:, 2].min())
     return replace(scene, vertices=vertices.astype(np.float32))

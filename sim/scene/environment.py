@@ -45,22 +45,6 @@ class Surround:
     floor: float | None = None
     is_room: bool = False
 
-    @staticmethod
-    def sphere(radius: float) -> "Surround":
-        """Return a sphere around the origin."""
-        return Surround((0.0, 0.0, 0.0), radius)
-
-    @staticmethod
-    def dome(floor: float, radius: float) -> "Surround":
-        """Return a sphere around a photographer's camera above a floor; its radius exceeds that height."""
-        return Surround((PHOTOGRAPHER_ASIDE, 0.0, floor + PHOTOGRAPHER_HEIGHT), radius, floor)
-
-    @staticmethod
-    def room(floor: float, half_width: float) -> "Surround":
-        """Return a square room on a floor, around the z axis."""
-        height = floor + ROOM_HEIGHT * half_width
-        return Surround((0.0, 0.0, height), half_width, floor, is_room=True)
-
     @property
     def half_size(self) -> np.ndarray:
         """Half the sides of a room, (3,)."""
@@ -130,9 +114,11 @@ class Environment:
     def surround(self) -> Surround:
         """Where the radiance is."""
         if self.floor is None:
-            return Surround.sphere(self.radius)
-        make = Surround.room if self.is_room else Surround.dome
-        return make(self.floor, self.radius)
+            return Surround((0.0, 0.0, 0.0), self.radius)
+        place = (PHOTOGRAPHER_ASIDE, 0.0, self.floor + PHOTOGRAPHER_HEIGHT)
+        if self.is_room:
+            place = (0.0, 0.0, self.floor + ROOM_HEIGHT * self.radius)
+        return Surround(place, self.radius, self.floor, self.is_room)
 
 
 def load_environment(path: Path, radius: float = DEFAULT_RADIUS) -> Environment:
