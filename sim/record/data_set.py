@@ -88,8 +88,6 @@ def plan_jobs(
         environments: none: that of ``config``.
         trajectories: walks per pair, >= 1.
     """
-    if trajectories < 1:
-        raise DigsError(f"trajectories: {trajectories}, expected at least 1")
     several = "+".join(path.stem for path in config.scene)
     objects = _named([*meshes] or [config.mesh], several or BUILT_IN_OBJECT)
     rooms = _named([*environments] or [config.environment], BUILT_IN_ROOM)

@@ -11,7 +11,8 @@ from digs_warp.data.objects import Box, ObjectView, matrix_rows, text_of_mask
 from digs_warp.geometry.camera import Camera, Intrinsics
 from digs_warp.geometry.rigid import mask_box
 from digs_warp.sim.record.frame_maker import FrameMaker
-from digs_warp.sim.render.pixel_centers import Silhouette
+from digs_warp.sim.render.pixel_centers import geometry_at_pixel_centers
+from digs_warp.sim.render.upload import DeviceScene, upload_scene
 from digs_warp.sim.scene.join import only_object
 from digs_warp.sim.scene.scene import SceneObject
 
@@ -24,17 +25,17 @@ class ObjectViews:
     """Tells how the objects appear in the frames of a recording; frames do not depend on each other."""
 
     maker: FrameMaker
-    alone: tuple[Silhouette, ...]
+    alone: tuple[DeviceScene, ...]
     corners: tuple[np.ndarray, ...]
 
     @staticmethod
     def of(maker: FrameMaker) -> "ObjectViews":
         """Prepare the scenes of single objects."""
-        scene, surround = maker.session.scene, maker.session.environment.surround
+        scene = maker.session.scene
         scenes = [only_object(scene, i + 1) for i in range(len(scene.objects))]
         return ObjectViews(
             maker,
-            tuple(Silhouette(each, surround) for each in scenes),
+            tuple(map(upload_scene, scenes)),
             tuple(each.vertices.astype(np.float64) for each in scenes),
         )
 
@@ -48,7 +49,7 @@ class ObjectViews:
         views = []
         for i, each in enumerate(session.scene.objects):
             visible = seen == i + 1
-            whole = np.concatenate([self.alone[i].cast(band) for band in bands]) | visible
+            whole = np.concatenate([self._alone(i, band) for band in bands]) | visible
             pixels, box = int(whole.sum()), box_of(whole)
             canvas = wider_canvas(camera, self.corners[i])
             if canvas is not None:
@@ -67,13 +68,18 @@ class ObjectViews:
             )
         return tuple(views)
 
+    def _alone(self, i: int, camera: Camera) -> np.ndarray:
+        """Return where a camera would see an object alone, (height, width), bool; holes are open."""
+        surround = self.maker.session.environment.surround
+        return geometry_at_pixel_centers(self.alone[i].surface, camera, surround).object_ids > 0
+
     def _beyond_the_border(
         self, i: int, camera: Camera, canvas: tuple[Intrinsics, int, int], inside: Box | None
     ) -> tuple[int, Box | None]:
         """Return how many pixels an object has outside the image, and the box around all."""
         k = camera.intrinsics
         wide, left, top = canvas
-        outside = self.alone[i].cast(Camera(wide, camera.world_from_cam))
+        outside = self._alone(i, Camera(wide, camera.world_from_cam))
         outside[top : top + k.height, left : left + k.width] = False
         found = box_of(outside)
         if found is None:

@@ -71,8 +71,6 @@ class GlRenderer(RaycastRenderer):
         self, camera: Camera, samples_per_pixel: int = 4, seed: int = 0
     ) -> tuple[np.ndarray, np.ndarray]:
         """Return the image, (height, width, 3), and the mask, (height, width), both uint8."""
-        if samples_per_pixel < 1:
-            raise DigsError(f"samples_per_pixel: {samples_per_pixel}, expected at least 1")
         flags = self._pyrender.RenderFlags
         mask, _ = self._draw(self._covers, camera, flags.FLAT)
         shown, _ = self._draw(self._shown, camera, flags.RGBA)

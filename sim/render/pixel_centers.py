@@ -2,7 +2,6 @@
 
 from typing import Any
 
-import numpy as np
 import warp as wp
 
 from digs_warp.device.kernel_options import ray_module_options
@@ -19,11 +18,9 @@ from digs_warp.sim.render.surface import (
     viewer_side_normal,
 )
 from digs_warp.sim.render.surround import boundary_distance, boundary_normal
-from digs_warp.sim.render.upload import upload_scene
 from digs_warp.sim.render.view import FAR, View, center_ray, make_view
 from digs_warp.sim.render.views import Geometry
 from digs_warp.sim.scene.environment import Surround
-from digs_warp.sim.scene.scene import Scene
 
 wp.set_module_options(ray_module_options())
 
@@ -91,16 +88,3 @@ def geometry_at_pixel_centers(
         materials.numpy().reshape(height, width),
         objects.numpy().reshape(height, width),
     )
-
-
-class Silhouette:
-    """A scene of which only the outline matters."""
-
-    def __init__(self, scene: Scene, surround: Surround) -> None:
-        self._scene = upload_scene(scene)
-        self._surround = surround
-
-    def cast(self, camera: Camera) -> np.ndarray:
-        """Return where the pixel centers show the scene, (height, width), bool; holes are open."""
-        seen = geometry_at_pixel_centers(self._scene.surface, camera, self._surround)
-        return seen.object_ids > 0

@@ -8,7 +8,6 @@ from threading import Lock
 import numpy as np
 import warp as wp
 
-from digs_warp.checks import DigsError
 from digs_warp.device.parallel import launch_parallel
 from digs_warp.geometry.camera import Camera
 from digs_warp.sim.render.ambient_occlusion import measure_openness
@@ -62,8 +61,6 @@ class RaycastRenderer:
 
         The same (camera, samples_per_pixel, seed) gives the same bytes, whatever was rendered before.
         """
-        if samples_per_pixel < 1:
-            raise DigsError(f"samples_per_pixel: {samples_per_pixel}, expected at least 1")
         return self.photograph(CameraTrack.still(camera), samples_per_pixel, seed)[:2]
 
     def photograph(self, track: CameraTrack, samples: int, seed: int = 0) -> Photograph:

@@ -7,7 +7,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from digs_warp.checks import check_shape
 from digs_warp.geometry.camera import Camera, Intrinsics
 from digs_warp.sim.sensor.highlights import Highlights
 
@@ -53,9 +52,6 @@ class CameraTrack:
 
     intrinsics: Intrinsics
     world_from_cam: np.ndarray
-
-    def __post_init__(self) -> None:
-        check_shape("world_from_cam", self.world_from_cam, (None, None, 4, 4))
 
     @staticmethod
     def still(camera: Camera) -> "CameraTrack":

@@ -10,7 +10,7 @@ from typing import Literal
 
 import numpy as np
 
-from digs_warp.checks import DigsError, check_finite, check_positive, check_shape
+from digs_warp.checks import DigsError, check_finite, check_shape
 from digs_warp.data.images import linear_from_srgb, read_image
 from digs_warp.sim.scene.join import join_scenes
 from digs_warp.sim.scene.scene import Scene
@@ -105,9 +105,6 @@ class Environment:
     def __post_init__(self) -> None:
         radiance = np.asarray(self.radiance, dtype=np.float32)
         check_shape("environment radiance", radiance, (None, None, 3))
-        check_finite("environment radiance", radiance)
-        check_positive("environment radius", self.radius)
-        check_positive("environment level", self.level)
         object.__setattr__(self, "radiance", np.ascontiguousarray(np.maximum(radiance, 0.0)))
 
     @property

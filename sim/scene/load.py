@@ -16,7 +16,6 @@ from digs_warp.sim.scene.mesh.placement import (
     Scale,
     guessed_scale,
     place,
-    place_turned,
     stated_scale,
 )
 from digs_warp.sim.scene.mesh.read import GLTF_SUFFIXES, UP_AXIS_BY_SUFFIX, read_triangles
@@ -131,14 +130,14 @@ def _placement(
     scale = stated_scale(size, unit, high - low, suffix in GLTF_SUFFIXES)
     if scale is None:
         scale = _guessed_scale(path, high - low)
-    if up != "auto":
-        return place(low, high, up, scale)
     vertices = used_vertices(triangles.vertices, triangles.faces)
-    usual = place(low, high, UP_AXIS_BY_SUFFIX[suffix], scale)
+    if up != "auto":
+        return place(vertices, up, scale)
+    usual = place(vertices, UP_AXIS_BY_SUFFIX[suffix], scale)
     turn = resting_turn(transform_points(usual.world_from_mesh, vertices))
     if (turn == np.eye(3)).all():
         return usual
-    placement = place_turned(vertices, usual.up, scale, turn)
+    placement = place(vertices, usual.up, scale, turn)
     logger.log(
         logging.INFO if placement.turned < SAME_POSE else logging.WARNING,
         "mesh '%s': does not rest with %s up; turned by %.1f degrees, so that it does. "

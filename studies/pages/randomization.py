@@ -1,4 +1,4 @@
-"""What can be drawn, in docs/simulate.md."""
+"""The list of docs/simulate.md: what can be drawn."""
 
 from digs_warp.sim.record.randomize.draws import known_keys
 from scripts.page_marks import fill
@@ -13,7 +13,5 @@ def main() -> None:
 
 
 def texts() -> dict[str, str]:
-    """Return the tables by mark."""
-    return {
-        "keys": ", ".join(f"`{key}`" for key in known_keys()) + ".",
-    }
+    """Return the list by its mark."""
+    return {"keys": ", ".join(f"`{key}`" for key in known_keys()) + "."}

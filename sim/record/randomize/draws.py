@@ -110,7 +110,7 @@ class Distribution:
         """As a file has it, for example {log_uniform: [0.5, 2]}."""
         import yaml
 
-        text = yaml.safe_dump(self.found, default_flow_style=True, width=math.inf)
+        text = yaml.safe_dump(self.found, default_flow_style=True, sort_keys=False, width=math.inf)
         return text.removesuffix("...\n").strip()
 
 

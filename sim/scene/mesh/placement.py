@@ -89,28 +89,16 @@ def guessed_scale(extent: np.ndarray, kind: str) -> Scale:
     )
 
 
-def place(low: np.ndarray, high: np.ndarray, up: str, scale: Scale) -> Placement:
-    """Return the placement that turns ``up`` to z and puts the box's center at the origin.
-
-    Args:
-        low: lowest corner of the bounding box in the file, shape (3,).
-        high: highest corner.
-        up: axis of the file that points up.
-        scale: metres per unit.
-    """
-    linear = scale.metres_per_unit * ROTATION_BY_UP_AXIS[up]
-    return Placement(rigid(linear, -linear @ (low + high) / 2), up, scale)
-
-
-def place_turned(vertices: np.ndarray, up: str, scale: Scale, turn: np.ndarray) -> Placement:
-    """Return the placement that also turns the object after ``up`` points to z.
+def place(vertices: np.ndarray, up: str, scale: Scale, turn: np.ndarray | None = None) -> Placement:
+    """Return the placement that turns ``up`` to z and puts the middle of the box at the origin.
 
     Args:
         vertices: those that the faces use, in the file, shape (n, 3).
         up: axis of the file that points up.
         scale: metres per unit.
-        turn: rotation in the world, shape (3, 3).
+        turn: rotation in the world after that, shape (3, 3); None: none.
     """
+    turn = np.eye(3) if turn is None else turn
     linear = scale.metres_per_unit * turn @ ROTATION_BY_UP_AXIS[up]
     turned = vertices @ linear.T
     middle = (turned.min(axis=0) + turned.max(axis=0)) / 2

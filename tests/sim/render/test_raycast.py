@@ -5,7 +5,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from digs_warp.checks import DigsError
 from digs_warp.geometry.camera import Camera, Intrinsics, pixel_centers
 from digs_warp.geometry.rigid import look_at
 from digs_warp.sim.render.raycast import RaycastRenderer
@@ -134,8 +133,3 @@ def test_odd_image_sizes_and_sample_counts(width: int, height: int, samples: int
     view = see(RaycastRenderer(sphere(0.3, 8), sky()), camera, samples)
     assert view.image.shape == (height, width, 3) and view.mask.shape == (height, width)
     assert view.mask[height // 2, width // 2] == 255 and np.isfinite(view.depth).all()
-
-
-def test_no_samples_are_refused() -> None:
-    with pytest.raises(DigsError, match="samples_per_pixel: 0"):
-        see(RaycastRenderer(FAR_AWAY, sky()), CAMERA, samples=0)
