@@ -55,7 +55,7 @@ LINE_BUDGETS = {
     "sim.fit": 2_310,
     "sim.record": 2_001,
     "sim.render": 4_666,
-    "sim.scene": 4_194,
+    "sim.scene": 4_189,
     "sim.sensor": 5_020,
     "sim.testing": 980,
     "splat": 5_020,

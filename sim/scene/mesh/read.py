@@ -57,7 +57,13 @@ def read_triangles(path: Path) -> tuple[Triangles, tuple[Material, ...]]:
         ) from error
     if not parts:
         raise MeshError(f"mesh '{path}': 0 faces, expected triangles; {_cure(path)}")
-    return _usable(path, join_parts(parts, part_materials)), materials
+    triangles = drop_bad_faces(join_parts(parts, part_materials), path.name)
+    if not len(triangles.faces):
+        raise MeshError(
+            f"mesh '{path}': none of its {sum(len(part.faces) for part in parts)} faces is usable (no area, "
+            "or vertices that are not finite); repair or export it again"
+        )
+    return triangles, materials
 
 
 def _gltf(path: Path) -> tuple[list[MeshPart], Convert]:
@@ -111,17 +117,6 @@ def _cure(path: Path) -> str:
     if path.suffix.lower() == ".ply" and read_ply_header(path).holds_splats:
         return "these are Gaussian splats; 'digs-warp convert' reads them, 'digs-warp mesh' makes a mesh"
     return "turn a point cloud into a mesh first"
-
-
-def _usable(path: Path, triangles: Triangles) -> Triangles:
-    total = len(triangles.faces)
-    triangles = drop_bad_faces(triangles, path.name)
-    if not len(triangles.faces):
-        raise MeshError(
-            f"mesh '{path}': none of its {total} faces is usable (no area, or vertices that are not "
-            "finite); repair or export it again"
-        )
-    return triangles
 
 
 # The lines of a material file that name a texture.

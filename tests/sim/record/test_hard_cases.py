@@ -14,7 +14,6 @@ from digs_warp.sim.config import SimulateConfig
 from digs_warp.sim.record.record import simulate
 
 SMALL = SimulateConfig(profile="bare-matcher", frames=1, width=96, height=72, samples_per_pixel=1)
-SUN = 70_000.0
 
 
 def effects_of(capture: Capture) -> dict[str, bool]:

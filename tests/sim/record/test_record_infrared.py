@@ -10,7 +10,6 @@ from digs_warp.checks import CaptureError
 from digs_warp.data.capture import read_capture
 from digs_warp.data.layers import INFRARED_LAYERS, Layer
 from digs_warp.data.rig import InfraredPair, Rig
-from digs_warp.record.files import read_json
 from digs_warp.sim.camera.shutter import Shutter
 from digs_warp.sim.config import SimulateConfig
 from digs_warp.sim.record.frame_maker import FrameMaker, layers_of
@@ -72,14 +71,6 @@ def test_the_pair_shows_the_scene_at_the_stated_place(recording: Path) -> None:
         assert np.corrcoef(infrared.ravel(), inside.ravel())[0, 1] > 0.95
     place = frame.camera.cam_from_world @ np.append(truth.camera.center_world, 1)
     np.testing.assert_allclose(place[:3], [0.015, 0, 0], atol=1e-12)
-
-
-def test_the_plan_names_the_projector_and_its_figures_are_recorded(recording: Path) -> None:
-    plan = {c["effect"]: c for c in read_json(recording / "sensor_plan.json", "plan")["color"]}
-    assert plan["projector"]["on"] and plan["projector"]["statistic"].startswith("dot_share")
-    about = read_capture(recording).about
-    assert about.sensor is not None and about.sensor["projector_power"] == 0.2
-    assert about.effects is not None and "projector" in about.effects
 
 
 def test_without_the_projector_only_the_pair_and_its_depth_change(

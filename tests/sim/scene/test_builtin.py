@@ -6,7 +6,6 @@ import pytest
 from digs_warp.sim.scene.builtin import builtin_scene, builtin_shape
 from digs_warp.sim.scene.finishes import periodic_noise
 from digs_warp.sim.scene.scene import Scene
-from digs_warp.sim.scene.shapes import revolve
 from reference.scene_checks import check_arrays
 
 
@@ -49,16 +48,6 @@ def test_noise_holds_only_the_asked_wavelengths_and_repeats() -> None:
     frequency = np.hypot(np.fft.fftfreq(128)[:, None], np.fft.fftfreq(256)[None, :])
     inside = (frequency <= 1 / 8 + 1e-6) & (frequency >= 1 / 32 - 1e-6)
     assert power[~inside].sum() < 1e-6 * power.sum()
-
-
-def test_a_revolved_half_circle_is_a_sphere() -> None:
-    t = np.linspace(-np.pi / 2, np.pi / 2, 60)
-    sphere = revolve(np.stack([np.cos(t), np.sin(t)], axis=1).round(12), 90)
-    np.testing.assert_allclose(np.linalg.norm(sphere.vertices, axis=1), 1, atol=1e-9)
-    np.testing.assert_allclose(sphere.normals, sphere.vertices, atol=2e-3)
-    corners = sphere.vertices[sphere.faces]
-    volume = np.einsum("ij,ij->i", corners[:, 0], np.cross(corners[:, 1], corners[:, 2])).sum() / 6
-    assert volume == pytest.approx(4 / 3 * np.pi, rel=5e-3)  # positive: wound outward
 
 
 def test_the_plain_shape_is_that_of_the_textured_object(scene: Scene) -> None:

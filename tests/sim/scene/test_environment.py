@@ -59,14 +59,6 @@ def test_a_photo_is_no_panorama(tmp_path: Path) -> None:
         load_environment(tmp_path / "photo.png")
 
 
-def test_a_black_panorama_is_taken_with_a_warning(
-    tmp_path: Path, caplog: pytest.LogCaptureFixture
-) -> None:
-    write_image(tmp_path / "night.png", np.zeros((8, 16, 3), np.uint8))
-    assert not load_environment(tmp_path / "night.png").radiance.any()
-    assert "night.png" in caplog.text and "every pixel is black" in caplog.text
-
-
 def test_panorama_directions_are_unit_and_follow_the_convention() -> None:
     directions = panorama_directions(64, 32)
     np.testing.assert_allclose(np.linalg.norm(directions, axis=-1), 1.0, atol=1e-12)

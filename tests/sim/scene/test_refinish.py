@@ -54,10 +54,6 @@ def test_a_tint_takes_away_the_other_colors(
         np.testing.assert_allclose(b.base_color, a.base_color * np.array(color), atol=1e-6)
 
 
-def test_nothing_asked_for_changes_nothing() -> None:
-    assert refinished(SCENE, LookSettings(tint_hue=(80.0,))) is SCENE
-
-
 def test_every_object_gets_its_own_finish_and_furniture_none() -> None:
     numbers = np.choose(SCENE.face_materials % 3, [0, 1, 2]).astype(np.int32)
     scene = replace(SCENE, face_objects=numbers)

@@ -3,17 +3,14 @@
 from dataclasses import replace
 from pathlib import Path
 
-import cv2
 import numpy as np
 import pytest
 from scipy.ndimage import map_coordinates
 
 from digs_warp.checks import CaptureError, DigsError
-from digs_warp.data.capture import Capture, read_capture
+from digs_warp.data.capture import read_capture
 from digs_warp.data.frame import Frame
 from digs_warp.data.layers import Layer, Occlusion
-from digs_warp.data.rig import Rig
-from digs_warp.formats.captures.formats import export_capture
 from digs_warp.geometry.camera import pixel_centers
 from digs_warp.sim.config import SimulateConfig
 from digs_warp.sim.record.frame_maker import FrameMaker
@@ -124,21 +121,6 @@ def test_disparity_is_what_a_drifted_pair_shows() -> None:
     turned = right_k.matrix @ truth.drift.believed_from_turned.T @ points
     column = (turned[0] / turned[2]).reshape(disparity.shape)
     np.testing.assert_allclose(disparity, centers(disparity)[..., 0] - column, atol=2e-4)
-
-
-def test_an_exported_scene_gives_the_true_depth_back(
-    maker: FrameMaker, frame: Frame, tmp_path: Path
-) -> None:
-    """From the files of Middlebury's alone, as its users compute depth."""
-    capture = Capture(None, (frame,), Rig(maker.session.rig.baseline))
-    export_capture(capture, "middlebury", tmp_path)
-    lines = (tmp_path / "0000/calib.txt").read_text().splitlines()
-    facts = {name: value for name, _, value in (line.partition("=") for line in lines)}
-    disparity = cv2.imread(str(tmp_path / "0000/disp0.pfm"), cv2.IMREAD_UNCHANGED)
-    assert disparity is not None
-    focal = float(facts["cam0"].strip("[").split()[0])
-    depth_mm = float(facts["baseline"]) * focal / (disparity + float(facts["doffs"]))
-    np.testing.assert_allclose(depth_mm, 1000 * frame.load_depth_true(), rtol=1e-5)
 
 
 def test_the_right_mask_covers_the_object_in_the_right_eye(maker: FrameMaker, frame: Frame) -> None:

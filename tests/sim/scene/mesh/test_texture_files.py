@@ -97,16 +97,6 @@ def test_an_obj_without_its_texture_says_so(
     assert text.endswith("drawn without it")
 
 
-def test_a_material_file_is_found_like_a_texture(
-    tmp_path: Path, caplog: pytest.LogCaptureFixture
-) -> None:
-    path = write_obj(tmp_path, "Ns 10")
-    (tmp_path / "s.mtl").rename(tmp_path / "S.MTL")
-    (material,) = load_scene(path, unit="m").materials
-    assert material.name == "paint"
-    assert f"material file 's.mtl' does not exist; using '{tmp_path}/S.MTL'" in caplog.text
-
-
 def test_a_map_of_opacity_cuts_holes(tmp_path: Path) -> None:
     ramp = np.tile(np.arange(16, dtype=np.uint8) * 16, (16, 1))
     Image.fromarray(ramp).save(tmp_path / "leaf.png")
@@ -116,14 +106,6 @@ def test_a_map_of_opacity_cuts_holes(tmp_path: Path) -> None:
     np.testing.assert_allclose(material.opacity_texture, ramp / 2, atol=0.5)
     assert material.alpha_cutoff > 0
     np.testing.assert_array_equal(material.base_color, [0, 0, 1])
-
-
-def test_a_map_of_opacity_that_is_missing_is_named(
-    tmp_path: Path, caplog: pytest.LogCaptureFixture
-) -> None:
-    (material,) = load_scene(write_obj(tmp_path, "map_d leaf.png"), unit="m").materials
-    assert material.opacity_texture is None
-    assert "texture 'leaf.png' is missing; drawn without it" in caplog.text
 
 
 @pytest.mark.parametrize(
