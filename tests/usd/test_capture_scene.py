@@ -201,22 +201,3 @@ def test_variants_that_are_not_there_are_listed(package: Path):
         read_scene(package, variants={"init": "mesh"})
     with pytest.raises(UsdError, match=r"no variant 'full' of 'detail'"):
         read_scene(package, variants={"detail": "full"})
-
-
-def test_the_offset_of_a_recording_is_a_double_translation(tmp_path: Path):
-    from pxr import UsdGeom
-
-    from digs_warp.usd.validate import validate
-
-    offset = [431000.25, 4582000.5, 120.0]
-    scene = replace(full_scene(), metadata={"world_offset": offset})
-    write_capture_scene(tmp_path / "far.usdz", scene)
-    stage = open_stage(tmp_path / "far.usdz")
-    for place in ("/Asset/Gaussians", "/Asset/Source/Mesh"):
-        prim = stage.GetPrimAtPath(place)
-        moved = UsdGeom.XformCache().GetLocalToWorldTransform(prim).ExtractTranslation()
-        assert tuple(moved) == (431000.25, 120.0, -4582000.5)  # y is up
-    read = read_scene(tmp_path / "far.usdz")
-    assert_array_equal(read.gaussians.means, scene.variants[0].gaussians.means)
-    findings = validate(tmp_path / "far.usdz").findings
-    assert not [each for each in findings if each.severity == "error"]

@@ -48,8 +48,7 @@ VERTEX_COLOR = ("red", "green", "blue")
 QUATERNION = ("rot_0", "rot_1", "rot_2", "rot_3")  # wxyz
 REST = "f_rest_{}"
 
-# Files of degree 4 exist; its 9 further coefficients a channel are left out with a warning.
-_DEGREE_OF_REST = {3 * ((degree + 1) ** 2 - 1): degree for degree in range(MAX_DEGREE + 2)}
+_REST_COUNTS = [3 * (coefficient_count(degree) - 1) for degree in range(MAX_DEGREE + 1)]
 
 
 def read_ply(path: Path) -> Gaussians:
@@ -154,18 +153,15 @@ def _read_sh(table: np.ndarray, what: str) -> np.ndarray:
     names = table.dtype.names or ()
     count = sum(name.startswith("f_rest_") for name in names)
     rest_names = tuple(REST.format(i) for i in range(count))
-    if count not in _DEGREE_OF_REST or any(name not in names for name in rest_names):
+    if count not in _REST_COUNTS or any(name not in names for name in rest_names):
         raise DigsError(
             f"{what}: {count} properties f_rest_*, expected f_rest_0 to f_rest_8, _23 or _44 "
             "(degree 1, 2 or 3), or none"
         )
-    degree = _DEGREE_OF_REST[count]
-    if degree > MAX_DEGREE:
-        logger.warning("%s: colors of degree %d are read up to %d", what, degree, MAX_DEGREE)
-    used = coefficient_count(min(degree, MAX_DEGREE)) - 1
-    sh = np.empty((len(table), 1 + used, 3), dtype=np.float32)
+    rest = count // 3
+    sh = np.empty((len(table), 1 + rest, 3), dtype=np.float32)
     sh[:, 0] = _columns(table, COLOR, what)
     for channel in range(3):
-        first = channel * (count // 3)
-        sh[:, 1:, channel] = _columns(table, rest_names[first : first + used], what)
+        names_of = rest_names[channel * rest : (channel + 1) * rest]
+        sh[:, 1:, channel] = _columns(table, names_of, what)
     return sh

@@ -95,22 +95,20 @@ def read_spz(path: Path) -> Gaussians:
         header, streams = _unpacked(require_file(path, "SPZ").read_bytes(), what)
     if header.flags & _EXTENSIONS:
         logger.warning("%s: extension records of other programs are skipped", what)
-    if header.degree > MAX_DEGREE:
-        logger.warning("%s: colors of degree %d are read up to %d", what, header.degree, MAX_DEGREE)
-    count, degree = header.count, min(header.degree, MAX_DEGREE)
+    count = header.count
     read = Gaussians(
         means=np.empty((count, 3), np.float32),
         log_scales=np.empty((count, 3), np.float32),
         quats=np.empty((count, 4), np.float32),
         opacity_logits=np.empty(count, np.float32),
-        sh=np.empty((count, coefficient_count(degree), 3), np.float32),
+        sh=np.empty((count, coefficient_count(header.degree), 3), np.float32),
         screen_filter=ANTIALIASED if header.flags & _ANTIALIASED else CLASSIC,
     )
     # Decoding takes several times the memory of its result.
     for start in range(0, count, _ROWS_AT_A_TIME):
         rows = slice(start, min(start + _ROWS_AT_A_TIME, count))
         part = {name: codes[rows] for name, codes in streams.items()}
-        decoded = turned(_decoded(header, part, coefficient_count(degree)), WORLD_FROM_Y_UP)
+        decoded = turned(_decoded(header, part), WORLD_FROM_Y_UP)
         for name in FIELDS:
             getattr(read, name)[rows] = getattr(decoded, name)
     return read
@@ -154,8 +152,8 @@ def _header(data: bytes, what: str) -> _Header:
     if header.version not in VERSIONS:
         raise DigsError(f"{what}: version {header.version}, expected one of {VERSIONS}")
     GAUSSIANS.check(what, header.count)
-    if header.degree > MAX_DEGREE + 1:
-        raise DigsError(f"{what}: colors of degree {header.degree}, expected 0 to 4; damaged")
+    if header.degree > MAX_DEGREE:
+        raise DigsError(f"{what}: colors of degree {header.degree}, expected 0 to {MAX_DEGREE}")
     if header.bits > 23:
         raise DigsError(f"{what}: {header.bits} fractional bits of 24-bit positions; damaged")
     return header
@@ -202,7 +200,7 @@ def _unpacked_streams(header: _Header, data: bytes, what: str) -> dict[str, np.n
     return _split(header, body)
 
 
-def _decoded(header: _Header, codes: dict[str, np.ndarray], coefficients: int) -> Gaussians:
+def _decoded(header: _Header, codes: dict[str, np.ndarray]) -> Gaussians:
     """Return Gaussians in the frame of the file."""
     fixed = np.zeros((codes["positions"].size // 3, 4), np.uint8)
     fixed[:, 1:] = codes["positions"].reshape(-1, 3)
@@ -216,7 +214,7 @@ def _decoded(header: _Header, codes: dict[str, np.ndarray], coefficients: int) -
         log_scales=codes["scales"].astype(np.float32) / LOG_SCALE_STEPS + LOWEST_LOG_SCALE,
         quats=decode_quats(codes["rotations"]),
         opacity_logits=logits_from_codes(codes["alphas"][:, 0]),
-        sh=sh[:, :coefficients],
+        sh=sh,
     )
 
 

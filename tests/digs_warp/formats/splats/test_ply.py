@@ -141,26 +141,6 @@ def test_infinite_logits_mean_opaque_and_invisible(tmp_path: Path) -> None:
     assert 0.0 <= read.opacities[1] < 1e-16
 
 
-def test_degree_four_is_read_up_to_three(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
-    gaussians = random_gaussians(3, 3)
-    write_ply(tmp_path / "a.ply", gaussians)
-    header = read_ply_header(tmp_path / "a.ply")
-    names = list(header.elements[0].columns)
-    rows = np.frombuffer((tmp_path / "a.ply").read_bytes()[header.data_start :], "<f4").reshape(
-        3, -1
-    )
-    columns = {name: rows[:, i] for i, name in enumerate(names) if not name.startswith("f_rest")}
-    wide = np.full((3, 3, 24), 9.0)
-    wide[:, :, :15] = gaussians.sh[:, 1:].transpose(0, 2, 1)
-    columns |= {f"f_rest_{i}": wide.reshape(3, 72)[:, i] for i in range(72)}
-    text = ["ply", "format binary_little_endian 1.0", "element vertex 3"]
-    text += [f"property float {name}" for name in columns] + ["end_header\n"]
-    body = np.column_stack(list(columns.values())).astype("<f4").tobytes()
-    (tmp_path / "b.ply").write_bytes("\n".join(text).encode() + body)
-    assert_equal(read_ply(tmp_path / "b.ply"), gaussians)
-    assert "degree 4" in caplog.text
-
-
 def broken(text: str, *replacements: tuple[str, str]) -> str:
     for old, new in replacements:
         assert old in text

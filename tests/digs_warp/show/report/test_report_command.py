@@ -7,9 +7,7 @@ from pathlib import Path
 import pytest
 
 from digs_warp.cli import EXIT_BAD_INPUT, EXIT_OK, main
-from digs_warp.commands.output import OutputFolder
 from digs_warp.data.capture import Capture
-from digs_warp.record.files import write_atomically
 from reference.report_folder import report_on
 
 Run = tuple[Capture, Path, Path]
@@ -62,14 +60,3 @@ def test_a_recording_that_has_moved_is_asked_for(
     assert "name it with --capture" in capsys.readouterr().err
     assert not (alone / "report.html").exists()
     assert main(["report", str(alone), "--capture", str(tmp_path / "moved")]) == EXIT_OK
-
-
-def test_the_page_goes_with_the_result_that_it_shows(stored: Run) -> None:
-    """A new result that replaces the old one must not stand beside the report of the old one."""
-    _, folder, _ = stored
-    assert main(["report", str(folder)]) == EXIT_OK
-    output = OutputFolder(out=folder, overwrite=True)
-    with output.opened(writes=["new.npz"]) as new:
-        write_atomically(new / "new.npz", b"new")
-    assert (folder / "new.npz").is_file()
-    assert not (folder / "report.html").exists()

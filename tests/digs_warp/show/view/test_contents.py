@@ -11,7 +11,6 @@ from digs_warp.data.capture import Capture
 from digs_warp.data.triangle_mesh import TriangleMesh
 from digs_warp.geometry.rigid import matrix_from_quat_xyzw
 from digs_warp.geometry.sh import C0
-from digs_warp.pipeline.reconstruction import Reconstruction
 from digs_warp.show.view.contents import NAME, Contents, Stage, read_contents
 from digs_warp.show.view.layers import load_picture, mesh_as_splats, pictures_of, points_as_splats
 from digs_warp.train.training import save_snapshot
@@ -50,18 +49,6 @@ def test_a_reconstruction_has_its_start_and_every_snapshot(
     assert len(contents.frames) == len(capture)
     assert contents.name == tmp_path.name  # of the run, not 'reconstruction'
     assert any("dB" in fact for fact in contents.facts)
-
-
-def test_gaussians_of_any_file(tmp_path: Path) -> None:
-    from digs_warp.pipeline.scene_files import write_scene_file
-
-    ours = ball()
-    for name in ("a.ply", "b.spz", "c.usdz", "d.npz"):
-        target = tmp_path / "elsewhere" / name
-        write_scene_file(target, Reconstruction(gaussians=ours), Path("ball"))
-        contents = read_contents(target)
-        assert [len(stage.gaussians) for stage in contents.stages] == [len(ours)]
-        assert contents.frames == ()
 
 
 def test_a_mesh(tmp_path: Path) -> None:
