@@ -41,7 +41,7 @@ LINE_BUDGETS = {
     "device": 906,
     "engines": 996,
     "files at the top": 800,
-    "formats": 5_670,
+    "formats": 5_664,
     "geometry": 621,
     "init": 4_125,
     "losses": 732,
