@@ -37,13 +37,13 @@ LINE_BUDGETS = {
     "api": 435,
     "check": 1_735,
     "commands": 3_262,
-    "data": 3_270,
+    "data": 3_261,
     "device": 906,
     "engines": 996,
     "files at the top": 800,
     "formats": 5_664,
     "geometry": 621,
-    "init": 4_125,
+    "init": 4_118,
     "losses": 732,
     "masks": 1_165,
     "measure": 1_590,
@@ -65,7 +65,7 @@ LINE_BUDGETS = {
     "train": 3_643,
     "usd": 2_748,
 }
-MOST_FILES = 497  # of the product; 65,000 lines in 500 files are the goal
+MOST_FILES = 496  # of the product; 65,000 lines in 500 files are the goal
 # A shorter file with a single client in its folder belongs into that client.
 CRUMB = 60
 

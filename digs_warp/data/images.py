@@ -20,17 +20,8 @@ from digs_warp.record.arrays import read_array
 from digs_warp.record.files import write_atomically
 
 
-def encode(form: str, spec: Any, pixels: np.ndarray) -> bytes:
-    """Return an image file.
-
-    Args:
-        form: "png" or "exr".
-        spec: the `OpenImageIO.ImageSpec`.
-        pixels: shape (height, width, channels), as ``spec`` says.
-
-    Raises:
-        DigsError: the format cannot hold the pixels, or the file comes out incomplete.
-    """
+def _encoded(form: str, spec: Any, pixels: np.ndarray) -> bytes:
+    """Return a "png" or "exr" file of pixels, (height, width, channels), with an `OpenImageIO.ImageSpec`."""
     import OpenImageIO as oiio
 
     with _memory_file(form) as path:
@@ -293,7 +284,7 @@ def write_image(path: Path, pixels: np.ndarray) -> None:
     if path.suffix == ".png":
         _choose_png_coding(spec, image)
     try:
-        data = encode(path.suffix[1:], spec, image)
+        data = _encoded(path.suffix[1:], spec, image)
     except DigsError as error:
         raise DigsError(f"image '{path}': {error}") from None
     write_atomically(path, data)

@@ -9,13 +9,6 @@ import warp as wp
 
 from digs_warp.device.parallel import put, put_by_copy
 
-
-@wp.struct
-class Pair:
-    number: int
-    share: float
-
-
 BOTH = pytest.mark.parametrize("put", [put, put_by_copy])  # the second is for GPUs
 
 
