@@ -3,7 +3,6 @@
 from dataclasses import replace
 
 import numpy as np
-import pytest
 import trimesh
 
 from digs_warp.data.images import linear_from_srgb
@@ -105,35 +104,6 @@ def test_a_sphere_of_glass_shows_the_surround_upside_down_where_snell_says() -> 
     assert clear.sum() > 500
     assert np.sqrt((error**2).mean()) < 0.004 and np.abs(error).max() < 0.02
     assert np.sqrt(((image[inside] - expected(1.4))[clear] ** 2).mean()) > 0.02
-
-
-def test_a_slab_shifts_what_lies_behind_without_turning_it() -> None:
-    """The edge of a lamp behind a slab that stands aslant."""
-    thick, tilt = 0.1, np.radians(45)
-    slab = trimesh.creation.box(extents=(thick, 0.8, 0.8))
-    slab.apply_transform(trimesh.transformations.rotation_matrix(tilt, UP))
-    lamp = plate((-0.4, 0.5, 0), (0, 0.5, 0), (0, 0, 0.5), glow(1.0))
-    columns = []
-    for scene in (lamp, join_scenes(body(slab, GLASS), lamp)):
-        row = linear(scene, BLACK)[45, :, 0]
-        # The edge of the lamp is in the middle of the image.
-        columns.append(row[60:100].sum() / max(row[60], row[99]))
-    behind = np.arcsin(np.sin(tilt) / IOR)
-    shift = thick * np.sin(tilt) * (1 - np.cos(tilt) / (IOR * np.cos(behind)))
-    expected = INTRINSICS.fx * shift / 1.4
-    assert expected > 3
-    assert abs(columns[1] - columns[0]) == pytest.approx(expected, abs=0.35)
-
-
-def test_a_slab_absorbs_by_its_thickness() -> None:
-    absorption = np.array([1.0, 5.0, 20.0])
-    slab = body(
-        trimesh.creation.box(extents=(0.1, 0.8, 0.8)), replace(GLASS, absorption=tuple(absorption))
-    )
-    lamp = plate((-0.4, 0, 0), (0, 0.6, 0), (0, 0, 0.6), glow(0.9))
-    middle = linear(join_scenes(slab, lamp), BLACK)[45, 80]
-    through = (1 - coat(np.ones(1), 0.04)) ** 2
-    np.testing.assert_allclose(middle, 0.9 * through * np.exp(-0.1 * absorption), atol=0.006)
 
 
 def test_light_is_totally_reflected_in_a_prism() -> None:

@@ -110,24 +110,6 @@ def test_maps_in_different_places_are_named(
     assert "material '0': its maps lie in different places" in caplog.text
 
 
-@pytest.mark.parametrize("name", [None, "paint"])
-def test_materials_of_the_same_name_keep_their_own_extensions(
-    tmp_path: Path, name: str | None
-) -> None:
-    builder = GltfBuilder()
-    glass = {"extensions": {"KHR_materials_transmission": {"transmissionFactor": 1.0}}}
-    builder.header["materials"] = [glass, {}]
-    if name:
-        for material in builder.header["materials"]:
-            material["name"] = name
-    above = builder.add((CORNERS + (0, 0.5, 0)).astype(np.float32))
-    second = {"attributes": {"POSITION": above}, "indices": 2, "material": 1}
-    builder.header["meshes"][0]["primitives"].append(second)
-    scene = load(builder, tmp_path)
-    assert [material.transmission for material in scene.materials] == [1.0, 0.0]
-    assert len({material.name for material in scene.materials}) == 2
-
-
 def test_a_webp_map_of_an_extension_is_read(tmp_path: Path) -> None:
     builder = GltfBuilder()
     texture = builder.add_texture(checker(), "WEBP")
