@@ -8,7 +8,7 @@ from tyro.conf import arg
 
 from digs_warp.checks import DigsError
 from digs_warp.settings import ANGLE, FRAMES, NO_FLAG, SEED, SIDE, Range, Settings
-from digs_warp.sim.camera.walk.settings import WalkSettings, kept_count
+from digs_warp.sim.camera.walk.settings import WalkSettings
 from digs_warp.sim.record.labels.names import labels_named
 from digs_warp.sim.scene.appearance import LookSettings
 from digs_warp.sim.scene.environment import Ground
@@ -154,23 +154,18 @@ class SimulateConfig(Settings):
                 "third; leave one out"
             )
         try:
-            FRAMES.check("--frames", self.beats)
+            FRAMES.check("--frames", self.frame_count)
         except DigsError as error:
             raise DigsError(f"--fps {fps:g} for --duration {duration:g}: {error}") from None
 
     @property
-    def beats(self) -> int:
-        """Number of frames that the camera takes, with those that are lost."""
+    def frame_count(self) -> int:
+        """Number of frames of the recording."""
         if self.frames is not None:
             return self.frames
         if self.walk.fps is None or self.walk.duration is None:
             return USUAL_FRAMES
         return round(self.walk.fps * self.walk.duration)
-
-    @property
-    def frame_count(self) -> int:
-        """Number of frames of the recording."""
-        return kept_count(self.beats, self.walk)
 
     @property
     def chosen_ground(self) -> Ground:

@@ -104,5 +104,4 @@ BENCHMARKS = (
     # Figures of real depth cameras beside those of the simulated ones.
     Benchmark("device", ("device.bench_device",), ("research/devices.md",)),
     # Known figures of a depth camera found again.
-    Benchmark("sensor-fit", ("sensor_fit.bench_sensor_fit",), ("sensor-fit.md",)),
 )

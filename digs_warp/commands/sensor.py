@@ -1,19 +1,17 @@
-"""`digs-warp sensor fit|wall`: the figures of a depth camera from its recordings; recordings to try it on."""
+"""`digs-warp sensor fit`: the figures of a depth camera from its recordings."""
 
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated
 
 import tyro
 
 from digs_warp.checks import DigsError
 from digs_warp.commands.command import Command, Group
-from digs_warp.commands.output import OutputFolder, check_output_file
+from digs_warp.commands.output import check_output_file
 from digs_warp.record.files import write_atomically
-from digs_warp.record.layout import RUN_RECORD
-from digs_warp.record.run_log import RunLog
-from digs_warp.settings import FRAMES, SEED, SIDE, Range
-from digs_warp.words import counted, did_you_mean
+from digs_warp.settings import Range
+from digs_warp.words import did_you_mean
 
 if TYPE_CHECKING:
     from digs_warp.sim.camera.profiles import Profile
@@ -88,60 +86,7 @@ class FitSensor(Command):
         return fit_wall(wall, rig, self.distances)
 
 
-@dataclass(frozen=True, kw_only=True)
-class RecordWall(Command):
-    """Record a flat, textured wall with a simulated camera, as 'digs-warp sensor fit' needs it.
-
-    The wall stands at five places, 0.7 to 2.5 m away and tilted. The figures of the camera and the drift of
-    its calibration are in run.json: see how well the fit finds them.
-    """
-
-    out: Path
-    """Folder for the capture. It must be new or empty, unless --overwrite is given."""
-
-    overwrite: tyro.conf.FlagCreatePairsOff[bool] = False
-    """Replace the results of an earlier run in this folder once the new ones are complete."""
-
-    profile: str = "zed2-720"
-    """The camera: a name or a YAML file, as for 'digs-warp simulate'."""
-
-    width: Annotated[int, SIDE] = 640
-    """Image width [px]."""
-
-    frames: Annotated[int, FRAMES] = 6
-    """Frames at each place."""
-
-    tier: Literal["law", "guided", "matcher"] = "guided"
-    """Sensor, as for 'digs-warp simulate'."""
-
-    seed: Annotated[int, SEED] = 0
-    """Seed of texture, noise and drift."""
-
-    def execute(self) -> str:
-        """Record, and say where the capture is."""
-        from digs_warp.data.capture_writer import CaptureWriter
-        from digs_warp.sim.camera.profiles import load_profile
-        from digs_warp.sim.fit.textured_wall import record_wall
-        from digs_warp.sim.record.recorded_facts import rig_record
-        from digs_warp.sim.sensor.color.rendering import CalibrationDrift
-
-        rig = load_profile(self.profile).rig(self.width)
-        drift = CalibrationDrift().draw(rig, self.seed)
-        log = RunLog("sensor wall", self)
-        with OutputFolder(out=self.out, overwrite=self.overwrite).opened(
-            can_resume=False
-        ) as folder:
-            writer = CaptureWriter(folder, rig.image_intrinsics, rig_record(rig))
-            with log.stage("record"):
-                capture = record_wall(
-                    writer, rig, self.tier, frames=self.frames, seed=self.seed, drift=drift
-                )
-            log.results = {"frames": len(capture), "drift": asdict(drift), "rig": asdict(rig)}
-            log.save(folder / RUN_RECORD)
-        return f"{self.out}: {counted(len(capture), 'frame')} of a wall"
-
-
 SENSOR = Group(
     "Measure depth cameras, so that they can be simulated.",
-    {"fit": FitSensor, "wall": RecordWall},
+    {"fit": FitSensor},
 )

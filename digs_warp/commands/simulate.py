@@ -98,7 +98,7 @@ class _Settings:
 class Simulate(SettingsCommand):
     """Record an object with a simulated handheld stereo depth camera.
 
-    Writes a capture folder: left and right images, depth, masks and poses. nerfstudio reads it, too.
+    Writes a capture folder: images, depth, masks and poses. nerfstudio reads it, too.
     With --meshes, --environments, --trajectories or --scenes it writes a folder of captures and a summary.
     """
 

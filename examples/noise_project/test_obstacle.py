@@ -1,7 +1,4 @@
-"""Does it still work if the camera gets worse? On a recording of your own, with the errors of a camera added.
-
-pytest --sensor-noise-report noise.html
-"""
+"""Does it still work if the camera gets worse? On a recording of your own, with errors of a camera added."""
 
 from pathlib import Path
 

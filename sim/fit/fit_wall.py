@@ -12,7 +12,7 @@ from digs_warp.sim.fit.calibration import FEWEST_POSES, Calibration, bias, calib
 from digs_warp.sim.fit.depth_noise import noise, sigma_of
 from digs_warp.sim.fit.device_figures import WINDOWS, Roughness, correlation_of, roughness
 from digs_warp.sim.fit.estimate import UNKNOWN, Estimate
-from digs_warp.sim.fit.image_noise import NO_NOISE, Eyes, ImageNoise, eye_noise, image_noise
+from digs_warp.sim.fit.image_noise import NO_NOISE, ImageNoise, image_noise
 from digs_warp.sim.fit.known_frame import known_frame, right_image, sense_frame
 from digs_warp.sim.fit.range_and_holes import depth_range, disparity_step, holes, limits
 from digs_warp.sim.fit.result import (
@@ -74,10 +74,8 @@ def fit_wall(wall: Wall, base: StereoRig, distances: Sequence[float] | None = No
     ]
     if images.is_hidden:
         poor = {"image_noise": HIDDEN, "full_well": HIDDEN}
-    elif images.mid_gray.is_known and images.is_still:
-        figures, poor = figures + _of_images(images), {}
     else:
-        figures, poor = figures + _of_eyes(wall, base), {}
+        figures, poor = figures + (_of_images(images) if images.is_still else []), {}
     figures, imprecise = sort_out(figures, base)
     rig = with_figures(base, figures)
     simulated = simulate_wall(wall, rig, calibration.drift)
@@ -185,18 +183,6 @@ def _of_color_camera(wall: Wall) -> list[Fitted]:
     return found
 
 
-def _of_eyes(wall: Wall, base: StereoRig) -> list[Fitted]:
-    """Return the image noise from the two eyes, where the recording has right images."""
-    eyes = [
-        Eyes(pose.images[0], pose.right, pose.plane.disparity(wall.shape))
-        for pose in wall.poses
-        if pose.right is not None
-    ]
-    noise = eye_noise(eyes, base.full_well)
-    how = "what the eyes see differently where there is little texture"
-    return [Fitted("image_noise", noise, how)] * noise.is_known
-
-
 def simulate_wall(wall: Wall, rig: StereoRig, drift: Drift = NO_DRIFT) -> Wall:
     """Return the same wall as the simulated camera records it.
 
@@ -288,7 +274,7 @@ def _kept(wall: Wall, figures: Sequence[Fitted]) -> dict[str, str]:
         "disparity_step": "the values lie on no grid of 1/64 px or coarser",
         "min_depth": "the camera reports depth on all of the wall; it may see nearer",
         "max_depth": "the camera reports depth on all of the wall; it may see farther",
-        "image_noise": "one frame at each distance, and no right images",
+        "image_noise": "needs several frames of a camera at rest",
         "full_well": "image noise of a camera at rest does not grow with the light, or was not recorded",
         "max_disparity": "a wall cannot tell it from the nearest depth",
         "window": "follows from the matcher, not from its errors",

@@ -1,4 +1,4 @@
-"""Image noise of a camera: read noise and full well, from frames at rest or from the two eyes of a pair.
+"""Image noise of a camera: read noise and full well, from frames at rest.
 
 In linear light the variance is x / W + r (`digs_warp.sim.sensor.color.image_noise`); in 8-bit steps it is
 that times the squared slope of the sRGB curve, plus 1/12 for the rounding.
@@ -13,11 +13,9 @@ import numpy as np
 
 from digs_warp.data.images import linear_from_srgb
 from digs_warp.sim.fit.estimate import BLOCKS, UNKNOWN, Estimate, block_numbers, jackknife
-from digs_warp.sim.fit.known_frame import WarpedRays, filled
-from digs_warp.sim.fit.plane import OF_MAD
 from digs_warp.sim.sensor.color.adaptation import MIDDLE_GREY
 from digs_warp.sim.sensor.color.image_noise import STEPS_PER_LINEAR
-from digs_warp.sim.sensor.filters import box_mean, dilate, gray_of, horizontal_gradient, sampled
+from digs_warp.sim.sensor.filters import gray_of, horizontal_gradient
 
 # Errors of the model beside the scatter, as shares: the curvature of sRGB and the rounding to whole steps, as
 # far as 1/12 does not describe it, shift simulated recordings by half of this.
@@ -95,29 +93,6 @@ def image_noise(stacks: Sequence[np.ndarray]) -> ImageNoise:
     )
 
 
-def mid_gray_noise(sums: np.ndarray, full_well: float) -> Estimate:
-    """Return the noise of a mid-gray pixel [DN] where the noise at other levels does not tell the full well.
-
-    Args:
-        sums: by block, the summed variance at each gray level, then the number of values.
-        full_well: electrons of a white pixel, which gives the shot noise, up to all of the noise.
-    """
-    linear, slope = _linear_and_slope()
-    most = STEPS_PER_LINEAR**2 * MIDDLE_GREY / full_well
-
-    def variance(total: np.ndarray) -> float:
-        counts = total[LEVELS:]
-        measured = total[:LEVELS].sum() / counts.sum() - ROUNDING
-        # Variance at each level over that at mid-gray, of either kind of noise.
-        read = (slope**2 * counts).sum() / counts.sum() / STEPS_PER_LINEAR**2
-        shot = (slope**2 * linear * counts).sum() / counts.sum() / STEPS_PER_LINEAR**2 / MIDDLE_GREY
-        if measured <= most * shot:
-            return measured / shot
-        return most + (measured - most * shot) / read
-
-    return jackknife(sums, variance).root()
-
-
 def _level_sums(stack: np.ndarray, mean: np.ndarray, where: np.ndarray) -> np.ndarray:
     """Return, by block, the summed variance at each gray level, then the number of values."""
     blocks = block_numbers(stack.shape[1:3])[where]
@@ -182,103 +157,3 @@ def _linear_and_slope() -> tuple[np.ndarray, np.ndarray]:
     """Return the linear light of each gray level, and 8-bit steps per unit of linear light there."""
     linear = linear_from_srgb(np.arange(LEVELS) / 255.0)
     return linear, 1 / np.gradient(linear)
-
-
-# Side of the windows whose mean difference is removed [px].
-WINDOW = 9
-
-# The texture is judged on windows of this side, which average the noise [px].
-TEXTURE_WINDOW = 7
-
-# The gray level, on windows of this side: that of a pixel itself goes with its noise.
-LEVEL_WINDOW = 5
-
-# Differences between the eyes that are no noise, such as texture that interpolation loses, as a share.
-EYE_MODEL_ERROR = 0.05
-
-# Larger differences, in standard deviations, are reflections and edges.
-CLIPPED = 4.0
-
-# Share of the variance of a normal distribution within that many standard deviations.
-WITHIN = 0.99887
-
-
-@dataclass(frozen=True, eq=False)
-class Eyes:
-    """Two images of a scene with known disparity.
-
-    Attributes:
-        left: sRGB, (height, width, 3), uint8.
-        right: likewise.
-        disparity: true one of the left image [px], (height, width), NaN where unknown.
-    """
-
-    left: np.ndarray
-    right: np.ndarray
-    disparity: np.ndarray
-
-
-def eye_noise(pairs: Sequence[Eyes], full_well: float, where: np.ndarray | None = None) -> Estimate:
-    """Return the noise of a mid-gray pixel [DN]; unknown without pairs.
-
-    The right image is warped to the left one by the true disparity and slow brightness differences are
-    removed; what remains is the noise of both, the right one's smoothed by the interpolation.
-
-    Args:
-        pairs: of one camera.
-        full_well: electrons of a white pixel; one pair hardly tells it.
-        where: the part of the image to look at, (height, width), bool; None: all of it.
-    """
-    sums = sum((_eye_level_sums(pair, where) for pair in pairs), np.zeros((BLOCKS, 2 * LEVELS)))
-    if not sums.any():
-        return UNKNOWN
-    noise = mid_gray_noise(sums, full_well)
-    return Estimate(noise.value, float(np.hypot(noise.error, EYE_MODEL_ERROR * noise.value)))
-
-
-def _eye_level_sums(pair: Eyes, where: np.ndarray | None) -> np.ndarray:
-    """Return, by block, the summed variance at each gray level, then the number of values."""
-    known = np.isfinite(pair.disparity)
-    disparity = filled(pair.disparity).astype(np.float32)
-    rows, columns = (np.asarray(each) for each in np.indices(disparity.shape))
-    source = columns - disparity
-    moved = sampled(pair.right.astype(np.float32), source, rows)
-    difference = moved - pair.left
-    difference -= box_mean(difference, WINDOW)
-    seen = known & WarpedRays(disparity).right_visibility() & (source >= WINDOW)
-    good = ~dilate(~seen, WINDOW // 2)
-    if where is not None:
-        good &= where
-    good &= _is_plain(pair.left, good)
-    variance = 1 + _kept_variance(source) - 1 / WINDOW**2 * 2
-    gray = np.rint(box_mean(pair.left, LEVEL_WINDOW)).astype(int)
-    return _sums(gray, difference / np.sqrt(variance)[..., None], good)
-
-
-def _is_plain(image: np.ndarray, among: np.ndarray) -> np.ndarray:
-    """Return the half of the pixels with the least texture: errors of the disparity show least there."""
-    texture = box_mean(np.abs(horizontal_gradient(gray_of(image))), TEXTURE_WINDOW)
-    return texture <= np.median(texture[among]) if among.any() else among
-
-
-def _kept_variance(source: np.ndarray) -> np.ndarray:
-    """Return the share of white noise's variance that the interpolation at these columns keeps."""
-    shares = np.arange(33) / 32
-    taps = np.arange(-3, 5) - shares[:, None]
-    weights = np.sinc(taps) * np.sinc(taps / 4)
-    weights /= weights.sum(axis=1, keepdims=True)
-    kept = (weights**2).sum(axis=1)
-    return kept[np.rint((source % 1) * 32).astype(int)]
-
-
-def _sums(gray: np.ndarray, difference: np.ndarray, good: np.ndarray) -> np.ndarray:
-    values = difference[good]
-    if len(values) == 0:
-        return np.zeros((BLOCKS, 2 * LEVELS))
-    limit = CLIPPED * OF_MAD * np.median(np.abs(values))
-    inside = np.abs(values) <= max(limit, 1.0)
-    blocks = np.repeat(block_numbers(good.shape)[good][:, None], 3, axis=1)
-    index = (blocks * LEVELS + gray[good])[inside]
-    squares = np.bincount(index, values[inside] ** 2 / WITHIN, BLOCKS * LEVELS)
-    counts = np.bincount(index, minlength=BLOCKS * LEVELS)
-    return np.concatenate([x.reshape(BLOCKS, LEVELS) for x in (squares, counts)], axis=1)

@@ -20,67 +20,17 @@ from digs_warp.sim.sensor.frame import FrameTruth, Motion, Sensed
 from digs_warp.sim.sensor.infrared.pair import in_three_channels, one_channel
 from digs_warp.sim.sensor.tiers import sense
 
-# Steps larger than this are edges of objects: nothing is between the two sides [px].
-EDGE = 1.0
 
-# Points per pixel along a row, so that no gap opens where the right eye sees a surface wider.
-FINE = 8
-
-
-def filled(disparity: np.ndarray) -> np.ndarray:
-    """Return the disparity with each unknown value taken from the nearest pixel that has one."""
-    from scipy.ndimage import distance_transform_edt
-
-    indices = distance_transform_edt(
-        np.isnan(disparity), return_distances=False, return_indices=True
-    )
-    return disparity[tuple(np.asarray(indices))]
-
-
-def right_image(
-    left: np.ndarray, disparity: np.ndarray, unseen: np.ndarray | None = None
-) -> np.ndarray:
-    """Return what the right eye sees, by the true disparity, (height, width, 3), uint8.
+def right_image(left: np.ndarray, disparity: np.ndarray) -> np.ndarray:
+    """Return what the right eye sees of a wall, (height, width, 3), uint8; beyond the left image: mirrored.
 
     Args:
         left: sRGB, (height, width, 3), uint8.
-        disparity: true one of the left image [px], (height, width), without NaN.
-        unseen: image to take from what the left eye does not see; None: what is beside it is repeated.
+        disparity: true one of the left image [px], (height, width), nearly affine.
     """
-    disparity = np.asarray(disparity, np.float32)
-    seen = _seen_from_right(disparity)
-    width = disparity.shape[1]
     rows, columns = (np.asarray(each) for each in np.indices(disparity.shape))
-    hole = np.isnan(seen)
-    shift = filled(seen) if unseen is None else np.where(hole, np.float32(0), seen)
-    source = columns + shift
-    image = sampled(left, source, rows)
-    if unseen is not None:
-        outside = hole | (source > width - 1)
-        image[outside] = unseen[outside]
-    return image
-
-
-def _seen_from_right(disparity: np.ndarray) -> np.ndarray:
-    """Return the disparity at each pixel of the right image, the nearest surface first, NaN: unseen."""
-    height, width = disparity.shape
-    nearest = np.full((height, width), -np.inf, np.float32)
-    after = np.concatenate([disparity[:, 1:], disparity[:, -1:]], axis=1)
-    joined = np.abs(after - disparity) < EDGE
-    columns = np.arange(width, dtype=np.float32)
-    for step in range(FINE):
-        share = np.float32(step / FINE)
-        value = np.where(joined, (1 - share) * disparity + share * after,
-                         disparity if share < 0.5 else after)  # fmt: skip
-        target = columns + share - value
-        column = np.floor(target + 0.5).astype(int)
-        rows, at = np.nonzero((column >= 0) & (column < width))
-        # The surface continues to the pixel's center as it is here: half a pixel at most.
-        slope = np.where(joined, after - disparity, 0)[rows, at]
-        rest = (column - target)[rows, at] / (1 - np.minimum(slope, np.float32(0.9)))
-        np.maximum.at(nearest, (rows, column[rows, at]), value[rows, at] + slope * rest)
-    nearest[np.isinf(nearest)] = np.nan
-    return nearest
+    shift = disparity / (1 - np.gradient(disparity, axis=1))
+    return sampled(left, columns + shift, rows)
 
 
 # Noise of the images, and what acts on matches, are as strong as the rig says; a drift is in the frame.

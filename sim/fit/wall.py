@@ -33,7 +33,6 @@ class WallFrame:
         disparity: as the camera reports it [px], (height, width), float32, NaN where it has none.
         looked: where depth could be: in the mask and in the image of the camera that reports it, bool.
         true: like ``disparity``; None: not known.
-        right: of the other eye; None: not recorded.
         color: of the color camera beside an infrared pair; None: there is none.
     """
 
@@ -42,7 +41,6 @@ class WallFrame:
     disparity: np.ndarray
     looked: np.ndarray
     true: np.ndarray | None
-    right: np.ndarray | None
     color: np.ndarray | None
 
 
@@ -91,7 +89,6 @@ def _of_left(frame: Frame, focal_baseline: float) -> WallFrame:
         disparity=np.float32(focal_baseline) / _depth(frame, mask),
         looked=mask,
         true=None if true is None else np.float32(focal_baseline) / true,
-        right=frame.load_right_image() if frame.has(Layer.RIGHT) else None,
         color=None,
     )
 
@@ -111,14 +108,12 @@ def _of_infrared(frame: Frame, pair: InfraredPair, focal_baseline: float, where:
         # Taken as it is: both cameras look the same way, so that depth is the same.
         return np.where(inside, image[row, column], image.dtype.type(outside))
 
-    left, right = (in_three_channels(image) for image in frame.load_infrared())
     return WallFrame(
         frame.name,
-        image=left,
+        image=in_three_channels(frame.load_infrared()[0]),
         disparity=np.float32(focal_baseline) / seen(depth, np.nan),
         looked=seen(mask, 0),
         true=None if true is None else np.float32(focal_baseline) / seen(true, np.nan),
-        right=right,
         color=frame.load_image(),
     )
 
@@ -190,7 +185,6 @@ class Pose:
         images: left images, sRGB, (frames, height, width, 3), uint8.
         looked: where depth could be, (height, width), bool: in the mask, in the image that depth belongs to.
         true: true disparity [px], (height, width), float32; None: not known.
-        right: right image of the first frame, (height, width, 3), uint8; None: not recorded.
         color: images of the color camera beside an infrared pair, like ``images``; None: there is none.
     """
 
@@ -199,7 +193,6 @@ class Pose:
     images: np.ndarray
     looked: np.ndarray
     true: np.ndarray | None
-    right: np.ndarray | None = None
     color: np.ndarray | None = None
 
 
@@ -311,13 +304,12 @@ def make_pose(
     images: np.ndarray,
     looked: np.ndarray,
     true: np.ndarray | None,
-    right: np.ndarray | None = None,
     color: np.ndarray | None = None,
 ) -> Pose:
     """Return a pose with the plane of its mean disparity; ``name`` is for messages."""
     count = np.isfinite(disparity).sum(axis=0)
     mean = np.nansum(disparity, axis=0, dtype=np.float64) / np.where(count, count, np.nan)
-    return Pose(_plane_of(mean, name), disparity, images, looked, true, right, color)
+    return Pose(_plane_of(mean, name), disparity, images, looked, true, color)
 
 
 def _pose(capture: Capture, frames: list[WallFrame]) -> Pose:
@@ -328,7 +320,6 @@ def _pose(capture: Capture, frames: list[WallFrame]) -> Pose:
         np.stack([frame.image for frame in frames]),
         frames[0].looked,
         frames[0].true,
-        frames[0].right,
         np.stack(colors) if colors else None,
     )
 

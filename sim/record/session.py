@@ -10,7 +10,6 @@ from digs_warp.geometry.camera import Camera, Intrinsics
 from digs_warp.sim.camera.profiles import Profile
 from digs_warp.sim.camera.rig import StereoRig
 from digs_warp.sim.camera.shutter import Shutter, ShutteredEye
-from digs_warp.sim.camera.walk.settings import frame_moments
 from digs_warp.sim.camera.walk.walk import Subject, Walk
 from digs_warp.sim.camera.working_range import camera_distance
 from digs_warp.sim.config import SimulateConfig
@@ -76,8 +75,9 @@ class Session:
     @cached_property
     def moments(self) -> tuple[float, ...]:
         """Times of the frames [s]."""
-        config = self.config
-        return frame_moments(config.beats, config.walk, self.walk.end, config.seed)
+        count, fps = self.config.frame_count, self.config.walk.fps
+        period = 1.0 / fps if fps is not None else self.walk.end / count
+        return tuple((period * np.arange(count)).tolist())
 
     def moment(self, number: int) -> float:
         """Return the time [s] of a frame."""
@@ -225,7 +225,7 @@ def _walk(config: SimulateConfig, inputs: Inputs) -> Walk:
     stands = config.chosen_ground != "none"
     ground = float(scene.object_vertices[:, 2].min()) if stands else None
     subject = Subject(scene.object_radius, rig.image_intrinsics, ground, rig.image_baseline)
-    settings = config.walk.for_frames(config.beats)
+    settings = config.walk.for_frames(config.frame_count)
     return Walk.around(subject, camera_distance(scene, rig, settings), settings, config.seed)
 
 

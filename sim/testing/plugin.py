@@ -8,36 +8,22 @@ docs/sensor-noise-plugin.md explains it. The simulator is imported only when a t
 """
 
 import os
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import pytest
 
 from digs_warp.checks import DigsError
-from digs_warp.sim.testing.curve import MARKER, SummaryWriter
 from digs_warp.sim.testing.marker import DEFAULT_STRENGTHS, EachEffect, read_marker
 
 if TYPE_CHECKING:
     from digs_warp.sim.testing.series import NoiseSeries
 
-REPORT_OPTION = "--sensor-noise-report"
+MARKER = "sensor_noise"
 FOREIGN = os.path.join("dash", "testing", "plugin.py")
 
 
-def pytest_addoption(parser: pytest.Parser) -> None:
-    """Add the flag of the summary."""
-    group = parser.getgroup(MARKER, "sensor noise")
-    group.addoption(
-        REPORT_OPTION,
-        metavar="FILE",
-        help="write how every measured error grows with the sensor's noise to this HTML page",
-    )
-
-
 def pytest_configure(config: pytest.Config) -> None:
-    """Describe the marker, and start the summary if it is wanted."""
-    if path := config.getoption(REPORT_OPTION):
-        config.pluginmanager.register(SummaryWriter(Path(path)), "sensor noise summary")
+    """Describe the marker."""
     config.addinivalue_line(
         "markers",
         f"{MARKER}(effects='auto', strengths={DEFAULT_STRENGTHS}, **settings): captures for the fixture "

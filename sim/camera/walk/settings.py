@@ -3,7 +3,6 @@
 from dataclasses import dataclass, replace
 from typing import Annotated, Literal
 
-import numpy as np
 from tyro.conf import arg
 
 from digs_warp.checks import DigsError
@@ -71,13 +70,6 @@ class WalkSettings(Settings):
     shake: Annotated[float, Range(0, 10), NO_FLAG] = 1.0
     """Factor on the shake of a hand, above half a hertz; 0: a gimbal."""
 
-    time_jitter: Annotated[float, Range(0, 10), NO_FLAG] = 0.0
-    """Standard deviation of the moments at which frames are taken from an even beat [s]. The time stamps say
-    when they were."""
-
-    dropped_frames: Annotated[float, Range(0, 0.9), NO_FLAG] = 0.0
-    """Share of the frames that are lost, at random; the recording has that many fewer."""
-
     def __post_init__(self) -> None:
         super().__post_init__()
         if self.distance is not None and self.distance_factor != 1:
@@ -86,7 +78,7 @@ class WalkSettings(Settings):
                 "contradict each other; give one of them"
             )
 
-    def for_frames(self, beats: int) -> "WalkSettings":
+    def for_frames(self, frames: int) -> "WalkSettings":
         """Return the settings with the duration that a number of frames takes, if --fps is given.
 
         Of a turntable, the hand is a tripod.
@@ -94,51 +86,9 @@ class WalkSettings(Settings):
         steady = replace(self, unsteadiness=0.0, shake=0.0) if self.path == "turntable" else self
         if self.fps is None or self.duration is not None:
             return steady
-        return replace(steady, duration=beats / self.fps)
+        return replace(steady, duration=frames / self.fps)
 
     @property
     def chosen_elevations(self) -> tuple[float, ...]:
         """The elevations of the path [degree]."""
         return self.elevations or USUAL_ELEVATIONS[self.path]
-
-
-# Identifies jitter and dropped frames in the seeds.
-JITTER, DROPPED = 106, 107
-
-# Moments stray by up to this many standard deviations, and by less than half the time between frames.
-MOST_DEVIATIONS = 3.0
-
-
-def kept_count(beats: int, settings: WalkSettings) -> int:
-    """Return how many of the frames are not lost; at least one is kept."""
-    return max(1, beats - round(settings.dropped_frames * beats))
-
-
-def frame_moments(beats: int, settings: WalkSettings, end: float, seed: int) -> tuple[float, ...]:
-    """Return the times [s] of the frames of a walk, ascending; the first is taken at 0.
-
-    Args:
-        beats: number of frames, with those that are lost, >= 1.
-        settings: of the walk.
-        end: of the walk [s].
-        seed: of jitter and losses.
-
-    Raises:
-        DigsError: a jitter that is too large for the time between frames.
-    """
-    period = 1.0 / settings.fps if settings.fps is not None else end / beats
-    moments = period * np.arange(beats)
-    if settings.time_jitter > 0:
-        largest = period / (2 * MOST_DEVIATIONS)
-        if settings.time_jitter >= largest:
-            raise DigsError(
-                f"time_jitter {settings.time_jitter:g}: frames are {period:.3g} s apart and would change "
-                f"places; expected less than {largest:.3g}"
-            )
-        rng = np.random.default_rng([seed, JITTER])
-        strayed = np.clip(rng.standard_normal(beats), -MOST_DEVIATIONS, MOST_DEVIATIONS)
-        moments[1:] += settings.time_jitter * strayed[1:]
-    lost = beats - kept_count(beats, settings)
-    rng = np.random.default_rng([seed, DROPPED])
-    dropped = 1 + rng.choice(max(beats - 1, 1), lost, replace=False)
-    return tuple(np.delete(moments, dropped).tolist())

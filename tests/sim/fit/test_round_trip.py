@@ -13,9 +13,9 @@ from digs_warp.sim.config import Tier
 from digs_warp.sim.fit.fit_wall import fit_wall
 from digs_warp.sim.fit.known_frame import is_gray, sense_frame
 from digs_warp.sim.fit.result import Fit
-from digs_warp.sim.fit.textured_wall import PLACES, in_memory, photograph, record_wall
 from digs_warp.sim.fit.wall import read_wall
 from digs_warp.sim.sensor.drift import NO_DRIFT, Drift
+from reference.textured_wall import PLACES, in_memory, photograph, record_wall
 
 SIZE = (384, 216)
 
@@ -216,22 +216,9 @@ def test_what_a_recording_cannot_tell_is_said_and_kept() -> None:
     found = {figure.name for figure in fit.figures}
     unknown = {"min_depth", "max_depth", "rotation_drift", "full_well"}
     assert unknown <= set(fit.kept) and not unknown & found
-    assert {"static_field", "image_noise"} <= found, "from two places, and from the two eyes"
+    assert "static_field" in found and "several frames" in fit.kept["image_noise"]
     assert any("one frame at each distance" in doubt for doubt in fit.doubts)
     assert any("2 distances" in doubt for doubt in fit.doubts)
-
-
-def test_the_same_recording_gives_the_same_figures() -> None:
-    rig = replace(base(), **KNOWN[0])
-    first, second = (
-        fit_wall(
-            read_wall(record_wall(in_memory(rig), rig, "guided", PLACES[:2], 1), rig.baseline),
-            base(),
-        )
-        for _ in range(2)
-    )
-    assert repr(first) == repr(second)
-    assert np.isfinite([figure.estimate.value for figure in first.figures]).all()
 
 
 def test_noise_below_the_rounding_of_the_images_is_not_guessed() -> None:

@@ -12,7 +12,6 @@ from digs_warp.checks import DigsError
 from digs_warp.data.about import About
 from digs_warp.data.capture import Capture, read_capture
 from digs_warp.data.capture_writer import CaptureWriter, FrameImages
-from digs_warp.data.layers import Layer
 from digs_warp.data.rig import InfraredPair, Rig
 from digs_warp.geometry.camera import Intrinsics
 from digs_warp.sim.testing import each
@@ -20,7 +19,6 @@ from digs_warp.sim.testing.marker import read_marker
 from digs_warp.sim.testing.series import CaptureCache, NoiseSeries
 from digs_warp.sim.testing.sources import WorseRecording
 from reference.file_hashes import file_hashes
-from reference.real_captures import recorded
 
 K = Intrinsics(64, 48, 60.0, 60.0, 32.0, 24.0)
 PAIR = Rig(0.05)
@@ -172,14 +170,6 @@ def test_a_long_recording_is_thinned_evenly(tmp_path: Path) -> None:
     assert len(captures_of(folder, cache, frames=9).capture(0)) == 5
 
 
-def test_an_effect_is_a_test_of_its_own(tmp_path: Path) -> None:
-    folder = record(tmp_path / "own")
-    marker = pytest.mark.sensor_noise(capture=folder, effects=each("quantum", "shot-noise")).mark
-    source, _ = read_marker(marker, "quantum")
-    assert isinstance(source, WorseRecording)
-    assert source.recording.effects == {"quantum"}
-
-
 WRONG: list[tuple[dict[str, Any], str]] = [
     ({"effects": "mirror"}, "'mirror' needs a simulated scene"),
     ({"effects": "image-blur,quantum"}, "'image-blur' needs a simulated scene"),
@@ -211,31 +201,3 @@ def test_a_recording_that_cannot_be_used_is_told_before_any_test(tmp_path: Path)
         source_of(record(tmp_path / "unknown", rig=None, frames=1))
     with pytest.raises(DigsError, match=r"no setting 'captur'; did you mean 'capture'"):
         read_marker(pytest.mark.sensor_noise(captur=tmp_path).mark)
-
-
-@pytest.mark.parametrize("kind", ["hololens_room_sequence", "tum_cabinet_orbit"])
-def test_noise_on_a_real_recording_follows_the_law(
-    kind: str, sample_data: Path, tmp_path: Path
-) -> None:
-    real = recorded(sample_data / "rgbd" / kind, kind)
-    writer = CaptureWriter(tmp_path / "own", real.frames[0].camera.intrinsics)
-    for number, frame in enumerate(real.frames[:1]):
-        images = FrameImages(image=frame.load_image(), depth=frame.load_depth())
-        writer.write_frame(number, images)
-        writer.add_pose(number, frame.camera.world_from_cam, frame.time)
-    writer.finish()
-    series = captures_of(tmp_path / "own", tmp_path / "cache", profile="d435")
-    profile = white(tmp_path, "d435")
-    alone = captures_of(tmp_path / "own", tmp_path / "cache", profile=profile, effects=ALONE)
-    frame = alone.capture(1).frames[0]
-    depth, worse = frame.load_depth_true(), frame.load_depth()
-    assert isinstance(alone.source, WorseRecording)
-    rig = alone.source.recording.depth_rig(frame.camera.intrinsics)
-    error = rig.focal_baseline / worse - rig.focal_baseline / depth
-    assert np.nanstd(error) == pytest.approx(0.13, rel=0.02)
-    assert not np.isfinite(worse[np.isnan(depth)]).any()
-    frame = series.capture(2).frames[0]
-    assert not np.array_equal(frame.load_image(), real.frames[0].load_image())
-    holes = [np.isnan(each).mean() for each in (depth, frame.load_depth())]
-    assert holes[0] < holes[1] < holes[0] + 0.3
-    assert frame.has(Layer.DEPTH_TRUE)

@@ -62,15 +62,6 @@ def test_initial_points_survive_sensor_noise(sensor_noise: NoiseSeries) -> None:
     curve.assert_no_cliff()
 
 
-@pytest.mark.sensor_noise(mesh=BOX, object_size=0.5, tier="law", strengths=(0, 4), frames=3)
-def test_only_the_depth_differs_between_strengths(sensor_noise: NoiseSeries) -> None:
-    (_, perfect), (_, noisy) = sensor_noise
-    before, after = file_hashes(perfect.folder), file_hashes(noisy.folder)
-    assert before.keys() == after.keys()
-    different = {path.split("/")[0] for path in before if before[path] != after[path]}
-    assert different - {"transforms.json"} == {"depth"}
-
-
 @pytest.mark.sensor_noise(
     mesh=BOX,
     object_size=0.5,

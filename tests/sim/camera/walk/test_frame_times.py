@@ -1,50 +1,10 @@
-"""When frames are taken: an even beat, jitter, frames that are lost, and settings that contradict."""
+"""When frames are taken, and settings that contradict."""
 
-import numpy as np
 import pytest
 
 from digs_warp.checks import DigsError
-from digs_warp.sim.camera.walk.settings import WalkSettings, frame_moments
+from digs_warp.sim.camera.walk.settings import WalkSettings
 from digs_warp.sim.config import SimulateConfig
-
-
-def test_frames_are_spread_evenly_over_the_walk() -> None:
-    assert frame_moments(4, WalkSettings(), 10.0, 0) == (0.0, 2.5, 5.0, 7.5)
-    assert frame_moments(1, WalkSettings(), 10.0, 0) == (0.0,)
-
-
-def test_a_rate_sets_how_far_apart_they_are() -> None:
-    moments = frame_moments(4, WalkSettings(fps=20.0), 10.0, 0)
-    np.testing.assert_allclose(moments, [0.0, 0.05, 0.1, 0.15])
-
-
-def test_jitter_strays_by_as_much_as_it_says_and_keeps_the_order() -> None:
-    settings = WalkSettings(fps=30.0, time_jitter=0.005)
-    moments = np.array(frame_moments(2000, settings, 100.0, 1))
-    strayed = moments - np.arange(2000) / 30
-    assert strayed[0] == 0
-    assert strayed.std() == pytest.approx(0.005, rel=0.1)
-    assert (np.diff(moments) > 0).all()
-    assert frame_moments(2000, settings, 100.0, 1) == tuple(moments)
-    assert frame_moments(2000, settings, 100.0, 2) != tuple(moments)
-
-
-def test_jitter_that_would_change_the_order_is_refused() -> None:
-    with pytest.raises(DigsError, match=r"time_jitter 0\.02: .*expected less than 0\.00556"):
-        frame_moments(10, WalkSettings(fps=30.0, time_jitter=0.02), 10.0, 0)
-
-
-def test_lost_frames_leave_gaps() -> None:
-    settings = WalkSettings(fps=10.0, dropped_frames=0.2)
-    assert all(frame_moments(50, settings, 5.0, seed)[0] == 0 for seed in range(30))
-    moments = np.array(frame_moments(50, settings, 5.0, 0))
-    assert len(moments) == 40
-    beats = np.round(moments * 10)
-    np.testing.assert_allclose(moments, beats / 10)
-    assert len(set(beats)) == 40
-    kept = SimulateConfig(frames=50, walk=settings)
-    assert (kept.beats, kept.frame_count) == (50, 40)
-    assert SimulateConfig(frames=1, walk=WalkSettings(dropped_frames=0.9)).frame_count == 1
 
 
 def test_rate_and_duration_give_the_number_of_frames_and_two_of_three_are_enough() -> None:

@@ -18,8 +18,6 @@ FILM = WalkSettings(
     elevations=(25.0,),
     fps=30.0,
     duration=0.2,
-    time_jitter=0.004,
-    dropped_frames=0.34,
 )
 CONFIG = SimulateConfig(
     profile="bare-matcher", width=32, samples_per_pixel=1, tier="law", seed=2, walk=FILM
@@ -33,8 +31,10 @@ def session_of(config: SimulateConfig) -> Session:
 def test_a_film_has_the_poses_of_its_moments_and_resumes_to_the_same_bytes(tmp_path: Path) -> None:
     capture = simulate(CONFIG, tmp_path)
     session = session_of(CONFIG)
-    assert len(capture) == CONFIG.frame_count == 4
-    assert [frame.time for frame in capture.frames] == pytest.approx(session.moments)
+    assert len(capture) == CONFIG.frame_count == 6
+    assert [frame.time for frame in capture.frames] == pytest.approx(np.arange(6) / 30)
+    spread = session_of(replace(CONFIG, frames=5, walk=replace(FILM, fps=None)))
+    assert spread.moments == pytest.approx(0.2 * np.arange(5) / 5)
     for frame, moment in zip(capture.frames, session.moments, strict=True):
         np.testing.assert_allclose(frame.camera.world_from_cam, session.walk.pose(moment))
     index = (tmp_path / "transforms.json").read_bytes()
