@@ -43,11 +43,6 @@ def eye(renderer: RaycastRenderer, shutter: Shutter, rate: float = TURN) -> Shut
     return ShutteredEye(renderer, shutter, K, pose)
 
 
-def left_edge(row: np.ndarray) -> float:
-    """Column at which the plate begins, from coverage 0 to 1."""
-    return float(len(row) // 2 - row[: len(row) // 2].sum())
-
-
 def test_bands_and_views_share_out_their_times() -> None:
     shutter = Shutter(bands=4, views=2, readout_time=0.04, exposure_time=0.01)
     np.testing.assert_allclose(shutter.moments(0), [-0.0175, -0.0125])
@@ -65,13 +60,6 @@ def test_an_ideal_shutter_changes_no_byte(renderer: RaycastRenderer) -> None:
     np.testing.assert_array_equal(taken.mask, mask)
     for a, b in zip(ideal.geometry(), renderer.render_geometry(Camera(K, POSE)), strict=True):
         np.testing.assert_array_equal(a, b)
-
-
-def test_a_still_camera_sees_the_same_through_any_shutter(renderer: RaycastRenderer) -> None:
-    rolling = eye(renderer, Shutter(7, 1, READOUT), rate=0.0)
-    ideal = eye(renderer, Shutter())
-    for a, b in zip(rolling.geometry(), ideal.geometry(), strict=True):
-        np.testing.assert_allclose(a, b, rtol=1e-5)
 
 
 def test_a_rolling_shutter_leans_what_stands_upright(renderer: RaycastRenderer) -> None:

@@ -13,7 +13,6 @@ from scipy.ndimage import map_coordinates
 from digs_warp.data.capture import read_capture
 from digs_warp.geometry.camera import Intrinsics, pixel_centers
 from digs_warp.record.files import read_json
-from digs_warp.sim.camera.profiles import PROFILES, load_profile
 from digs_warp.sim.camera.rig import StereoRig
 from digs_warp.sim.camera.shutter import Shutter
 from digs_warp.sim.config import SimulateConfig
@@ -25,7 +24,6 @@ from digs_warp.sim.record.session import prepare_session
 from digs_warp.sim.sensor.color import CALIBRATION_DRIFT
 from digs_warp.sim.sensor.color.rendering import corner_shift
 from digs_warp.sim.sensor.drift import NO_DRIFT, Drift
-from digs_warp.sim.sensor.error_attribution import attribute_errors
 from digs_warp.sim.sensor.facts import measure_facts
 from digs_warp.sim.sensor.frame import Cause, FrameTruth
 from digs_warp.sim.sensor.tiers import depth_of, sense
@@ -57,18 +55,6 @@ def test_points_land_where_the_turned_eye_projects_them() -> None:
         across, down = LARGE.shift(u.astype(kind), v.astype(kind), K)
         np.testing.assert_allclose(across, expected[:, 0] - u, atol=limit)
         np.testing.assert_allclose(down, expected[:, 1] - v, atol=limit)
-
-
-def test_the_axes_of_the_drift_are_those_of_the_documentation() -> None:
-    middle = np.array([[0.0, 0.0, 1.0]])
-    for drift, moved in (
-        (Drift(yaw_deg=0.1), (-np.tan(np.deg2rad(0.1)) * K.fx, 0)),  # to the right: points go left
-        (Drift(pitch_deg=0.1), (0, np.tan(np.deg2rad(0.1)) * K.fy)),  # upward: points go down
-    ):
-        landed = seen_by_turned_eye(middle, drift, K)[0] - [K.cx, K.cy]
-        np.testing.assert_allclose(landed, moved, atol=1e-9)
-    right = seen_by_turned_eye(np.array([[0.1, 0.0, 1.0]]), Drift(roll_deg=1.0), K)[0]
-    assert right[1] < K.cy  # clockwise: what is on the right goes up
 
 
 def test_the_shown_disparity_is_that_of_the_projected_points() -> None:
@@ -171,15 +157,6 @@ def test_the_bias_depends_on_the_place_as_the_formula_says(tier: str) -> None:
     assert np.isfinite(error[rows, columns]).mean() > 0.97
 
 
-def test_the_guided_search_looks_where_the_drifted_pair_shows_the_surface() -> None:
-    """A shift of 30 px: round the true disparity, half of these pixels would find nothing."""
-    truth = slanted_pair(Drift(yaw_deg=3.5))
-    middle = slice(120, 240), slice(180, 360)
-    shown = truth.shown_disparity[middle]
-    assert (shown - truth.disparity[middle]).min() > 30
-    assert (np.abs(sense(truth, "guided").disparity[middle] - shown) <= 1).mean() > 0.99
-
-
 @pytest.mark.parametrize("tier", ["guided", "matcher"])
 def test_a_changed_baseline_scales_depth(tier: str) -> None:
     truth = slanted_pair(NO_DRIFT)
@@ -206,17 +183,6 @@ def test_misaligned_rows_make_holes_and_drifted_columns_wrong_depth(tier: str) -
 
     yawed = sense(slanted_pair(Drift(yaw_deg=0.25)), tier)  # pyright: ignore[reportArgumentType]
     assert (yawed.cause[20:-20, 60:-20] == Cause.RECTIFICATION).mean() > 0.95
-
-
-def test_blame_tells_the_drift_from_other_failures() -> None:
-    truth = slanted_pair(Drift(yaw_deg=0.2))  # 1.75 px
-    shown = truth.shown_disparity
-    inside = (slice(20, -20), slice(60, -20))
-    assert (attribute_errors(shown, truth)[inside] == Cause.RECTIFICATION).all()
-    assert not (attribute_errors(shown + 3, truth)[inside] == Cause.RECTIFICATION).any()
-    assert (attribute_errors(truth.disparity, truth) == Cause.OK).all()
-    sound = replace(truth, drift=NO_DRIFT)
-    assert not (attribute_errors(shown, sound) == Cause.RECTIFICATION).any()
 
 
 def test_the_drift_belongs_to_seed_and_unit_and_has_the_stated_size() -> None:
@@ -254,13 +220,6 @@ def test_the_rule_weighs_the_shift_in_the_corner_and_the_scale() -> None:
     ]
     for figures, on in cases:
         assert CALIBRATION_DRIFT.choose(facts, make_rig(**figures)).on == on
-
-
-@pytest.mark.parametrize("name", PROFILES)
-def test_built_in_cameras_drift_by_a_tenth_or_two_of_a_pixel(name: str) -> None:
-    rig = load_profile(name).rig()
-    turned = np.deg2rad(rig.rotation_drift) * rig.intrinsics.fx
-    assert 0.04 < turned < 0.2
 
 
 def test_a_recording_has_one_drift_and_tells_it(tmp_path: Path) -> None:

@@ -7,8 +7,7 @@ import pytest
 
 from digs_warp.data.images import srgb_from_linear
 from digs_warp.sim.camera.profiles import load_profile
-from digs_warp.sim.camera.rig import StereoRig
-from digs_warp.sim.sensor.color import COLOR_EFFECTS, PIXEL_EFFECTS
+from digs_warp.sim.sensor.color import PIXEL_EFFECTS
 from digs_warp.sim.sensor.color.adaptation import Adaptation
 from digs_warp.sim.sensor.color.encoding import decode, encode
 from digs_warp.sim.sensor.color.image_noise import (
@@ -20,9 +19,6 @@ from digs_warp.sim.sensor.color.image_noise import (
 )
 from digs_warp.sim.sensor.color.protocol import EyeImages, PixelEffect
 from digs_warp.sim.sensor.color.vignetting import LensBlur, Vignetting
-from digs_warp.sim.sensor.facts import SceneFacts, measure_facts
-from digs_warp.sim.sensor.frame import Motion
-from reference.stereo_frames import make_frame
 
 RIG = load_profile("zed2-720").rig(320, 180)
 GREY = 0.18
@@ -34,13 +30,6 @@ def eyes(left: float | np.ndarray, right: float | np.ndarray | None = None) -> E
     pair = (left, left if right is None else right)
     both = [np.broadcast_to(np.float32(value), shape).copy() for value in pair]
     return EyeImages(k, both[0], both[1])
-
-
-def facts_of(rig: StereoRig) -> SceneFacts:
-    """A wall seen by a hand that turns the camera by a fifth of a radian per second."""
-    truth = make_frame(np.full((180, 320), 25.0), rig=rig)
-    turning = Motion(velocity_cam=(0.0, 0.0, 0.0), angular_velocity_cam=(0.0, 0.5, 0.0))
-    return measure_facts([replace(truth, motion=turning)], truth.rig)
 
 
 def rng(seed: int = 0) -> np.random.Generator:
@@ -132,22 +121,3 @@ def test_strength_zero_is_no_effect_and_the_seed_decides(effect: PixelEffect) ->
     np.testing.assert_allclose(untouched.left, images.left, rtol=1e-6)
     once, again = (effect.apply(images, RIG, rng(8)) for _ in range(2))
     np.testing.assert_array_equal(once.right, again.right)
-
-
-@pytest.mark.parametrize(
-    ("name", "quiet"),
-    [
-        ("rolling-shutter", {"readout_time": 0.0}),
-        ("image-blur", {"exposure_time": 0.0}),
-        ("vignetting", {"vignetting": 0.0}),
-        ("shot-noise", {"image_noise": 0.0}),
-        ("read-noise", {"image_noise": 0.0}),
-    ],
-)
-def test_a_camera_without_the_cause_never_gets_the_effect(
-    name: str, quiet: dict[str, float]
-) -> None:
-    (effect,) = (effect for effect in COLOR_EFFECTS if effect.name == name)
-    quiet_rig = replace(RIG, **quiet)
-    assert effect.choose(facts_of(RIG), RIG).on
-    assert not effect.choose(facts_of(quiet_rig), quiet_rig).on

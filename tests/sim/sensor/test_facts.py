@@ -12,7 +12,6 @@ from digs_warp.sim.sensor.frame import FrameTruth, Motion
 from reference.stereo_frames import broadband, flat, make_frame, make_rig
 
 SHAPE = (240, 320)
-AREA = SHAPE[0] * SHAPE[1]
 
 
 def facts_of(*frames: FrameTruth) -> SceneFacts:
@@ -24,19 +23,6 @@ def square(near: float, far: float) -> np.ndarray:
     disparity = np.full(SHAPE, far)
     disparity[80:160, 100:220] = near
     return disparity
-
-
-def test_range_and_disparity_belong_together() -> None:
-    facts = facts_of(make_frame(square(50.0, 10.0)), make_frame(25.0, number=1))
-    assert facts.frames == 2
-    assert (facts.min_depth, facts.max_depth) == pytest.approx((1, 5))
-
-
-def test_a_textured_plane_has_nothing_to_report() -> None:
-    facts = asdict(facts_of(make_frame(30.0)))
-    silent = {name for name, value in facts.items() if name.endswith("_share") and value == 0}
-    assert silent == {name for name in facts if name.endswith("_share")}
-    assert facts["blur_px"] == facts["skew_px"] == 0
 
 
 def test_exposure_is_counted() -> None:
@@ -82,13 +68,6 @@ def test_facts_are_means_and_extremes_over_the_frames() -> None:
     assert single.saturated_share == 1
     assert both.min_depth == single.min_depth
     assert facts_of(step, plane) == both
-
-
-def test_what_is_not_in_view_is_not_counted() -> None:
-    half = np.where(np.arange(320) < 160, 30.0, np.nan)[None]
-    image = broadband(SHAPE)
-    image[:, 160:] = 255
-    assert facts_of(make_frame(half, image=image)).saturated_share == 0
 
 
 def test_an_empty_frame_has_no_range_and_no_shares() -> None:

@@ -86,28 +86,3 @@ def test_effects_that_are_off_would_change_next_to_nothing(sample_data: Path) ->
             assert share < limit, (place, choice.effect, by_chance)
             tried.add(choice.effect)
     assert {"mirror", "transparency", "auto-exposure"} <= tried
-
-
-def test_glass_that_is_left_out_changes_more_than_that(sample_data: Path) -> None:
-    """Or the test above would pass with effects that do nothing.
-
-    Before leaves: the coarse search finds the walls of the built-in room behind glass by itself.
-    """
-    config = SimulateConfig(
-        profile="bare-matcher",
-        mesh=sample_data / "meshes/water_bottle_clear/water_bottle_clear.glb",
-        environment=sample_data / "envs/forest_slope/forest_slope_1k.hdr",
-        up="y",
-        object_size=0.5,
-        ground="none",
-        width=240,
-        height=135,
-        frames=9,
-    )
-    session = prepare_session(config, load_inputs(config))
-    plan = make_plan(session)
-    frame = FrameMaker(session, plan).render(NUMBER)
-    without = replace(plan, depth=tuple(c for c in plan.depth if c.effect != "transparency"))
-    assert without != plan
-    share = changed(disparity(session, plan, frame, 0), disparity(session, without, frame, 0))
-    assert share > STATED

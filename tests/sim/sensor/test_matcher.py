@@ -8,16 +8,12 @@ import pytest
 from digs_warp.checks import DigsError
 from digs_warp.sim.sensor.color.image_noise import ReadNoise, ShotNoise
 from digs_warp.sim.sensor.color.recorded import recorded_images
-from digs_warp.sim.sensor.error_attribution import attribute_errors
 from digs_warp.sim.sensor.filters import gray_of
 from digs_warp.sim.sensor.frame import Cause, noise_of
 from digs_warp.sim.sensor.matcher import match, search_range
-from digs_warp.sim.sensor.steps import near_steps
 from digs_warp.sim.sensor.tiers import sense, sense_by_matching
 from reference.stereo_frames import broadband, flat, make_frame, make_rig
 from reference.stereo_pairs import (
-    HiddenRays,
-    bad_by_edge_distance,
     box_frame,
     plane_pair,
     shifted_right_eye,
@@ -45,17 +41,6 @@ def test_without_checks_every_pixel_has_a_match() -> None:
     left, right = gray_of(truth.image), gray_of(truth.right)
     assert np.isnan(match(left, right, 64)).any()
     assert np.isfinite(match(left, right, 64, checks=False)).all()
-
-
-def test_noise_of_the_images_becomes_noise_of_disparity() -> None:
-    truth = plane_pair(20.5)
-    spread = []
-    for strength in (0.0, 2.0, 6.0):
-        recorded = recorded_images(truth, (ShotNoise(), ReadNoise()), strength=strength)
-        found = sense_by_matching(truth, recorded).disparity[:, 40:]
-        error = (found - 20.5)[np.abs(found - 20.5) < 1]
-        spread.append(error.std())
-    assert spread[0] < spread[1] < spread[2]
 
 
 def test_luma_has_the_noise_that_textures_are_compared_with() -> None:
@@ -133,24 +118,6 @@ def test_confidence_is_high_on_texture_and_lower_without() -> None:
     np.testing.assert_array_equal(wrong.confidence, sensed.confidence)
 
 
-@pytest.mark.parametrize("size", [(1, 1), (40, 1), (7, 5)])
-def test_tiny_frames_have_a_confidence(size: tuple[int, int]) -> None:
-    rig = make_rig(*size, window=9)
-    sensed = sense(make_frame(20.0, rig), "matcher")
-    assert sensed.confidence.shape == sensed.disparity.shape
-    assert ((sensed.confidence >= 0) & (sensed.confidence <= 1)).all()
-
-
-def test_blame_names_band_edge_and_rest() -> None:
-    truth, (rows, columns) = box_frame(38.0, 8.0)
-    cause = attribute_errors(np.full(truth.depth.shape, np.nan, np.float32), truth)
-    assert (cause[:, :7] == Cause.BAND).all()
-    assert (cause[rows, columns.start - 30 : columns.start] == Cause.OCCLUDED).all()
-    assert (cause[rows, columns.stop : columns.stop + 2] == Cause.EDGE).all()
-    assert (cause[:, -20:] == Cause.RANDOM).mean() > 0.95
-    assert (attribute_errors(truth.disparity, truth) == Cause.OK).all()
-
-
 def test_scores_count_what_they_say() -> None:
     truth, (rows, columns) = box_frame(38.0, 8.0)
     perfect = score(truth.disparity, truth)
@@ -166,20 +133,3 @@ def test_scores_count_what_they_say() -> None:
     assert scores.rms == pytest.approx(0.25, abs=1e-6)
     assert scores.occluded_holes == pytest.approx(0.5)
     assert scores.occluded_bad_1 == 0 and scores.visible_holes == 0
-
-
-def test_zones_round_the_steps_are_disjoint_and_complete() -> None:
-    truth, _ = box_frame(38.0, 8.0)
-    spoiled = truth.disparity.copy()
-    zone = near_steps(truth.disparity, 1.0, 5) & ~near_steps(truth.disparity, 1.0, 2)
-    spoiled[zone] += 3
-    assert bad_by_edge_distance(spoiled, truth) == [0, 1, 0, 0, 0]
-
-
-def test_an_empty_frame_has_no_scores() -> None:
-    truth, _ = box_frame(38.0, 8.0)
-    empty = replace(
-        truth, depth=np.full_like(truth.depth, np.nan), rays=HiddenRays(np.zeros((240, 320), bool))
-    )
-    scores = score(empty.disparity, empty)
-    assert np.isnan([scores.fill, scores.bad_1, scores.rms]).all()

@@ -27,7 +27,6 @@ from studies.realism_scenes import Scene, places
 from studies.realism_scores import (
     agreement,
     bad_share,
-    median_where_most,
     repeated_bad,
     small_hole_share,
     temporal_share,
@@ -146,15 +145,6 @@ def test_errors_stay_from_frame_to_frame_as_the_matchers(scene: RecordedScene) -
     true = scene.truth.disparity
     assert temporal_share(guided, true) == pytest.approx(temporal_share(matcher, true), abs=0.02)
     assert repeated_bad(guided, true) == pytest.approx(repeated_bad(matcher, true), abs=0.06)
-
-
-def test_the_median_of_frames_is_no_better_than_the_matchers(scene: RecordedScene) -> None:
-    everywhere = np.ones(scene.mask.shape, bool)
-    guided, matcher = (
-        bad_share(median_where_most(frames(scene, tier)), scene.truth.disparity, everywhere)
-        for tier in ("guided", "matcher")
-    )
-    assert guided == pytest.approx(matcher, rel=0.15)
 
 
 def trust(scenes: Sequence[RecordedScene | Scene]) -> list[Trust]:

@@ -5,7 +5,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from digs_warp.geometry.camera import Camera
 from digs_warp.sim.camera.shutter import Shutter
 from digs_warp.sim.scene.join import join_scenes
 from digs_warp.sim.scene.scene import Scene
@@ -35,13 +34,6 @@ def test_every_pixel_is_the_slow_twins(zoom: float, offset: float) -> None:
     assert 0.3 < np.isfinite(found).mean() < 1
 
 
-def test_a_color_camera_in_the_left_eye_changes_nothing() -> None:
-    rig = infrared_rig(64, color_zoom=1.0, color_offset=0.0)
-    count = rig.intrinsics.width * rig.intrinsics.height
-    depth = np.random.default_rng(1).uniform(0.3, 3, (rig.intrinsics.height, 64)).astype(np.float32)
-    np.testing.assert_array_equal(sources_of(depth, rig).reshape(-1), np.arange(count))
-
-
 def perfect(scene: Scene) -> tuple[Sensed, FrameTruth, ColorView]:
     """A scene as a perfect pair measures it."""
     session = still_session(scene, infrared_rig())
@@ -63,21 +55,6 @@ def test_a_slanted_wall_is_where_the_color_camera_sees_it() -> None:
     wrong = np.abs(registered(sensed, turned, view).depth - view.depth)
     assert np.nanmedian(wrong) > 4 * np.median(np.abs(error))
     assert (found.cause == Cause.OK).mean() > 0.99
-
-
-def test_points_land_where_cameras_project_them() -> None:
-    sensed, truth, view = perfect(wall(FAR, slope=0.6))
-    source = sources_of(truth.depth, truth.rig)
-    rows, columns = np.indices(source.shape)
-    from_row, from_column = np.divmod(source, source.shape[1])
-    px = np.stack([from_column + 0.5, from_row + 0.5], -1).astype(np.float64)
-    points = truth.camera.unproject(px, truth.depth.reshape(-1)[source].astype(np.float64))
-    seen, depth = view.camera.project(points)
-    reach = truth.rig.color_zoom / 2 + 0.5
-    away = seen - np.stack([columns + 0.5, rows + 0.5], -1)
-    assert np.abs(away[source >= 0]).max() <= reach + 1e-3
-    np.testing.assert_allclose(depth, truth.depth.reshape(-1)[source], rtol=1e-6)
-    assert isinstance(view.camera, Camera) and sensed.known.all()
 
 
 def test_a_near_thing_leaves_a_shadow_of_the_known_width_on_the_side_of_the_color_camera() -> None:
