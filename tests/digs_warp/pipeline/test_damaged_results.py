@@ -13,7 +13,6 @@ from digs_warp.masks.config import SegmentConfig
 from digs_warp.pipeline.reconstruct import ReconstructConfig, reconstruct
 from digs_warp.record.manifest import Manifest
 from digs_warp.train.config import Stop, TrainConfig
-from reference.tiny_capture import write_tiny_capture
 
 CONFIG = ReconstructConfig(
     init=InitConfig(voxel_size=0.02),
@@ -23,14 +22,9 @@ CONFIG = ReconstructConfig(
 
 
 @pytest.fixture(scope="module")
-def capture(tmp_path_factory: pytest.TempPathFactory) -> Capture:
-    return write_tiny_capture(tmp_path_factory.mktemp("tiny") / "capture")
-
-
-@pytest.fixture(scope="module")
-def result(capture: Capture, tmp_path_factory: pytest.TempPathFactory) -> Path:
+def result(tiny_capture: Capture, tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("reconstruction")
-    reconstruct(capture, CONFIG, folder)
+    reconstruct(tiny_capture, CONFIG, folder)
     return folder
 
 
@@ -69,7 +63,7 @@ def without_times(value: Any) -> Any:
     ],
 )
 def test_what_is_damaged_is_made_again(
-    capture: Capture,
+    tiny_capture: Capture,
     result: Path,
     tmp_path: Path,
     caplog: pytest.LogCaptureFixture,
@@ -84,7 +78,7 @@ def test_what_is_damaged_is_made_again(
         victim.unlink()
     else:
         victim.write_bytes(content if damage == "flipped" else b"")
-    reconstruct(capture, CONFIG, folder, resume=True)
+    reconstruct(tiny_capture, CONFIG, folder, resume=True)
     name = victim.relative_to(folder).as_posix()
     assert f"1 file is damaged or missing and made again: {name}" in caplog.text
     assert files(folder) == files(result)
@@ -92,12 +86,12 @@ def test_what_is_damaged_is_made_again(
 
 
 def test_nothing_is_made_again_without_need(
-    capture: Capture, result: Path, tmp_path: Path, caplog: pytest.LogCaptureFixture
+    tiny_capture: Capture, result: Path, tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
     folder = Path(shutil.copytree(result, tmp_path / "copy"))
     kept = ("masks/0001.png", "initial_points.npz", "gaussians.npz", "training.jsonl")
     before = [(folder / name).stat().st_mtime_ns for name in kept]
-    reconstruct(capture, CONFIG, folder, resume=True)
+    reconstruct(tiny_capture, CONFIG, folder, resume=True)
     assert [(folder / name).stat().st_mtime_ns for name in kept] == before
     assert "damaged" not in caplog.text
     assert files(folder) == files(result)

@@ -16,7 +16,6 @@ from digs_warp.data.layers import Layer
 from digs_warp.init.config import InitConfig
 from digs_warp.pipeline.reconstruct import ReconstructConfig, reconstruct
 from digs_warp.train.config import Stop, TrainConfig
-from reference.tiny_capture import write_tiny_capture
 from reference.trained_ball import assert_same_bits, interrupt
 
 CONFIG = ReconstructConfig(
@@ -26,19 +25,14 @@ CONFIG = ReconstructConfig(
 
 
 @pytest.fixture(scope="module")
-def capture(tmp_path_factory: pytest.TempPathFactory) -> Capture:
-    return write_tiny_capture(tmp_path_factory.mktemp("tiny") / "capture")
-
-
-@pytest.fixture(scope="module")
-def result(capture: Capture, tmp_path_factory: pytest.TempPathFactory) -> Path:
+def result(tiny_capture: Capture, tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("reconstruction")
-    reconstruct(capture, CONFIG, folder)
+    reconstruct(tiny_capture, CONFIG, folder)
     return folder
 
 
-def copied(capture: Capture, folder: Path) -> Path:
-    return Path(shutil.copytree(capture.folder, folder))
+def copied(tiny_capture: Capture, folder: Path) -> Path:
+    return Path(shutil.copytree(tiny_capture.folder, folder))
 
 
 def test_held_out_views_get_better(result: Path) -> None:
@@ -53,10 +47,10 @@ def test_held_out_views_get_better(result: Path) -> None:
     assert seconds == sorted(seconds)
 
 
-def test_the_folder_holds_what_the_documents_promise(result: Path, capture: Capture) -> None:
+def test_the_folder_holds_what_the_documents_promise(result: Path, tiny_capture: Capture) -> None:
     evaluation = json.loads((result / "evaluation.json").read_text())
     names = [view["name"] for view in evaluation["views"]]
-    assert names == [frame.name for frame in capture.split()[1]]
+    assert names == [frame.name for frame in tiny_capture.split()[1]]
     mean = np.mean([view["psnr_frame"] for view in evaluation["views"]])
     assert evaluation["mean"]["psnr_frame"] == pytest.approx(mean)
     for name in names:
@@ -73,32 +67,32 @@ def test_the_folder_holds_what_the_documents_promise(result: Path, capture: Capt
 
 
 def test_an_interrupted_run_resumes_to_the_same_bits(
-    capture: Capture, result: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    tiny_capture: Capture, result: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    interrupt(lambda: reconstruct(capture, CONFIG, tmp_path), 37, monkeypatch)
+    interrupt(lambda: reconstruct(tiny_capture, CONFIG, tmp_path), 37, monkeypatch)
     assert (tmp_path / "checkpoint.npz").exists()
     assert not (tmp_path / "gaussians.npz").exists()
-    resumed = reconstruct(capture, CONFIG, tmp_path, resume=True)
+    resumed = reconstruct(tiny_capture, CONFIG, tmp_path, resume=True)
     assert_same_bits(resumed.gaussians, Gaussians.load(result / "gaussians.npz"))
     lines = [json.loads(line) for line in (tmp_path / "training.jsonl").read_text().splitlines()]
     assert [line["iteration"] for line in lines] == list(range(0, 61, 10))
 
 
-def test_resuming_with_other_settings_is_refused(capture: Capture, result: Path) -> None:
+def test_resuming_with_other_settings_is_refused(tiny_capture: Capture, result: Path) -> None:
     other = replace(CONFIG, train=replace(CONFIG.train, stop=Stop(iterations=70)))
     with pytest.raises(DigsError, match="other settings"):
-        reconstruct(capture, other, result, resume=True)
+        reconstruct(tiny_capture, other, result, resume=True)
 
 
-def test_held_out_views_do_not_serve_the_training(capture: Capture, tmp_path: Path) -> None:
+def test_held_out_views_do_not_serve_the_training(tiny_capture: Capture, tmp_path: Path) -> None:
     """Spoiling the held-out photographs changes the metrics, not the Gaussians."""
-    spoiled = read_capture(copied(capture, tmp_path / "capture"))
+    spoiled = read_capture(copied(tiny_capture, tmp_path / "capture"))
     for frame in spoiled.split()[1]:
         write_image(frame.path(Layer.IMAGE), np.zeros((54, 72, 3), np.uint8))
         write_image(frame.path(Layer.DEPTH), np.full((54, 72), 0.5, np.float32))
     short = replace(CONFIG, train=replace(CONFIG.train, stop=Stop(iterations=5)))
     a = reconstruct(spoiled, short, tmp_path / "a").gaussians
-    b = reconstruct(capture, short, tmp_path / "b").gaussians
+    b = reconstruct(tiny_capture, short, tmp_path / "b").gaussians
     np.testing.assert_array_equal(a.means, b.means)
     np.testing.assert_array_equal(a.sh, b.sh)
     scores = [
@@ -108,9 +102,9 @@ def test_held_out_views_do_not_serve_the_training(capture: Capture, tmp_path: Pa
     assert scores[0] < scores[1]
 
 
-def test_a_view_without_foreground_is_tolerated(capture: Capture, tmp_path: Path) -> None:
+def test_a_view_without_foreground_is_tolerated(tiny_capture: Capture, tmp_path: Path) -> None:
     """In training and among the held-out views."""
-    empty = read_capture(copied(capture, tmp_path / "capture"))
+    empty = read_capture(copied(tiny_capture, tmp_path / "capture"))
     for number in (3, 4):
         write_image(empty.frames[number].path(Layer.MASK), np.zeros((54, 72), np.uint8))
     gaussians = reconstruct(empty, CONFIG, tmp_path / "out").gaussians
