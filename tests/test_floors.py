@@ -34,14 +34,14 @@ FLOORS = {
 }
 # The most lines of a room. A change that needs more says in its message what the weight buys.
 LINE_BUDGETS = {
-    "api": 435,
+    "api": 434,
     "check": 1_735,
-    "commands": 3_262,
+    "commands": 3_256,
     "data": 3_261,
     "device": 906,
     "engines": 996,
     "files at the top": 800,
-    "formats": 5_664,
+    "formats": 5_632,
     "geometry": 621,
     "init": 4_118,
     "losses": 732,
@@ -49,7 +49,7 @@ LINE_BUDGETS = {
     "measure": 1_590,
     "pipeline": 2_361,
     "poses": 4_857,
-    "record": 2_021,
+    "record": 2_014,
     "show": 3_208,
     "sim.camera": 1394,
     "sim.fit": 1912,

@@ -209,11 +209,6 @@ class Recording:
         frames = tuple(frame.with_field_of_view(degrees) for frame in self.frames)
         return replace(self, frames=frames)
 
-    @property
-    def knows_poses(self) -> bool:
-        """Whether every frame has a pose."""
-        return all(frame.world_from_cam is not None for frame in self.frames)
-
 
 @dataclass(frozen=True, eq=False)
 class NumberedFiles:
