@@ -1,6 +1,6 @@
 """Captures in memory with one thing wrong: a unit, the focal length, a convention, an order."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -12,7 +12,12 @@ from digs_warp.data.layers import Layer
 from digs_warp.data.point_cloud import PointCloud, write_points
 from digs_warp.data.viewpoints import looked_at
 from digs_warp.geometry.camera import Intrinsics, pixel_centers
-from digs_warp.geometry.rigid import OPENCV_FROM_OPENGL, invert_rigid
+from digs_warp.geometry.rigid import (
+    OPENCV_FROM_OPENGL,
+    invert_rigid,
+    matrix_from_rotation_vector,
+    rigid,
+)
 
 
 def each_frame(capture: Capture, change: Callable[[Frame], Frame]) -> Capture:
@@ -152,15 +157,17 @@ def without_half_of_the_circle(capture: Capture) -> Capture:
 
 
 def with_a_jump(
-    capture: Capture, shift: tuple[float, float, float], turn_degrees: float
+    capture: Capture,
+    shift: tuple[float, float, float],
+    turn_degrees: float,
+    numbers: Sequence[int] | None = None,
 ) -> Capture:
-    """From the middle on, all cameras are elsewhere: shifted [m], and turned about the world's z axis."""
-    angle = np.deg2rad(turn_degrees)
-    motion = np.eye(4)
-    motion[:2, :2] = [[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]]
-    motion[:3, 3] = shift
+    """Some cameras, those from the middle on, elsewhere: shifted [m], and turned about the world's z axis."""
+    motion = rigid(
+        matrix_from_rotation_vector(np.radians([0.0, 0.0, turn_degrees])), np.array(shift)
+    )
     frames = list(capture.frames)
-    for number in range(len(frames) // 2, len(frames)):
+    for number in range(len(frames) // 2, len(frames)) if numbers is None else numbers:
         camera = frames[number].camera
         other = replace(camera, world_from_cam=motion @ camera.world_from_cam)
         frames[number] = replace(frames[number], camera=other)

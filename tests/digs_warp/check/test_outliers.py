@@ -42,33 +42,19 @@ def good() -> Capture:
     )
 
 
-def moved(capture: Capture, numbers: range, turn_degrees: float) -> Capture:
-    """The capture with the cameras of some frames turned about the z axis of the world and lifted."""
-    angle = np.deg2rad(turn_degrees)
-    motion = np.eye(4)
-    motion[:2, :2] = [[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]]
-    motion[2, 3] = 0.1
-    frames = list(capture.frames)
-    for number in numbers:
-        camera = frames[number].camera
-        other = replace(camera, world_from_cam=motion @ camera.world_from_cam)
-        frames[number] = replace(frames[number], camera=other)
-    return replace(capture, frames=tuple(frames))
-
-
 def test_a_good_capture_has_neither(good: Capture) -> None:
     assert look_for(good, *OUTLIERS, "repeats") == []
 
 
 @pytest.mark.parametrize("number", [0, 1, 7, FRAMES - 1])
 def test_a_frame_with_a_broken_pose_is_named(good: Capture, number: int) -> None:
-    (found,) = look_for(moved(good, range(number, number + 1), 40.0), *OUTLIERS)
+    (found,) = look_for(with_a_jump(good, (0.0, 0.0, 0.1), 40.0, [number]), *OUTLIERS)
     assert found.kind == "outlier frames" and not found.is_error
     assert found.what.endswith(f"after: {good.frames[number].name}.")
 
 
 def test_two_recordings_in_one_break_between_them(good: Capture) -> None:
-    (found,) = look_for(moved(good, range(8, FRAMES), 40.0), *OUTLIERS)
+    (found,) = look_for(with_a_jump(good, (0.0, 0.0, 0.1), 40.0), *OUTLIERS)
     assert found.kind == "break" and found.is_error
     assert f"between frames {good.frames[7].name} and {good.frames[8].name}." in found.what
 

@@ -5,8 +5,7 @@ from dataclasses import replace
 import numpy as np
 import warp as wp
 
-from digs_warp.device.threads import limited_threads
-from digs_warp.masks.votes import Views, mask_votes
+from digs_warp.masks.votes import Views
 from digs_warp.measure.thumbnails import SmallDepth
 from reference.ball_capture import ball_views
 from reference.votes_twin import votes_on
@@ -48,13 +47,3 @@ def test_views_vote_as_the_twin_says() -> None:
     assert 0 < found[:, 1].sum() < found[:, 0].sum() < len(voters) * len(points)
     assert views.votes(on_device(points), []).sum() == 0
     assert views.votes(on_device(points[:0]), voters).shape == (0, 2)
-
-
-def test_the_number_of_threads_changes_no_vote() -> None:
-    frames = frames_with_holes(9)[:-1]
-    votes = mask_votes(frames)
-    with limited_threads(1):
-        for one, other in zip(votes, mask_votes(frames), strict=True):
-            np.testing.assert_array_equal(one.known, other.known)
-            np.testing.assert_array_equal(one.is_object, other.is_object)
-            assert one.agreement == other.agreement

@@ -16,10 +16,7 @@ from digs_warp.masks.config import SegmentConfig
 from digs_warp.masks.masks import segment
 from digs_warp.masks.network import (
     MaskNetwork,
-    default_model_path,
-    mask_from_output,
 )
-from reference.overlap import intersection_over_union
 from reference.tiny_capture import HEIGHT, WIDTH, write_tiny_capture
 from reference.tiny_network import write_network
 
@@ -160,11 +157,6 @@ def test_the_network_gets_and_gives_what_rembg_would(tmp_path: Path) -> None:
     assert difference.max() <= 1  # float32 inside, and a floor
 
 
-def test_a_constant_answer_means_no_object() -> None:
-    mask = mask_from_output(np.full((8, 8), 0.3), 20, 10)
-    assert mask.shape == (10, 20) and not mask.any()
-
-
 def test_masks_by_the_network_are_written(frames: list[Frame], tmp_path: Path) -> None:
     model = write_network(tmp_path / "net.onnx")
     config = SegmentConfig(masks="isnet", mask_model=model)
@@ -195,14 +187,6 @@ def test_a_network_of_another_kind_is_refused(tmp_path: Path) -> None:
         network.mask(np.zeros((20, 20, 3), np.uint8))
 
 
-def test_the_network_is_sought_where_rembg_keeps_it(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.delenv("U2NET_HOME", raising=False)
-    monkeypatch.setenv("XDG_DATA_HOME", "/data")
-    assert default_model_path() == Path("/data/.u2net/isnet-general-use.onnx")
-    monkeypatch.setenv("U2NET_HOME", "/models")
-    assert default_model_path() == Path("/models/isnet-general-use.onnx")
-
-
 # Settings and frames that do not go together
 
 
@@ -223,16 +207,3 @@ def test_a_frame_without_depth_needs_another_source(frames: list[Frame], tmp_pat
 def test_settings_that_contradict_each_other_are_refused(settings: dict, message: str) -> None:
     with pytest.raises(DigsError, match=message):
         SegmentConfig(**settings)
-
-
-@pytest.mark.parametrize(
-    ("a", "b", "expected"),
-    [
-        ([255, 255, 0, 0], [255, 0, 255, 0], 1 / 3),
-        ([0] * 4, [0] * 4, 1.0),
-        ([255] * 4, [0] * 4, 0.0),
-    ],
-)
-def test_overlap_is_shared_by_joined_area(a: list[int], b: list[int], expected: float) -> None:
-    overlap = intersection_over_union(np.array([a], np.uint8), np.array([b], np.uint8))
-    assert overlap == pytest.approx(expected)

@@ -101,15 +101,6 @@ def test_frames_disagree_less_the_nearer_a_motion_is_to_the_true_one() -> None:
     assert disagreement(PICTURES[0], PICTURES[1], behind) == pytest.approx(1.2)
 
 
-def test_a_motion_is_found_from_a_start_several_degrees_off() -> None:
-    open3d_or_skip()
-    true = invert_rigid(TRUTH[1]) @ TRUTH[0]
-    features = [FrameFeatures.of(each) for each in PICTURES[:2]]
-    edge = edge_between(features, 0, 1, np.eye(4))
-    assert np.abs(edge.target_from_source - true).max() < 0.005
-    assert edge.information.shape == (6, 6)
-
-
 def in_bad_light(seen: Picture, exposure: float, seed: int) -> Picture:
     """The picture with another exposure and noise, and without half of its depth."""
     rng = np.random.default_rng(seed)

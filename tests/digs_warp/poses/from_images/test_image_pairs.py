@@ -3,17 +3,10 @@
 import numpy as np
 
 from digs_warp.poses.from_images.image_pairs import (
-    all_pairs,
     loop_pairs,
     sequential_pairs,
     vlad,
 )
-
-
-def test_all_pairs_are_there_once() -> None:
-    pairs = all_pairs(5)
-    assert len(pairs) == len(set(pairs)) == 10
-    assert all(i < j for i, j in pairs)
 
 
 def test_sequential_pairs_reach_neighbors_and_powers_of_two() -> None:

@@ -69,17 +69,6 @@ def test_poses_come_out_to_a_thousandth_of_the_distance(
     assert np.median(errors.rotations_deg) < 0.6
 
 
-def test_observations_project_where_they_were_measured(estimated: SfmResult) -> None:
-    model = estimated.model
-    distances = reprojection_distances(model)
-    assert np.median(distances) < 0.5
-    assert distances.max() < 10.0
-    # COLMAP's error of a point is the mean distance of its measurements.
-    seen = model.observations
-    means = np.bincount(seen.points, weights=distances) / np.bincount(seen.points)
-    np.testing.assert_allclose(means, model.reprojection_errors, atol=2e-3)
-
-
 def test_the_quality_counts_what_is_in_the_model(estimated: SfmResult) -> None:
     quality, model = estimated.quality, estimated.model
     assert (quality.images, quality.registered, quality.models) == (12, 12, 1)

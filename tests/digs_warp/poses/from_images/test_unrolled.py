@@ -10,9 +10,7 @@ import pycolmap
 import pytest
 from scipy.spatial.transform import Rotation
 
-from digs_warp.checks import CaptureError, DigsError
-from digs_warp.data.about import About
-from digs_warp.data.capture import Capture
+from digs_warp.checks import DigsError
 from digs_warp.data.frame import Frame
 from digs_warp.data.layers import Layer
 from digs_warp.geometry.camera import Camera
@@ -20,7 +18,6 @@ from digs_warp.geometry.rigid import invert_rigid
 from digs_warp.poses.from_images.colmap import ImageSet, quiet_pycolmap
 from digs_warp.poses.from_images.model import sfm_model
 from digs_warp.poses.from_images.rolling_shutter import correct_rolling_shutter
-from digs_warp.record.typed import from_json
 from reference.sfm_views import INTRINSICS, arc
 from studies.pose_errors import pose_errors
 
@@ -136,12 +133,3 @@ def test_times_that_do_not_rise_are_named(rolling: Any, frames: list[Frame]) -> 
         DigsError, match=r"'0004' was taken at 1.8 s.*later than '0003'.*readout-time"
     ):
         correct_rolling_shutter(rolling, frames, ImageSet.of(frames), READOUT)
-
-
-def test_a_recording_tells_its_read_out(frames: list[Frame], tmp_path: Path) -> None:
-    capture = Capture(tmp_path, tuple(frames), None, About(readout_time=0.0184))
-    assert capture.readout_time == 0.0184
-    assert replace(capture, about=About()).readout_time == 0.0
-    for wrong in ("fast", -1.0, np.nan):
-        with pytest.raises(CaptureError, match=r"here: readout_time is"):
-            from_json(About, {"readout_time": wrong}, "here", error=CaptureError)
