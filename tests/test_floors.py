@@ -36,7 +36,7 @@ FLOORS = {
 LINE_BUDGETS = {
     "api": 434,
     "check": 1_735,
-    "commands": 3_256,
+    "commands": 3_201,
     "data": 3_261,
     "device": 906,
     "engines": 996,
@@ -48,7 +48,7 @@ LINE_BUDGETS = {
     "masks": 1_165,
     "measure": 1_590,
     "pipeline": 2_361,
-    "poses": 4_857,
+    "poses": 4_839,
     "record": 2_014,
     "show": 3_208,
     "sim.camera": 1394,
@@ -65,7 +65,7 @@ LINE_BUDGETS = {
     "train": 3_643,
     "usd": 2_748,
 }
-MOST_FILES = 496  # of the product; 65,000 lines in 500 files are the goal
+MOST_FILES = 495  # of the product; 65,000 lines in 500 files are the goal
 # A shorter file with a single client in its folder belongs into that client.
 CRUMB = 60
 

@@ -23,6 +23,7 @@ from digs_warp.device.libraries import MissingLibraryError
 from digs_warp.geometry.camera import Camera
 from digs_warp.init.config import InitConfig
 from digs_warp.init.scale import ScaleEstimate, estimate_scale, local_scales
+from digs_warp.poses import thresholds
 from digs_warp.poses.from_images.config import SfmConfig
 from digs_warp.poses.outcome import Tracking
 from digs_warp.words import counted
@@ -199,22 +200,20 @@ def depth_contradiction(capture: Capture, frames: PosedFrames, sfm: SfmConfig) -
         frames: with its poses, in metres.
         sfm: the settings.
     """
-    from digs_warp.poses.from_depth.odometry_chain import contradiction
+    from digs_warp.poses.from_depth.odometry_chain import contradicted_steps
 
     deep = [frame for frame, _ in frames.by_time if frame.has(Layer.DEPTH)]
     try:
-        found = contradiction(deep, sfm.readout)
+        contradicted, steps = contradicted_steps(deep, sfm.readout)
     except MissingLibraryError as error:
         logger.info("poses: not compared with depth: %s", error)
         return ""
-    logger.info(
-        *("poses: depth contradicts %d of %s", found.contradicted, counted(found.steps, "step")),
-    )
-    if not found.is_contradicted:
+    logger.info("poses: depth contradicts %d of %s", contradicted, counted(steps, "step"))
+    if contradicted <= thresholds.MAX_CONTRADICTED_SHARE * steps:
         return ""
     return (
-        f"structure from motion: color and depth show another motion at {found.contradicted} of "
-        f"{counted(found.steps, 'step')} between neighbors: matched images may mislead, as before a pattern "
+        f"structure from motion: color and depth show another motion at {contradicted} of "
+        f"{counted(steps, 'step')} between neighbors: matched images may mislead, as before a pattern "
         "that repeats"
     )
 

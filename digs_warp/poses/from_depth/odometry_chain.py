@@ -5,7 +5,7 @@ optimized by Open3D. Also whether given poses contradict the motions.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -131,26 +131,8 @@ def turn_deg(motion: np.ndarray) -> float:
 MOST = 40
 
 
-@dataclass(frozen=True)
-class Contradiction:
-    """What depth says of poses.
-
-    Attributes:
-        steps: between neighbors in time that were measured.
-        contradicted: where color and depth show another motion.
-    """
-
-    steps: int
-    contradicted: int
-
-    @property
-    def is_contradicted(self) -> bool:
-        """Whether the poses are probably wrong somewhere."""
-        return self.contradicted > thresholds.MAX_CONTRADICTED_SHARE * self.steps
-
-
-def contradiction(frames: Sequence[Frame], readout_time: float) -> Contradiction:
-    """Measure the motion between neighbors by color and depth, starting from the poses.
+def contradicted_steps(frames: Sequence[Frame], readout_time: float) -> tuple[int, int]:
+    """Return at how many steps color and depth show another motion than the poses, and of how many.
 
     Args:
         frames: with poses in metres, in order of time; those without depth are left out.
@@ -172,7 +154,7 @@ def contradiction(frames: Sequence[Frame], readout_time: float) -> Contradiction
         )
         return bool(other and holds(edge) and before - after > thresholds.MIN_DISAGREEMENT_DROP)
 
-    return Contradiction(len(steps), sum(over_items(steps, contradicted)))
+    return sum(over_items(steps, contradicted)), len(steps)
 
 
 # Loop edges of each frame, at most.

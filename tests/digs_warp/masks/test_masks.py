@@ -65,7 +65,9 @@ def test_masks_of_other_settings_or_files_are_made_anew(
     if change == "settings":
         config = replace(config, mask_agreement="off")
     elif change == "memory":
-        mine[0] = mine[0].with_layer(Layer.DEPTH, np.where(np.arange(WIDTH) < 40, depth, np.nan))
+        mine[0] = mine[0].with_layer(
+            Layer.DEPTH, np.where(np.arange(WIDTH) < 40, mine[0].load_depth(), np.nan)
+        )
     else:
         os.utime(copy, (1.0, 1.0))
     segment(mine, config, tmp_path / "masks")
