@@ -105,7 +105,7 @@ def test_numbers_may_have_an_exponent(tmp_path: Path, written: str, value: float
         ("figures: {sharpness: {value: 1, origin: tuned}}", r"unknown figures \['sharpness'\]"),
         ("figures: {baseline: 0.2}", "found 0.2, expected {value: number"),
         ("base: [zed2-2k]\nfigures: {}", "base .*, expected one of zed2-2k"),
-        ("figures: {" * 3000, "levels of brackets"),
+        ("figures: {" * 3000, "not readable as YAML"),
         ("figures: {baseline: {value: 0.2, origin: guessed}}", "origin 'guessed', expected one of"),
     ],
 )
