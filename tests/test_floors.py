@@ -59,7 +59,7 @@ LINE_BUDGETS = {
     "sim.sensor": 5_009,
     "sim.testing": 852,
     "splat": 5_020,
-    "study": 2_008,
+    "study": 1_999,
     "surface": 571,
     "torch": 193,
     "train": 3_643,

@@ -71,12 +71,9 @@ def at_iteration(iteration: int, metric: str) -> Value:
 
 
 _as_it_lies = number("yardstick", "psnr_object")
-# The same where a recording with automatic exposure leaves brightness and white balance of the scene open:
-# they are fitted, to all views together.
-one_gain_psnr = number("yardstick", "psnr_object_one_gain")
-_gain_of_each = number("yardstick", "psnr_object_aligned")
-# After one rigid motion, too: found poses leave it open where the whole scene lies.
-placed_psnr = number("yardstick", "psnr_object_in_place")
+# After one brightness and white balance of all views, which automatic exposure leaves open, and one rigid
+# motion, which found poses leave open.
+_placed = number("yardstick", "psnr_object_in_place")
 # The same in an image of twice the size, as from half the distance, and what tables call it; records that are
 # older than the four sizes do not have it.
 AT_TWICE = "at twice the size"
@@ -86,10 +83,10 @@ double_psnr = number("yardstick", "psnr_object_in_place_double")
 def final_psnr(record: Record) -> float | None:
     """Return PSNR on the object [dB] in views of a perfect camera, the same for all recordings of an object.
 
-    It is `placed_psnr`; of earlier records `one_gain_psnr`, or with a gain for each view, or without any.
+    Gain and place are fitted to all views together; of earlier records it is that of the result as it lies.
     """
-    values = (each(record) for each in (placed_psnr, one_gain_psnr, _gain_of_each, _as_it_lies))
-    return next((value for value in values if value is not None), None)
+    placed = _placed(record)
+    return _as_it_lies(record) if placed is None else placed
 
 
 @dataclass(frozen=True)

@@ -39,8 +39,7 @@ def score_on_yardstick(gaussians: Gaussians, frames: Sequence[Frame]) -> dict[st
 
     Returns:
         ``psnr_object``, ``ssim_object`` [dB, 1], and ``psnr_frame``, ``ssim_frame`` of the whole image;
-        ``psnr_object_one_gain`` [dB]: after one brightness and white balance were fitted to all views
-        together, for the yardstick's camera has one exposure; ``flip`` where flip-evaluator is installed;
+        ``flip`` where flip-evaluator is installed;
         ``depth_mae`` [m] and ``depth_seen`` (see `depth_error`).
     """
     from digs_warp.measure.scores import mean_score
@@ -50,7 +49,6 @@ def score_on_yardstick(gaussians: Gaussians, frames: Sequence[Frame]) -> dict[st
     views = load_test_views(frames)
     renderings = render_views(DeviceGaussians.from_numpy(gaussians), views)
     score = mean_score([*map(score_view, renderings, views)]).to_json()
-    score["psnr_object_one_gain"] = psnr_with_one_gain(renderings, views)
     if find_spec("flip_evaluator"):
         from digs_warp.measure.flip import flip
 
