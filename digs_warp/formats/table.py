@@ -158,10 +158,10 @@ RECORDINGS = {
         ),
         Form(
             "7scenes",
-            "poses; the camera in camera-intrinsics.txt, here or one folder above",
+            "poses; the camera in camera-intrinsics.txt or info.txt, here or one folder above",
             {"*.ply": "a model of the scene"},
             "a scene of several sequences",
-            "frame-*.pose.txt camera-intrinsics.txt",
+            "frame-*.pose.txt camera-intrinsics.txt *info.txt",
         ),
     )
 }

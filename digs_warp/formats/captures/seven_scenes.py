@@ -1,9 +1,10 @@
-"""7-Scenes, and data sets in its layout such as 3DMatch: three files for each frame.
+"""7-Scenes, and data sets in its layout (3DMatch, RIO10, BundleFusion): three files for each frame.
 
     frame-000000.color.png or .jpg
     frame-000000.depth.png or .pgm    millimetres, 0 and 65535 unknown
     frame-000000.pose.txt             4 x 4, world from camera, OpenCV axes; not finite where tracking failed
-    camera-intrinsics.txt             3 x 3, of color and depth; here or one folder above (3DMatch)
+    camera-intrinsics.txt             3 x 3, of color and depth; here or one folder above (3DMatch), or
+    info.txt, _info.txt               m_calibrationColorIntrinsic, ...DepthIntrinsic (BundleFusion, RIO10)
 
 7-Scenes itself has no such file: its images are those of a Kinect, not registered to each other, and the
 poses are those of the depth camera. Without a calibration, images of 640 x 480 pixels get the figures in
@@ -15,19 +16,21 @@ from pathlib import Path
 import numpy as np
 
 from digs_warp.checks import CaptureError
-from digs_warp.data.images import image_size
+from digs_warp.data.images import MM_PER_METRE, image_size
 from digs_warp.formats.captures.recording import (
     DEPTH_SUFFIXES,
     IMAGE_SUFFIXES,
     DepthCamera,
     NumberedFiles,
     Recording,
+    expecting,
     known_pose,
     numbered_files,
     read_numbers,
 )
 from digs_warp.geometry.camera import Intrinsics
 from digs_warp.geometry.rigid import invert_rigid
+from digs_warp.record.files import read_text
 
 CALIBRATION = "camera-intrinsics.txt"
 
@@ -69,29 +72,61 @@ def read_seven_scenes(folder: Path) -> Recording:
         folder, images, numbered_files(folder, "frame-", DEPTH_SUFFIXES, ".depth")
     )
     depth_size = image_size(next(iter(files.depths.values()))) if files.depths else files.image_size
-    color, depth = _cameras(folder, files.image_size, depth_size)
+    color, depth, units = _cameras(folder, files.image_size, depth_size)
     poses = {
         number: _color_pose(path, depth)
         for number, path in numbered_files(folder, "frame-", (".txt",), ".pose").items()
     }
-    return files.recording(color, poses, depth_camera=depth if files.depths else None)
+    return files.recording(
+        color,
+        poses,
+        depth_camera=depth if files.depths else None,
+        depth_units_per_metre=dict.fromkeys(images, units),
+    )
 
 
 def _cameras(
     folder: Path, size: tuple[int, int], depth_size: tuple[int, int]
-) -> tuple[Intrinsics, DepthCamera | None]:
-    """Return the color camera, and the depth camera where it is another: of a file, or the Kinect's."""
+) -> tuple[Intrinsics, DepthCamera | None, float]:
+    """Return the color camera, the depth camera where it is another, and depth units per metre.
+
+    They are those of a file, or those of the Kinect of 7-Scenes.
+    """
     for place in (folder, folder.parent):
         if (path := place / CALIBRATION).is_file():
             matrix = read_numbers(path, (3, 3), "calibration")
-            return Intrinsics.from_matrix(matrix, *size, first_center=0), None
+            return Intrinsics.from_matrix(matrix, *size, first_center=0), None, MM_PER_METRE
+        for path in (place / "info.txt", place / "_info.txt"):
+            if path.is_file():
+                return _cameras_of_info(path, size, depth_size)
     if size != KINECT_SIZE or depth_size != KINECT_SIZE:
         raise CaptureError(
             f"recording '{folder}': images of {size[0]}x{size[1]} pixels and no {CALIBRATION}; write "
             "fx 0 cx, 0 fy cy, 0 0 1 into that file (first pixel center at 0, 0)"
         )
     color = Intrinsics.from_matrix(COLOR_MATRIX, *size, first_center=0)
-    return color, kinect_depth_camera(*size)
+    return color, kinect_depth_camera(*size), MM_PER_METRE
+
+
+def _cameras_of_info(
+    path: Path, size: tuple[int, int], depth_size: tuple[int, int]
+) -> tuple[Intrinsics, DepthCamera, float]:
+    """Read lines "name = values"; color and depth look from the same place."""
+    lines = (line.partition("=") for line in read_text(path, "calibration").splitlines())
+    values = {name.strip(): value.split() for name, _, value in lines}
+    expected = (
+        "4 x 4 numbers for m_calibrationColorIntrinsic and ...DepthIntrinsic, m_depthShift > 0"
+    )
+    with expecting(f"'{path}'", expected):
+        color, depth = (
+            np.array(values[f"m_calibration{kind}Intrinsic"], dtype=np.float64).reshape(4, 4)
+            for kind in ("Color", "Depth")
+        )
+        units = float(values.get("m_depthShift", [MM_PER_METRE])[0])
+        if not units > 0:
+            raise ValueError(f"m_depthShift is {units}")
+    camera = DepthCamera(Intrinsics.from_matrix(depth, *depth_size, first_center=0))
+    return Intrinsics.from_matrix(color, *size, first_center=0), camera, units
 
 
 def kinect_depth_camera(width: int, height: int) -> DepthCamera:

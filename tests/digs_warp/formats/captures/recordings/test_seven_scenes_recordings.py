@@ -45,6 +45,24 @@ def test_a_calibration_may_lie_beside_the_sequences(
     assert [frame.time for frame in found.frames] == pytest.approx([0, 1 / 30, 3 / 30])
 
 
+def test_an_info_file_has_the_cameras_of_color_and_depth_and_the_unit(
+    capture: Capture, sequence: Path, tmp_path: Path
+) -> None:
+    for number, frame in zip((7, 8, 10), capture.frames, strict=True):
+        depth = np.nan_to_num(frame.load_depth()).repeat(2, axis=0).repeat(2, axis=1)
+        path = sequence / f"frame-{number:06d}.depth.png"
+        write_image(path, np.round(5000 * depth).astype(np.uint16))
+    (sequence / "_info.txt").write_text(
+        "m_versionNumber = 4\nm_depthShift = 5000\n"
+        "m_calibrationColorIntrinsic = 19 0 8.75 0 0 23 7.25 0 0 0 1 0 0 0 0 1\n"
+        "m_calibrationDepthIntrinsic = 38 0 18 0 0 46 15 0 0 0 1 0 0 0 0 1\n"
+    )
+    check_same(converted("7scenes", sequence, tmp_path / "capture"), capture, 1e-3)
+    (sequence / "info.txt").write_text("m_calibrationColorIntrinsic = 1 2 3\n")
+    with pytest.raises(DigsError, match=r"info\.txt'.*4 x 4 numbers"):
+        read_recording(sequence, "7scenes")
+
+
 def test_the_kinect_of_7_scenes_has_its_color_camera_beside_the_depth_camera(
     tmp_path: Path,
 ) -> None:
