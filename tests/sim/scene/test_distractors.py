@@ -36,7 +36,7 @@ def test_they_stand_on_the_ground_of_the_object_and_are_none() -> None:
     for thing in things:
         assert thing[:, 2].min() == pytest.approx(floor, abs=1e-6)
         away = np.linalg.norm(thing[:, :2], axis=1)
-        assert away.min() > inner and away.max() <= REACH * radius + 1e-6
+        assert away.min() > inner + GAP * radius - 1e-6 and away.max() <= REACH * radius + 1e-6
     gaps = [
         np.linalg.norm(a[:, None, :2] - b[None, :, :2], axis=2).min()
         for i, a in enumerate(things)

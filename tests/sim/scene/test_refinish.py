@@ -55,12 +55,12 @@ def test_a_tint_takes_away_the_other_colors(
 
 
 def test_every_object_gets_its_own_finish_and_furniture_none() -> None:
-    numbers = np.choose(SCENE.face_materials % 3, [0, 1, 2]).astype(np.int32)
-    scene = replace(SCENE, face_objects=numbers)
+    """Where there are fewer values than objects, they repeat."""
+    scene = replace(SCENE, face_objects=(SCENE.face_materials % 4).astype(np.int32))
     after = refinished(scene, LookSettings(tint=(1.0, 0.5), tint_hue=(0.0, 240.0)))
-    colors = [(1, 1, 1), (1, 0, 0), (0.5, 0.5, 1)]
+    colors = [(1, 1, 1), (1, 0, 0), (0.5, 0.5, 1), (1, 0, 0)]
     for number, (a, b) in enumerate(zip(scene.materials, after.materials, strict=True)):
-        wanted = a.base_color * np.array(colors[number % 3])
+        wanted = a.base_color * np.array(colors[number % 4])
         np.testing.assert_allclose(b.base_color, wanted, atol=1e-6)
 
 

@@ -157,6 +157,14 @@ def test_the_bias_depends_on_the_place_as_the_formula_says(tier: str) -> None:
     assert np.isfinite(error[rows, columns]).mean() > 0.97
 
 
+def test_the_guided_search_looks_where_the_drifted_pair_shows_the_surface() -> None:
+    """A shift of 30 px: round the true disparity, half of these pixels would find nothing."""
+    truth = slanted_pair(Drift(yaw_deg=3.5))
+    middle = slice(120, 240), slice(180, 360)
+    off = np.abs(sense(truth, "guided").disparity - truth.shown_disparity)[middle]
+    assert (off <= 1).mean() > 0.99
+
+
 @pytest.mark.parametrize("tier", ["guided", "matcher"])
 def test_a_changed_baseline_scales_depth(tier: str) -> None:
     truth = slanted_pair(NO_DRIFT)

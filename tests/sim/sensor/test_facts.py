@@ -25,10 +25,11 @@ def square(near: float, far: float) -> np.ndarray:
     return disparity
 
 
-def test_exposure_is_counted() -> None:
-    image = broadband(SHAPE)
+def test_exposure_is_counted_where_something_is_in_view() -> None:
+    disparity, image = np.full(SHAPE, 30.0), broadband(SHAPE)
     image[:24], image[24:36] = 255, 3
-    facts = facts_of(make_frame(30.0, image=image))
+    disparity[:, 160:], image[:, 160:] = np.nan, 255
+    facts = facts_of(make_frame(disparity, image=image))
     assert facts.saturated_share == pytest.approx(0.1)
     assert facts.dark_share == pytest.approx(0.05)
 

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from digs_warp.sim.sensor.effects.disparity_errors import unit_field
 from digs_warp.sim.sensor.on_recordings import (
     DISPARITY_NOISE,
     EFFECTS_ON_RECORDINGS,
@@ -10,7 +11,7 @@ from digs_warp.sim.sensor.on_recordings import (
     worse_depth,
     worse_images,
 )
-from reference.stereo_frames import broadband, make_rig
+from reference.stereo_frames import broadband, flat, make_rig
 
 SHAPE = (240, 320)
 
@@ -35,6 +36,26 @@ def test_disparity_noise_gives_the_quadratic_law(strength: float) -> None:
         expected = strength * 0.1 * metres**2 / rig.focal_baseline
         assert np.std(error) == pytest.approx(expected, rel=0.03)
         assert abs(np.mean(error)) < 0.05 * expected
+
+
+@pytest.mark.parametrize(("seed", "number"), [(0, 1), (1, 0)])
+def test_other_frames_and_seeds_have_other_noise(seed: int, number: int) -> None:
+    rig, gray = make_rig(disparity_sigma=0.1, image_noise=2.0), flat(SHAPE, 118)
+    noisy = []
+    for each in ((0, 0), (seed, number)):
+        noisy.append(worse_depth(plane(1.0), rig, [DISPARITY_NOISE], *each))
+        eyes = worse_images(gray, gray, rig, ["shot-noise", "read-noise"], *each)
+        noisy += [eye[..., 0] for eye in eyes]
+        assert np.std(eyes) == pytest.approx(2.0, rel=0.1)
+    alike = np.corrcoef([each.ravel() for each in noisy])
+    assert np.abs(alike - np.eye(6)).max() < 0.02
+
+
+def test_a_static_field_is_that_of_the_unit() -> None:
+    rig = make_rig(static_field=0.2, unit=3)
+    worse = worse_depth(plane(1.0), rig, ["static-field"], strength=2.0)
+    error = rig.focal_baseline / worse.astype(np.float64) - rig.focal_baseline
+    np.testing.assert_allclose(error, 0.4 * unit_field(3, 320, 240), atol=1e-4)
 
 
 def test_depth_is_lost_beside_steps_as_far_as_half_a_window_reaches() -> None:

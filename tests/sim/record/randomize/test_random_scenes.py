@@ -1,6 +1,7 @@
 """A data set at random, from the command line to the files: recorded, repeatable, resumable."""
 
 import json
+import pickle
 from pathlib import Path
 
 import numpy as np
@@ -8,6 +9,17 @@ import pytest
 
 from digs_warp.cli import EXIT_OK, main
 from digs_warp.data.images import write_image
+from digs_warp.sim.config import SimulateConfig
+from digs_warp.sim.record import session
+from digs_warp.sim.record.inputs import load_inputs
+from digs_warp.sim.record.randomize.draws import (
+    LEAST_COUNT,
+    SHIPPED,
+    Randomization,
+    draw_scenes,
+    entries_of,
+    load_randomization,
+)
 from reference.file_hashes import file_hashes
 from reference.mesh_files import TETRAHEDRON
 
@@ -72,3 +84,29 @@ def pixels_of(folder: Path) -> dict[str, str]:
     """Hashes of all files but the records, which name times."""
     records = ("run.json", "files.jsonl")
     return {name: each for name, each in file_hashes(folder).items() if name not in records}
+
+
+ENTRIES = {k: e for name in SHIPPED for k, e in load_randomization(name).entries.items()}
+
+
+@pytest.mark.parametrize("key", ENTRIES)
+def test_every_key_of_ours_changes_what_is_recorded(
+    key: str, inputs: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """What is recorded is compared before it is rendered."""
+    monkeypatch.setattr(session, "_make_renderer", lambda *_: None)
+    values = [ENTRIES[key].at(share) for share in (0.05, 0.6)] if key != "ground" else []
+    low, high = (prepared(key, value, inputs) for value in values or ("table", "floor"))
+    assert low != high, f"{ENTRIES[key].words} records the same"
+
+
+def prepared(key: str, value: object, inputs: Path) -> bytes:
+    """A tinted, shiny object in its surround, the poses, and the factor on the errors, with one key set."""
+    content = {"ground": "table", "tint": 0.5, "roughness_factor": 0.3, key: value}
+    mine = Randomization("mine", entries_of(content, inputs, "mine"))
+    config = SimulateConfig(profile="bare-matcher", environment=inputs / "day.png", frames=3)
+    meshes = sorted(inputs.glob("*.obj"))[: None if key in LEAST_COUNT else 1]
+    (scene,) = draw_scenes(mine, config, 1, meshes)
+    ready = session.prepare_session(scene.config, load_inputs(scene.config))
+    poses = [ready.walk.pose(moment) for moment in ready.moments]
+    return pickle.dumps((ready.scene, ready.environment, poses, scene.config.strength))

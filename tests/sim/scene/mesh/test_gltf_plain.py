@@ -110,6 +110,23 @@ def test_maps_in_different_places_are_named(
     assert "material '0': its maps lie in different places" in caplog.text
 
 
+def test_parts_keep_their_own_materials(tmp_path: Path) -> None:
+    """Two materials of one name, the first one with a texture, and a part without material."""
+    builder = GltfBuilder()
+    glass = {"extensions": {"KHR_materials_transmission": {"transmissionFactor": 1.0}}}
+    builder.header["materials"] = [{"name": "paint", **glass}, {"name": "paint"}]
+    texture = {"baseColorTexture": {"index": builder.add_texture(checker())}}
+    builder.header["materials"][0]["pbrMetallicRoughness"] = texture
+    for height, more in ((0.5, {"material": 1}), (1.0, {})):
+        above = builder.add((CORNERS + (0, height, 0)).astype(np.float32))
+        part = {"attributes": {"POSITION": above}, "indices": 2, **more}
+        builder.header["meshes"][0]["primitives"].append(part)
+    materials = load(builder, tmp_path).materials
+    assert [material.transmission for material in materials] == [1.0, 0.0, 0.0]
+    assert [material.texture is not None for material in materials] == [True, False, False]
+    assert len({material.name for material in materials}) == 3
+
+
 def test_a_webp_map_of_an_extension_is_read(tmp_path: Path) -> None:
     builder = GltfBuilder()
     texture = builder.add_texture(checker(), "WEBP")
