@@ -6,7 +6,6 @@ CPU seconds of all threads, with compiled kernels: they hardly depend on what el
 """
 
 import resource
-import shutil
 import subprocess
 import sys
 import tempfile
@@ -15,6 +14,7 @@ from pathlib import Path
 from page_marks import fill
 
 from digs_warp.data.capture import read_capture
+from digs_warp.record.files import copy_folder
 from digs_warp.show.film.video import write_video
 from digs_warp.study.table import Table
 
@@ -72,7 +72,7 @@ def main() -> None:
     rows, examples = [], Path(__file__).resolve().parents[1] / "examples"
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        shutil.copytree(examples, folder / "examples")
+        copy_folder(examples, folder / "examples")
         for task, commands in TASKS.items():
             seconds = sum(cpu_seconds(command, folder) for command in commands)
             shown = "<br>".join(f"`{command}`" for command in commands)

@@ -70,7 +70,7 @@ def write_webdataset(capture: Capture, folder: Path) -> None:
             found["right.png"] = _png(frame.load_right_image())
         if frame.has(Layer.DEPTH):
             buffer = io.BytesIO()
-            np.save(buffer, _known(frame))
+            np.lib.format.write_array(buffer, _known(frame))
             found["depth.npy"] = buffer.getvalue()
         if frame.has(Layer.MASK):
             found["mask.png"] = _png(frame.load_mask())
