@@ -90,7 +90,7 @@ BENCHMARKS = (
         ("recordings.md",),
         cases=(
             *("hololens_room_sequence", "tum_cabinet_orbit", "lund_door_photos"),
-            "zed2i_stereo_pair",
+            *("euroc_static_stereo", "zed2i_stereo_pair"),
         ),
     ),
     # Simulated photographs without their depth, beside the sensor's.

@@ -155,6 +155,13 @@ RECORDINGS = (
         arrange=smaller_door,
     ),
     RealRecording(
+        "euroc_static_stereo",
+        "euroc",
+        "8 gray stereo pairs of 752 x 480, five of them at rest (VI-Sensor), without depth and poses",
+        'Burri et al., "The EuRoC micro aerial vehicle datasets", IJRR 2016; research use',
+        has_poses=False,
+    ),
+    RealRecording(
         "zed2i_stereo_pair",
         "zed",
         "one stereo pair of 1920 x 1080, bottles and cans on a shiny table (ZED), without depth and poses",

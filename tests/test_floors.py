@@ -41,7 +41,7 @@ LINE_BUDGETS = {
     "device": 906,
     "engines": 996,
     "files at the top": 800,
-    "formats": 5_705,
+    "formats": 5_935,
     "geometry": 621,
     "init": 4_118,
     "losses": 732,
@@ -65,7 +65,7 @@ LINE_BUDGETS = {
     "train": 3_643,
     "usd": 2_748,
 }
-MOST_FILES = 495  # of the product; 65,000 lines in 500 files are the goal
+MOST_FILES = 496  # of the product; 65,000 lines in 500 files are the goal
 # A shorter file with a single client in its folder belongs into that client.
 CRUMB = 60
 

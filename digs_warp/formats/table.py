@@ -157,6 +157,17 @@ RECORDINGS = {
             "*cameras.??? *images.??? *points3D.???",
         ),
         Form(
+            "euroc",
+            "cameras, lenses and places of both eyes; poses of the body or a marker on it, interpolated at "
+            "most 0.05 s from a measurement",
+            {
+                "*imu0/*": "accelerometer and gyroscope",
+                "*leica0/*": "places that a laser tracker measured",
+            },
+            "eyes that are no stereo pair",
+            "*cam?*sensor.yaml *cam?/data.csv *state_groundtruth_estimate0/* *vicon0/* *mocap0/*",
+        ),
+        Form(
             "7scenes",
             "poses; the camera in camera-intrinsics.txt or info.txt, here or one folder above",
             {"*.ply": "a model of the scene"},

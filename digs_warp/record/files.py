@@ -207,7 +207,7 @@ def _yaml_loader() -> Any:
 
 
 def read_yaml(path: Path, what: str) -> dict[str, Any]:
-    """Return a YAML mapping.
+    """Return a YAML mapping; OpenCV's head, ``%YAML:1.0``, which is no YAML, is skipped.
 
     Raises:
         DigsError: missing, too large, not YAML, no mapping, or nested too deeply.
@@ -216,7 +216,7 @@ def read_yaml(path: Path, what: str) -> dict[str, Any]:
 
     text = read_text(path, what, SETTINGS)
     try:
-        content = yaml.load(text, _yaml_loader())
+        content = yaml.load(re.sub(r"\A%YAML:.*", "", text), _yaml_loader())
     except Exception as error:  # the parser's own, and many kinds for values that it cannot make
         reason = " ".join(str(error).split())
         raise DigsError(f"{what} '{path}': not readable as YAML ({reason})") from error

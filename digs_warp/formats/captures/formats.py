@@ -30,6 +30,7 @@ READERS: dict[str, str] = {
     "redwood": "redwood.read_redwood",
     "bop": "bop.read_bop",
     "colmap": "colmap_import.read_colmap",
+    "euroc": "euroc.read_euroc",
     "7scenes": "seven_scenes.read_seven_scenes",
     "polycam": "scans.read_polycam",
 }

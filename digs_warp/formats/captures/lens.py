@@ -1,4 +1,4 @@
-"""Makes images and depth of other cameras those of a capture's camera: undistorted, resampled, registered.
+"""Makes images and depth of other cameras those of a capture's camera: undistorted, turned, registered.
 
 Formulas and coefficients are OpenCV's: Brown's radial and tangential distortion of ordinary lenses, and the
 polynomial of the angle of Kannala and Brandt (2006) for fisheye lenses.
@@ -13,7 +13,9 @@ import numpy as np
 from digs_warp.geometry.camera import Intrinsics, pixel_centers
 from digs_warp.geometry.rigid import transform_points
 
-# A map of 1600 x 900 takes 12 MB, and a few threads ask for them at the same time.
+IDENTITY = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0)
+
+# A map of 1600 x 900 takes 12 MB; a rig has two, and a few threads ask for them at the same time.
 MAPS_KEPT = 4
 
 # Where the lens says nothing: outside of every image.
@@ -101,11 +103,13 @@ class PinholeView:
         source: the recorded image's camera, without its lens.
         lens: what bends its light.
         target: the pinhole camera.
+        rotation: target from source, rows of a (3, 3) matrix.
     """
 
     source: Intrinsics
     lens: Lens
     target: Intrinsics
+    rotation: tuple[float, ...] = IDENTITY
 
     def with_field_of_view(self, degrees: float) -> "PinholeView":
         """Return the view with a centered target that sees this much from left to right."""
@@ -150,6 +154,7 @@ def _maps(view: PinholeView) -> tuple[np.ndarray, np.ndarray]:
     k = view.target
     centers = pixel_centers(k.width, k.height)
     rays = np.dstack([(centers - [k.cx, k.cy]) / [k.fx, k.fy], np.ones((k.height, k.width))])
+    rays = rays @ np.reshape(view.rotation, (3, 3))  # rows: source from target is the transpose
     k = view.source
     with np.errstate(all="ignore"):
         places = view.lens.distort(rays) * [k.fx, k.fy] + [k.cx - 0.5, k.cy - 0.5]

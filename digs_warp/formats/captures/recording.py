@@ -47,8 +47,8 @@ class RecordedFrame:
         float_units_per_metre: the same in one of floats.
         mask: a mask, or None to use the alpha channel of the image, if it has one.
         right: image of the right eye, or None.
-        view: how the image of that camera, and of its right eye, is made from the file; None: the file
-            holds it.
+        view: how the image of that camera is made from the file; None: the file holds it.
+        right_view: the same of its right eye; None: as ``view``.
     """
 
     image: Path
@@ -61,6 +61,7 @@ class RecordedFrame:
     mask: Path | None = None
     right: Path | None = None
     view: PinholeView | None = None
+    right_view: PinholeView | None = None
 
     @property
     def file_camera(self) -> Intrinsics:
@@ -81,17 +82,20 @@ class RecordedFrame:
         def scaled(k: Intrinsics) -> Intrinsics:
             return k.resized(round(k.width * sx), round(k.height * sy))
 
-        view = self.view
-        if view is not None:
-            view = replace(view, source=scaled(view.source), target=scaled(view.target))
-        return replace(self, intrinsics=scaled(self.intrinsics), view=view)
+        views = {
+            name: replace(view, source=scaled(view.source), target=scaled(view.target))
+            for name in ("view", "right_view")
+            if (view := getattr(self, name)) is not None
+        }
+        return replace(self, intrinsics=scaled(self.intrinsics), **views)
 
     def with_field_of_view(self, degrees: float) -> "RecordedFrame":
         """Return the frame with another field of view, if its image is made from that of a lens."""
         if self.view is None:
             return self
         view = self.view.with_field_of_view(degrees)
-        return replace(self, intrinsics=view.target, view=view)
+        right = self.right_view and self.right_view.with_field_of_view(degrees)
+        return replace(self, intrinsics=view.target, view=view, right_view=right)
 
 
 def same_shape(k: Intrinsics, width: int, height: int) -> bool:

@@ -131,8 +131,9 @@ def load_frame(frame: RecordedFrame, recording: Recording) -> FrameImages:
         recording.notes.update([note] if note else [])
     right = None
     if frame.right is not None:
-        right, _ = load_color(frame.right, "right image", frame.file_camera)
-        right = right if frame.view is None else frame.view.apply(right)
+        view = frame.right_view or frame.view
+        right, _ = load_color(frame.right, "right image", view.source if view else frame.intrinsics)
+        right = right if view is None else view.apply(right)
     depth = None
     if frame.depth is not None:
         units = frame.depth_units_per_metre, frame.float_units_per_metre
@@ -276,7 +277,7 @@ def _with_sound_poses(folder: Path, posed: Sequence[RecordedFrame]) -> list[Reco
 
 def _check_views(folder: Path, frames: Sequence[RecordedFrame]) -> None:
     """Check that the recorded images fill the pinhole images that are made from them."""
-    views = {frame.view for frame in frames if frame.view}
+    views = {view for frame in frames for view in (frame.view, frame.right_view) if view}
     seen = 1.0 - max((float(view.outside().mean()) for view in views), default=0.0)
     if seen < LEAST_SEEN:
         raise CaptureError(

@@ -63,10 +63,10 @@ def read_tum(folder: Path) -> Recording:
     times, images = _read_list(files, "rgb.txt")
     depth_times, depths = _read_list(files, "depth.txt")
     pose_times, poses = _read_poses(folder / TRUTH, files.notes)
-    depth_of = _at_the_moments(times, depth_times, folder / "depth.txt", "depth image")
+    depth_of = at_the_moments(times, depth_times, folder / "depth.txt", "depth image")
     pose_of: list[int | None] = [None] * len(times)
     if poses:
-        pose_of = _at_the_moments(times, pose_times, folder / TRUTH, "pose")
+        pose_of = at_the_moments(times, pose_times, folder / TRUTH, "pose")
     if without := depth_of.count(None):
         logger.warning(
             "recording '%s': %d of %d images have no depth of the same moment, to %g ms",
@@ -87,19 +87,23 @@ def read_tum(folder: Path) -> Recording:
     return Recording(folder, frames, notes=files.notes)
 
 
-def _at_the_moments(
-    times: np.ndarray, others: np.ndarray, source: Path, what: str
+def at_the_moments(
+    times: np.ndarray, others: np.ndarray, source: Path, what: str, gap: float = LARGEST_GAP
 ) -> list[int | None]:
-    """Return for each image the number of what was taken at its moment; None: nothing near enough."""
+    """Return for each image the number of what was taken at its moment; None: nothing within ``gap`` [s].
+
+    Raises:
+        CaptureError: nothing is near enough to any image; it names ``source`` and ``what``.
+    """
     nearest = [int(np.argmin(np.abs(others - time))) for time in times]
     gaps = np.abs(times - others[nearest])
-    if gaps.min() > LARGEST_GAP:
+    if gaps.min() > gap:
         raise CaptureError(
-            f"'{source}': none of {counted(len(others), what)} was taken within {1e3 * LARGEST_GAP:g} ms of "
+            f"'{source}': none of {counted(len(others), what)} was taken within {1e3 * gap:g} ms of "
             f"an image; the nearest are {float(np.median(gaps)):.3g} s away (median). If they belong to "
-            "these images, correct the times in the file"
+            "these images, correct its times"
         )
-    return [i if gap <= LARGEST_GAP else None for i, gap in zip(nearest, gaps, strict=True)]
+    return [i if away <= gap else None for i, away in zip(nearest, gaps, strict=True)]
 
 
 def _read_list(files: FileNames, name: str) -> tuple[np.ndarray, list[Path]]:

@@ -1,0 +1,110 @@
+"""EuRoC's stereo pairs: through their lenses, turned against each other, with the poses of their body."""
+
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from digs_warp.checks import DigsError
+from digs_warp.data.images import write_image
+from digs_warp.formats.captures.formats import read_recording
+from digs_warp.geometry.camera import pixel_centers
+from digs_warp.geometry.rigid import quat_xyzw_from_matrix, rigid
+from reference.recorded import converted
+
+SIZE = WIDTH, HEIGHT = 120, 80
+K = np.array([[[90, 0, 60.2], [0, 92, 41], [0, 0, 1]], [[88, 0, 58], [0, 91, 38.5], [0, 0, 1]]])
+RADIAL, FISHEYE = "radial-tangential", "equidistant"
+LENSES = {RADIAL: np.array([-0.28, 0.07, 2e-4, 2e-5]), FISHEYE: np.array([0.01, -0.005, 1e-3, 0])}
+TIMES = [1_403_715_273_262_142_976 + 50_000_000 * n for n in range(3)]  # [ns]
+TRUTH = "state_groundtruth_estimate0/data.csv"
+
+
+def placed(x: float, y: float, z: float, *degrees: float) -> np.ndarray:
+    return rigid(Rotation.from_euler("xyz", degrees, degrees=True).as_matrix(), np.array([x, y, z]))
+
+
+# In the body's axes the cameras look along x, as in a drone.
+PLACES = [placed(0.02, 0.05, 0, 1, -2, 1.5), placed(0.01, -0.06, 0.005, -1, 1, -1)]
+EYES = [place @ rigid(np.eye(3)[[1, 2, 0]].T * [-1, -1, 1], np.zeros(3)) for place in PLACES]
+
+
+def world_from_body(time: float) -> np.ndarray:
+    return placed(2e-9 * (time - TIMES[0]), 0.2, 1, 0, 0, 8e-8 * (time - TIMES[0]))
+
+
+def wall(origin: np.ndarray, rays: np.ndarray) -> np.ndarray:
+    """The brightness of a wall at x = 2: soft waves, so that a pixel's place can be measured."""
+    _, y, z = np.moveaxis(origin + rays * ((2 - origin[0]) / rays[..., :1]), -1, 0)
+    return 120 + 50 * np.sin(14 * y + 3 * z) + 50 * np.sin(11 * z - 2 * y)
+
+
+def write_euroc(folder: Path, model: str = RADIAL) -> Path:
+    """Write the wall through the lenses; with those of fisheyes, times are in seconds."""
+    stamp = str if model == RADIAL else lambda time: f"{time / 1e9:.7f}"
+    undo = cv2.undistortPoints if model == RADIAL else cv2.fisheye.undistortPoints
+    for eye in (0, 1):
+        flat = undo(pixel_centers(*SIZE).reshape(-1, 1, 2) - 0.5, K[eye], LENSES[model])
+        rays = np.dstack([flat.reshape(HEIGHT, WIDTH, 2), np.ones((HEIGHT, WIDTH))])
+        for time in TIMES:
+            pose = world_from_body(time) @ EYES[eye]
+            pixels = wall(pose[:3, 3], rays @ pose[:3, :3].T).astype(np.uint8)[..., None]
+            write_image(folder / f"mav0/cam{eye}/data/{stamp(time)}.png", pixels)
+        (folder / f"mav0/cam{eye}/sensor.yaml").write_text(
+            f"%YAML:1.0\nT_BS:\n  cols: 4\n  data: {EYES[eye].ravel().tolist()}\nresolution: [120, 80]\n"
+            f"intrinsics: {K[eye][[0, 1, 0, 1], [0, 1, 2, 2]].tolist()} #fu, fv, cu, cv\n"
+            f"distortion_model: {model}\ndistortion_coefficients: {LENSES[model].tolist()}\n"
+        )
+    lines = ["#timestamp, p_RS_R_x [m], ..."]
+    for time in (time + shift for time in TIMES for shift in (3_000_000, -7_000_000)):
+        pose = world_from_body(time)
+        place = [*pose[:3, 3], *np.roll(quat_xyzw_from_matrix(pose[:3, :3]), 1), 0, 0, 0]
+        lines.append(",".join([stamp(time), *map(str, place)]))
+    (folder / "mav0" / TRUTH).parent.mkdir()
+    (folder / "mav0" / TRUTH).write_text("\n".join(lines) + "\n")
+    return folder
+
+
+@pytest.mark.parametrize("model", LENSES)
+def test_both_images_are_those_of_rectified_cameras(tmp_path: Path, model: str) -> None:
+    found = converted("euroc", write_euroc(tmp_path / "euroc", model), tmp_path / "capture")
+    assert len(found) == 3 and found.knows_poses and found.rig is not None
+    for frame in found.frames:
+        right = frame.camera.shifted_right(found.rig.baseline)
+        images = frame.load_image(), frame.load_right_image()
+        for camera, eye, pixels in zip((frame.camera, right), EYES, images, strict=True):
+            place = (world_from_body(TIMES[0] + 1e9 * frame.time) @ eye)[:3, 3]
+            np.testing.assert_allclose(camera.center_world, place, atol=2e-6)
+            far = camera.unproject(pixel_centers(*SIZE), np.ones((HEIGHT, WIDTH)))
+            away = (pixels[..., 0] - wall(place, far - place))[8:-8, 8:-8]
+            # Half a pixel would show by up to 4 in the steepest places.
+            assert abs(away.mean()) < 0.9 and np.abs(away).mean() < 1.2
+
+
+def test_what_has_no_partner_no_pose_or_no_right_eye(tmp_path: Path) -> None:
+    base = write_euroc(tmp_path / "euroc") / "mav0"
+    (base / f"cam1/data/{TIMES[0]}.png").unlink()
+    (base / TRUTH).write_text("\n".join((base / TRUTH).read_text().splitlines()[5:]))
+    recording = read_recording(base.parent, "euroc")
+    assert [frame.world_from_cam is None for frame in recording.frames] == [True, False]
+    assert "a left image has no right one of its moment, and is left out" in recording.notes
+    (base / "cam1").rename(base / "other")
+    (base / TRUTH).unlink()
+    alone = converted("euroc", base, tmp_path / "capture")
+    assert len(alone) == 3 and alone.rig is None and not alone.knows_poses
+
+
+def test_broken_sequences_are_explained(tmp_path: Path) -> None:
+    base = write_euroc(tmp_path) / "mav0"
+    for name, old, new, message in (
+        ("cam1/sensor.yaml", RADIAL, "mirror", "distortion_model 'mirror'"),
+        ("cam1/sensor.yaml", ", -0.06", ", 0.06", "expected a left and a right eye"),
+        (TRUTH, "0.2", "here", "lines of time, position and quatern"),
+    ):
+        text = (base / name).read_text()
+        (base / name).write_text(text.replace(old, new))
+        with pytest.raises(DigsError, match=message):
+            read_recording(tmp_path, "euroc")
+        (base / name).write_text(text)
