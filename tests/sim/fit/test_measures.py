@@ -70,6 +70,12 @@ def test_a_plane_is_found_among_other_surfaces_and_holes() -> None:
     assert fit_plane(np.full(SHAPE, np.nan, np.float32)) is None
 
 
+def test_a_noisy_plane_is_as_thick_as_five_standard_deviations() -> None:
+    thick = 0.5 * np.random.default_rng(2).standard_normal(SHAPE)
+    found = fit_plane(plane(0.03, -0.02, 25.0) + thick)
+    assert found is not None and found.limit == pytest.approx(2.5, rel=0.1)
+
+
 def test_noise_is_split_into_what_changes_what_stays_and_what_the_unit_has() -> None:
     rng = np.random.default_rng(4)
     field = 0.15 * smooth(rng, 15.0, 1)[0]
@@ -88,6 +94,20 @@ def test_noise_is_split_into_what_changes_what_stays_and_what_the_unit_has() -> 
         assert abs(found[name].value - value) < 3.5 * found[name].error, name
     alone = noise(wall([stacks[0][:1]]))
     assert not alone["temporal"].is_known and not alone["static_field"].is_known
+
+
+def test_pixels_that_come_and_go_do_not_change_the_noise() -> None:
+    rng = np.random.default_rng(1)
+    stack = plane(*SLOPES[0]) + 0.1 * rng.standard_normal((5, *SHAPE))
+    stack[rng.random(stack.shape) < 0.4] = np.nan
+    found = noise(wall([stack]))
+    assert found["temporal"].value == pytest.approx(0.1, rel=0.01)
+    assert found["fixed"].value < 0.01
+
+
+def test_empty_blocks_do_not_count() -> None:
+    some = np.array([[2.0, 1.0], [5.0, 2.0], [6.0, 3.0]])
+    assert jackknife(np.concatenate([some, np.zeros((9, 2))]), ratio) == jackknife(some, ratio)
 
 
 def test_errors_hold_for_correlated_noise() -> None:

@@ -27,7 +27,7 @@ def things_of(scene: Scene) -> list[np.ndarray]:
 
 
 def test_they_stand_on_the_ground_of_the_object_and_are_none() -> None:
-    scene = add_distractors(OBJECT, 7, (), seed=3, distance=2.0)
+    scene = add_distractors(OBJECT, 7, (), seed=9, distance=2.0)  # one is close to the object
     things = things_of(scene)
     assert len(things) == 7
     floor = OBJECT.vertices[:, 2].min()

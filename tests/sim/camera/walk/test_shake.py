@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from scipy.signal import welch
 
 from digs_warp.sim.camera.walk.hand_motion import (
     ANGLE_SHAKE,
@@ -32,6 +33,21 @@ def test_every_band_has_the_measured_rms(
     for (low, high), expected in zip(BANDS_HZ, spectrum.band_rms, strict=True):
         rms = np.sqrt(power[(frequencies >= low) & (frequencies < high)].sum())
         assert rms == pytest.approx(expected, rel=0.15)
+
+
+@pytest.mark.parametrize(("index", "slope", "rise"), [(0, 4.0, 1.8), (1, 3.2, 1.0)])
+def test_the_spectrum_falls_off_as_measured_and_tremor_rises_over_it(
+    long_tracks: tuple[np.ndarray, np.ndarray], index: int, slope: float, rise: float
+) -> None:
+    f, power = welch(long_tracks[index], fs=SAMPLE_RATE, nperseg=2048, axis=0)
+    f, power = f[1:], power.sum(axis=1)[1:]
+    fitted = (f >= 1) & (f <= 10)
+    found = -np.polyfit(np.log(f[fitted]), np.log(power[fitted]), 1)[0]
+    # Bands with an RMS of their own and the tremor hump bend the line a little.
+    assert found == pytest.approx(slope, abs=0.5)
+    flat = power * f**slope
+    peak, before, after = (flat[(f > low) & (f < low + 1)].mean() for low in (8, 5, 11.5))
+    assert peak > rise * max(before, after)
 
 
 @pytest.mark.parametrize(("index", "spectrum"), list(enumerate(SPECTRA)))

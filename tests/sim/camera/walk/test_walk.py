@@ -75,6 +75,20 @@ def test_the_camera_keeps_to_its_nearest_and_farthest_distance(path: PathName) -
     assert walk.nearest <= away.min() and away.max() <= walk.farthest
 
 
+def test_distance_and_pace_vary_like_those_of_a_hand() -> None:
+    walk = Walk.around(SUBJECT, 1.2, WalkSettings(shake=0.0, duration=600.0), 1)
+    assert 0.03 < np.log(np.linalg.norm(walk.eyes, axis=1)).std() < 0.07
+    speed = np.linalg.norm(np.diff(walk.eyes, axis=0), axis=1) / walk.times[1]
+    assert 0.1 < speed.std() / speed.mean() < 0.4
+
+
+@pytest.mark.parametrize("settings", [WalkSettings(shake=0.0), WalkSettings(unsteadiness=0.0)])
+def test_wander_and_shake_belong_to_the_seed(settings: WalkSettings) -> None:
+    first, again, other = (poses(Walk.around(SUBJECT, 0.9, settings, n), 7) for n in (3, 3, 4))
+    np.testing.assert_array_equal(first, again)
+    assert not np.allclose(first, other, atol=1e-4)
+
+
 def test_the_aim_drifts_as_far_as_the_frame_has_room() -> None:
     drifts = [
         Walk.around(SUBJECT, distance, WalkSettings(shake=0.0, duration=300.0)).turns.std(axis=0)
