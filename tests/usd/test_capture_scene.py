@@ -181,12 +181,17 @@ def test_same_scene_gives_the_same_bytes_and_touches_no_other_file(tmp_path: Pat
     assert len(list(tmp_path.iterdir())) == 4
 
 
-def test_scenes_that_make_no_sense_are_refused():
+def test_scenes_that_make_no_sense_are_refused(tmp_path: Path):
     one = SceneVariant("a b", splats(1))
     with pytest.raises(UsdError, match="no reconstruction"):
         CaptureScene(())
     with pytest.raises(UsdError, match="a_b, a_b; expected different names"):
         CaptureScene((one, SceneVariant("a_b", splats(1))))
+    broken = splats(6)
+    broken.means[2] = np.nan
+    with pytest.raises(UsdError, match="'bad one': 1 of 6 splats hold NaN"):
+        write_capture_scene(tmp_path / "a.usdz", CaptureScene((SceneVariant("bad one", broken),)))
+    assert not list(tmp_path.iterdir())
     views = camera_path(views=2)
     with pytest.raises(UsdError, match="2 cameras, 1 times"):
         replace(views, times=(0.0,))

@@ -52,6 +52,11 @@ def test_a_group_becomes_the_gaussian_of_the_same_moments():
         covariances(merged.quats, merged.scales)[0], expected, atol=0.02 * np.abs(expected).max()
     )
     assert_allclose(merged.sh[0], np.einsum("n,nkc->kc", weights, gaussians.sh), atol=1e-6)
+    # As much light is blocked: opacity times area, of the two longer axes.
+    before, after = (
+        g.opacities @ np.prod(np.sort(g.scales)[:, 1:], axis=1) for g in (gaussians, merged)
+    )
+    assert_allclose(after, before, rtol=1e-5)
 
 
 def test_hard_cases_come_out_finite():

@@ -8,7 +8,7 @@ from digs_warp.checks import UsdError
 from digs_warp.data.gaussians import Gaussians
 from digs_warp.geometry.rigid import matrix_from_quat_xyzw
 from digs_warp.usd.convert import Precision
-from digs_warp.usd.reader import read_gaussians, read_scene
+from digs_warp.usd.reader import describe, read_gaussians, read_scene
 from digs_warp.usd.writer import WriteOptions, write_gaussians
 
 # Half a step of float32 at 1, relative.
@@ -47,6 +47,10 @@ def test_what_is_written_is_read(
     path = tmp_path / f"scene{suffix}"
     write_gaussians(path, gaussians)
     assert_same(read_gaussians(path), gaussians)
+    facts = describe(path)
+    assert [facts[name] for name in ("splats", "sh_degree")] == [count, degree]
+    assert facts["bytes"] == path.stat().st_size
+    assert (facts["extent"] is None) == (count == 0)
 
 
 def test_huge_and_tiny_quaternions_keep_their_rotation_and_0_is_none(
@@ -125,6 +129,7 @@ def test_halves_are_read_to_their_rounding(
     write_gaussians(path, gaussians, options=WriteOptions(precision=precision))
     read = read_gaussians(path)
     assert (len(read), read.sh_degree) == (count, degree)
+    assert describe(path)["precision"] == precision
     if precision == "mixed":
         assert_array_equal(read.means, gaussians.means)
     else:

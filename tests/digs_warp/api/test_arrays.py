@@ -8,6 +8,7 @@ import pytest
 
 import digs_warp as dw
 from digs_warp.data.gaussians import FIELDS
+from digs_warp.usd.reader import describe
 
 FRAMES, WIDTH = 6, 96
 
@@ -136,6 +137,8 @@ def test_results_are_saved_by_suffix_replaced_on_request_and_short(
     for name in ("a.ply", "a.usdz", "a.usdc", "a.npz"):
         assert result.save(tmp_path / name) is result
         assert len(dw.load(tmp_path / name)) == len(result.gaussians)  # pyright: ignore
+    result.save_usd(tmp_path / "b.usdz", recorded)
+    assert describe(tmp_path / "b.usdz")["views"] == FRAMES
     with pytest.raises(dw.DigsError, match="suffix"):
         result.save(tmp_path / "a.obj")
     again = dw.reconstruct(recorded, out=tmp_path / "out", iterations=1, overwrite=True)

@@ -71,9 +71,9 @@ def test_a_gain_is_taken_off_the_photograph() -> None:
     pixels = wp.array(pack_view(image, mask), dtype=wp.uint8, device="cpu")
     whole = (0, 0, 31, 19)
     target.compose(pixels, whole, BACKGROUND, whole, (31, 19), gain=gain, rendered=rendered)
-    factor, shift = gain.removal()
     share = mask[..., None] / 255.0
-    expected = (factor * image / 255.0 + shift) * share + BACKGROUND * (1 - share)
+    plain = (image / 255.0 + 0.055) / np.exp(gain.log_factors) - 0.055
+    expected = plain * share + BACKGROUND * (1 - share)
     # A clipped value says how bright the object is at least.
     clipped = image >= SATURATED
     expected[clipped] = np.maximum(expected, rendered.to_numpy())[clipped]

@@ -10,14 +10,17 @@ from digs_warp.data.capture import Capture, Frame
 from digs_warp.data.gaussians import Gaussians
 from digs_warp.data.images import linear_from_srgb, srgb_from_linear, to_uint8
 from digs_warp.data.layers import Layer
+from digs_warp.measure.color_gain import ColorGain
 from digs_warp.measure.scores import mean_score
 from digs_warp.splat.device import DeviceGaussians
 from digs_warp.study.engine.scores import psnr_with_one_gain
 from digs_warp.train.config import Rates, Stop, TrainConfig
 from digs_warp.train.evaluate import (
+    Rendering,
     load_test_views,
     render_views,
     score_view,
+    with_gain,
 )
 from digs_warp.train.exposure import Exposures, color_samples
 from digs_warp.train.trainer import Trainer
@@ -119,12 +122,23 @@ def test_one_gain_of_all_views_does_not_hide_that_they_differ(
         views = load_test_views(changed)
         renderings = render_views(scene, views)
         score = mean_score([*map(score_view, renderings, views)])
+        assert score.psnr_frame_aligned > score.psnr_frame + 3
         together = psnr_with_one_gain(renderings, views)
         figures.append((score.psnr_object, together, score.psnr_object_aligned))
     (raw, together, each), (raw_of_darker, together_of_darker, each_of_darker) = figures
     # The gains have a mean of 0, so that one for all of them mends nothing.
     assert abs(together - raw) < 0.5 and each > together + 3
     assert together_of_darker > each_of_darker - 0.1 and each_of_darker > raw_of_darker + 3
+
+
+def test_a_gain_changes_the_gaussians_but_not_the_white_behind_them() -> None:
+    gain = ColorGain(np.array([0.4, -0.3, 0.1]))
+    covered = np.array([[[0.0], [0.4], [1.0]]], np.float32)
+    images = [
+        covered * color + 1 - covered for color in (np.full(3, 0.3), gain.applied(np.full(3, 0.3)))
+    ]
+    found = with_gain(Rendering(images[0].astype(np.float32), covered[..., 0]), gain)
+    np.testing.assert_allclose(found, images[1], atol=1e-6)
 
 
 def test_samples_are_inside_the_mask_and_few() -> None:

@@ -1,11 +1,13 @@
 """.splat: 32 bytes a Gaussian, to the precision that the format has."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from digs_warp.checks import DigsError
+from digs_warp.data.gaussians import ANTIALIASED
 from digs_warp.formats.splats.dot_splat import ROW, read_dot_splat, write_dot_splat
 from digs_warp.geometry.sh import C0
 from reference.optional import open3d_or_skip
@@ -48,6 +50,12 @@ def test_zero_scales_and_zero_quaternions_are_readable(tmp_path: Path) -> None:
     assert np.isfinite(read.log_scales).all()
     np.testing.assert_array_equal(read.quats, 0)
     assert read.opacities[0] < 1 / 255
+
+
+def test_what_is_lost_is_said(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    lossy = replace(random_gaussians(2, 1), screen_filter=ANTIALIASED)
+    write_dot_splat(tmp_path / "a.splat", lossy)
+    assert "view-dependent" in caplog.text and "antialiasing" in caplog.text
 
 
 def test_refusals(tmp_path: Path) -> None:

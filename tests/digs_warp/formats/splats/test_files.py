@@ -102,6 +102,8 @@ def test_targets_that_cannot_be_written(tmp_path: Path) -> None:
             write_splat_file(path, random_gaussians(1, 0))
     with pytest.raises(DigsError, match=r"suffix '.obj', expected one of .ply"):
         write_splat_file(tmp_path / "a.obj", random_gaussians(1, 0))
+    with pytest.raises(DigsError, match="cannot hold 0 Gaussians"):
+        write_splat_file(tmp_path / "a.splat", random_gaussians(0, 0))
 
 
 def test_sources_that_cannot_be_read(tmp_path: Path) -> None:

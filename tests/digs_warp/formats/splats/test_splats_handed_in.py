@@ -121,6 +121,7 @@ def test_a_reconstruction_far_away_is_written_where_it_is(tmp_path: Path) -> Non
     made = Reconstruction(gaussians=scene(), poses=Poses(world_offset=(431000.0, 4582000.0, 312.0)))
     write_scene_file(tmp_path / "a.ply", made, tmp_path)
     np.testing.assert_allclose(centers(tmp_path / "a.ply"), scene().means + UTM, atol=1e-6, rtol=0)
+    assert made.scene_metadata["world_offset"] == UTM.tolist()
 
 
 def test_splats_far_away_are_seen_by_the_cameras_of_their_recording(

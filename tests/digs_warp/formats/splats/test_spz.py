@@ -57,6 +57,25 @@ def test_reading_and_writing_again_changes_nothing_but_turns(tmp_path: Path) -> 
     )
 
 
+def test_rotations_of_version_two_are_three_bytes(tmp_path: Path) -> None:
+    write_spz(tmp_path / "a.spz", random_gaussians(50, 1))
+    read = read_spz(tmp_path / "a.spz")
+    data = gzip.decompress((tmp_path / "a.spz").read_bytes())
+    quats = upright(turned(read, WORLD_FROM_Y_UP.T).quats)
+    rows, start = np.rint(127.5 * (quats[:, :3] + 1)).astype(np.uint8), 16 + 50 * 16
+    parts = data[:4], b"\2", data[5:start], rows.tobytes(), data[start + 50 * 4 :]
+    (tmp_path / "2.spz").write_bytes(b"".join(parts))
+    older = read_spz(tmp_path / "2.spz")
+    found = upright(turned(older, WORLD_FROM_Y_UP.T).quats)
+    np.testing.assert_allclose(found[:, :3], quats[:, :3], atol=0.6 / 127.5)
+    np.testing.assert_array_equal(older.sh, read.sh)
+
+
+def upright(quats: np.ndarray) -> np.ndarray:
+    """The same rotations with w of 0 or more."""
+    return quats * np.where(quats[:, 3:] < 0, -1, 1)
+
+
 def test_up_is_y_in_the_file(tmp_path: Path) -> None:
     """A Gaussian one metre above the origin, long along our z, has y = 1 and is long along y."""
     g = random_gaussians(1, 0)

@@ -28,6 +28,8 @@ def test_an_orbit_shows_the_whole_ball_as_large_as_it_fits(width, height, elevat
     k = Intrinsics.from_fov(width, height, 40.0)
     cameras = orbit(SUBJECT, k, 8, elevation)
     assert len(cameras) == 8
+    middle = np.mean([camera.center_world for camera in cameras], axis=0)
+    np.testing.assert_allclose(middle[:2], SUBJECT.center_world[:2], atol=1e-9)  # an even turn
     rim = np.random.default_rng(0).normal(size=(4000, 3))
     rim *= SUBJECT.radius / np.linalg.norm(rim, axis=1, keepdims=True)
     for camera in cameras:
