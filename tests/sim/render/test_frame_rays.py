@@ -72,6 +72,14 @@ def test_a_mirror_at_the_origin_shows_the_surround_at_its_distance() -> None:
     assert (distance[~hit] == 0).all() and hit.sum() > 1000
 
 
+def test_a_mirror_shows_the_wall_behind_the_camera() -> None:
+    rays, depth = rays_of(join_scenes(wall(0.0, 0.2), wall(1.5, 3.0)))
+    arriving = CAMERA.unproject(pixel_centers(160, 90), depth) - CAMERA.center_world
+    along = arriving[..., 0] / np.linalg.norm(arriving, axis=-1)
+    hit = depth < 1.01
+    np.testing.assert_allclose(rays.reflection_distance(ALL)[hit], (1.5 / -along)[hit], rtol=1e-3)
+
+
 @pytest.mark.parametrize("layers", [1, 2, 6])
 def test_depth_behind_looks_through_every_layer_of_glass(layers: int) -> None:
     panes = [wall(0.5 - 0.02 * i, 0.1, transmission=1.0) for i in range(layers)]

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from digs_warp.checks import DigsError
 from digs_warp.device.libraries import MissingLibraryError
 from digs_warp.geometry.camera import Camera, Intrinsics
 from digs_warp.geometry.rigid import look_at
@@ -132,6 +133,14 @@ def test_a_camera_that_nearly_touches_the_object() -> None:
     camera = Camera(INTRINSICS, look_at(np.array([0.004, 0, 0]), np.array([-1.0, 0, 0]), UP))
     assert rays.render_geometry(camera)[0].max() < 0.01
     assert_same_geometry(gl_renderer(wall), rays, camera)
+
+
+def test_a_camera_outside_the_surround_is_refused(
+    vase: tuple[GlRenderer, RaycastRenderer],
+) -> None:
+    camera = Camera(INTRINSICS, look_at(np.array([9.0, 0, 0]), np.zeros(3), UP))
+    with pytest.raises(DigsError, match="outside the surround of radius 4 m"):
+        see(vase[0], camera)
 
 
 def test_a_renderer_outlives_another(vase: tuple[GlRenderer, RaycastRenderer]) -> None:

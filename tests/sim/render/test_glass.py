@@ -106,6 +106,18 @@ def test_a_sphere_of_glass_shows_the_surround_upside_down_where_snell_says() -> 
     assert np.sqrt(((image[inside] - expected(1.4))[clear] ** 2).mean()) > 0.02
 
 
+def test_a_slab_absorbs_by_its_thickness() -> None:
+    absorption = (1.0, 5.0, 20.0)
+    box = trimesh.creation.box(extents=(0.1, 0.8, 0.8))
+    slab = body(box, replace(GLASS, absorption=absorption))
+    lamp = plate((-0.4, 0, 0), (0, 0.6, 0), (0, 0, 0.6), glow(0.9))
+    middle = linear(join_scenes(slab, lamp), BLACK)[45, 80]
+    through = (1 - coat(np.ones(1), 0.04)) ** 2
+    np.testing.assert_allclose(
+        middle, 0.9 * through * np.exp(-0.1 * np.array(absorption)), atol=0.006
+    )
+
+
 def test_light_is_totally_reflected_in_a_prism() -> None:
     """The ray meets the long side at 45 degrees: it leaves through the other leg, toward +y."""
     corners = np.array([[0.1, -0.1], [0.1, 0.1], [-0.1, 0.1]])

@@ -108,6 +108,16 @@ def test_texture_finer_than_a_pixel_does_not_shimmer() -> None:
         assert wall.std() < 1.5 and np.ptp(wall) <= 8
 
 
+def test_texture_near_by_is_sharp() -> None:
+    renderer = RaycastRenderer(checkered_wall(square=16), gray_sky())
+    camera = Camera(INTRINSICS, look_at(np.array([0.08, 0, 0]), np.zeros(3), UP))
+    gray = renderer.render_image(camera, samples_per_pixel=16)[0][..., 0].astype(int)
+    # Squares of 22 pixels: nearly every pixel is black or white.
+    assert np.ptp(gray) > 100
+    share = (gray - gray.min()) / np.ptp(gray)
+    assert ((share > 0.2) & (share < 0.8)).mean() < 0.15
+
+
 def test_texture_lies_upright_and_unmirrored() -> None:
     colors = np.array([[[255, 0, 0], [0, 255, 0]], [[0, 0, 255], [255, 255, 255]]], np.uint8)
     texture = np.kron(colors, np.ones((32, 32, 1), np.uint8))
