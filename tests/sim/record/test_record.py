@@ -146,6 +146,12 @@ def test_one_pixel_is_enough(config: SimulateConfig, tmp_path: Path) -> None:
     assert capture.frames[1].load_depth_true().shape == (1, 1)
 
 
+@pytest.mark.parametrize("name", ["frames", "samples_per_pixel", "object_size", "seed"])
+def test_impossible_settings_are_refused(name: str) -> None:
+    with pytest.raises(DigsError, match=f"--{name.replace('_', '-')}: -1"):
+        replace(SimulateConfig(), **{name: -1})
+
+
 def test_settings_of_a_mesh_file_need_one() -> None:
     for settings in (
         SimulateConfig(object_size=0.3),

@@ -10,6 +10,7 @@ from digs_warp.sim.sensor.color.image_noise import ReadNoise, ShotNoise
 from digs_warp.sim.sensor.color.recorded import recorded_images
 from digs_warp.sim.sensor.filters import gray_of
 from digs_warp.sim.sensor.frame import Cause, noise_of
+from digs_warp.sim.sensor.guided.confidence import confidence_of
 from digs_warp.sim.sensor.matcher import match, search_range
 from digs_warp.sim.sensor.tiers import sense, sense_by_matching
 from reference.stereo_frames import broadband, flat, make_frame, make_rig
@@ -116,6 +117,8 @@ def test_confidence_is_high_on_texture_and_lower_without() -> None:
     assert bottom[known[130:230, 40:]].mean() < 0.75
     wrong = sense_by_matching(make_frame(33.0, image=image), recorded)
     np.testing.assert_array_equal(wrong.confidence, sensed.confidence)
+    ones = np.ones((120, 320), np.float32)
+    assert not confidence_of(gray_of(gray), 20 * ones, 0 * ones, ones).any()
 
 
 def test_scores_count_what_they_say() -> None:

@@ -58,6 +58,13 @@ def test_a_static_field_is_that_of_the_unit() -> None:
     np.testing.assert_allclose(error, 0.4 * unit_field(3, 320, 240), atol=1e-4)
 
 
+def test_quantum_rounds_to_steps_that_grow() -> None:
+    rig = make_rig(disparity_step=0.25)
+    depth = np.linspace(0.5, 5.0, 240 * 320, dtype=np.float32).reshape(SHAPE)
+    steps = rig.focal_baseline / worse_depth(depth, rig, ["quantum"], strength=2.0) / 0.5
+    np.testing.assert_allclose(steps, np.rint(steps), atol=2e-4)
+
+
 def test_depth_is_lost_beside_steps_as_far_as_half_a_window_reaches() -> None:
     rig = make_rig(window=5)
     for strength, reach in ((0.1, None), (0.5, 1), (1.0, 2), (4.0, 8)):

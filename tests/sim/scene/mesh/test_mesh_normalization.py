@@ -128,6 +128,15 @@ def test_a_box_without_normals_gets_flat_sides_and_shared_corners(tmp_path: Path
     assert len(scene.vertices) == 24  # four corners on each of six sides
 
 
+@pytest.mark.parametrize(("sides", "corners"), [(8, 4), (10, 2)])
+def test_sides_at_45_degrees_keep_their_corners_and_those_at_36_share_them(
+    tmp_path: Path, sides: int, corners: int
+) -> None:
+    prism = trimesh.creation.cylinder(0.05, 0.3, sections=sides)
+    scene = load_scene(save(tmp_path / "prism.stl", prism))
+    assert len(scene.vertices) == corners * sides + 2 * (sides + 1)
+
+
 def test_normals_of_the_file_are_kept_and_turned_upright(tmp_path: Path) -> None:
     tilted = np.array([[0.6, 0.0, 0.8], [0.0, 0.6, 0.8], [-0.6, 0.0, 0.8], [0.0, -0.6, 0.8]])
     square = trimesh.Trimesh(
