@@ -15,6 +15,7 @@ from digs_warp.data.capture import read_capture
 from digs_warp.data.capture_writer import CaptureWriter, FrameImages
 from digs_warp.data.images import read_image
 from digs_warp.data.viewpoints import evenly
+from digs_warp.geometry.camera import Intrinsics
 from reference.real_captures import recorded
 
 Pair = tuple[np.ndarray, np.ndarray]
@@ -90,3 +91,12 @@ def test_one_command_mends_it(sample_data: Path, tmp_path: Path, kind: str, caps
     (tmp_path / "camera.json").write_text('{"w": 540}')
     assert main([*map(str, arguments), "--out", str(tmp_path / "other")]) == EXIT_BAD_INPUT
     assert "camera.json" in capsys.readouterr().err
+
+
+def test_the_camera_of_moved_depth_undoes_the_move() -> None:
+    k = Intrinsics(640, 480, 500.0, 510.0, 310.0, 250.0)
+    found = Registration(scale=1.1, right=0.05, down=-0.02, certainty=2.0, at_rim=False)
+    point = np.array([0.3, -0.2, 1.0])
+    in_image, in_depth = (each.matrix @ point for each in (k, found.depth_camera(k)))
+    middle, move = np.array([320, 240]), 640 * np.array([0.05, -0.02])
+    np.testing.assert_allclose(middle + 1.1 * (in_depth[:2] - middle) + move, in_image[:2])

@@ -132,6 +132,21 @@ def test_files_for_classic_viewers_have_thinner_splats(tmp_path: Path, suffix: s
     assert (code, "already made for viewers" in text) == (EXIT_BAD_INPUT, True), text
 
 
+def test_what_no_file_for_classic_viewers_can_be_made_of(
+    tmp_path: Path, gaussians: Gaussians, capsys
+) -> None:
+    gaussians.save(tmp_path / "a.npz")
+    for target, flags, message in [
+        ("b.usdz", ["--for", "classic"], "expected .ply, .compressed.ply, .spz"),
+        ("b.ply", ["--for", "classic"], "no recording with cameras"),
+        ("b.ply", ["--for-width", "640"], "--for-width needs --for classic"),
+        ("a.npz", ["--overwrite"], "is the source itself"),
+    ]:
+        code, text = run(capsys, tmp_path / "a.npz", tmp_path / target, *flags)
+        assert code != EXIT_OK and message in " ".join(text.split()), text
+        assert [path.name for path in tmp_path.iterdir()] == ["a.npz"]
+
+
 def test_a_scene_of_thinner_splats_says_so(tmp_path: Path, gaussians, capsys) -> None:
     """USD has no attribute for it and its renderers add nothing; our own reading does."""
     for suffix in scene_files.USD_SUFFIXES:

@@ -28,9 +28,10 @@ def edit(tmp_path: Path, *arguments: object, target: str = "out.npz") -> Gaussia
 
 @pytest.mark.parametrize("target", ["out.npz", "out.ply", "out.glb", "out.usdz"])
 def test_what_is_moved_looks_the_same_from_there(tmp_path: Path, target: str) -> None:
-    flags = "--scale 2.5 --turn 0 0 70 --move 1 -2 3".split()
+    flags = "--scale 2.5 --turn 90 0 70 --move 1 -2 3".split()  # about x, then about z
     there = edit(tmp_path, *flags, target=target)
-    rotation = matrix_from_rotation_vector(np.radians([0, 0, 70.0]))
+    about_x, about_z = map(matrix_from_rotation_vector, np.radians([[90.0, 0, 0], [0, 0, 70.0]]))
+    rotation = about_z @ about_x
     view = look_at(np.array([0.9, 0.3, 0.4]), np.zeros(3), np.array([0.0, 0.0, 1.0]))
     moved = view.copy()
     moved[:3, :3] = rotation @ view[:3, :3]

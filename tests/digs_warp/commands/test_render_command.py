@@ -34,6 +34,16 @@ def test_a_video_and_how_fast_it_was(tmp_path: Path, scene: Path, capsys) -> Non
     assert run(capsys, scene, "--out", tmp_path / "a.mp4", "--overwrite")[0] == EXIT_OK
 
 
+def test_what_cannot_be_filmed_is_said(tmp_path: Path, scene: Path, capsys) -> None:
+    for name, flags, message in [
+        ("a.avi", [], "suffix '.avi', expected .mp4, .gif, or a folder"),
+        ("a.mp4", ["--follow", "none"], "no such folder"),
+    ]:
+        code, text = run(capsys, scene, "--out", tmp_path / name, *flags)
+        assert (code, message in text) == (EXIT_BAD_INPUT, True), text
+        assert not list(tmp_path.glob("a.*"))
+
+
 def test_along_the_path_of_a_capture(tmp_path: Path, scene: Path, capsys) -> None:
     """The first frame of the film is the first photograph, but for the size."""
     capture = write_tiny_capture(tmp_path / "capture", frames=4)

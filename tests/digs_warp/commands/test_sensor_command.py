@@ -48,6 +48,23 @@ def test_the_profile_has_the_figures_and_can_be_used(
         assert part in page
 
 
+def test_wrong_flags_and_files_in_the_way_are_refused(
+    wall: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "mine.html").write_text("of somebody else")
+    for words, message in [
+        (["--out", "mine.yaml"], "mine.html': the file exists; add --overwrite"),
+        (["--out", "p.json"], "suffix '.json', expected .yaml or .yml"),
+        (["--out", "p.yaml", "--base", "zed2"], "--base 'zed2': unknown; did you mean 'zed2-"),
+        (["--out", "p.yaml", "--distances", "1", "2", "3"], "3 values, expected 2, one for each"),
+        (["--out", "p.yaml", "--distances", "2", "1"], "not in rising order"),
+    ]:
+        assert fit(wall, *words) == EXIT_BAD_INPUT
+        assert message in capsys.readouterr().err
+        assert [path.name for path in tmp_path.iterdir()] == ["mine.html"]
+
+
 def test_a_recording_of_something_else_is_no_wall(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -161,6 +161,11 @@ def test_pixels_of_another_size_kind_or_of_a_truncated_file_are_named(tmp_path: 
         (Layer.MASK, frame.load_mask),
     ):
         path, pixels = frame.path(layer), load()
+        small = frame.with_layer(layer, pixels[:8])
+        with pytest.raises(CaptureError, match=r"'0000'.* 12x8 pixels, expected 12x9"):
+            getattr(small, load.__name__)()
+        with pytest.raises(CaptureError, match=r"'0000'.* in memory, expected a file"):
+            small.path(layer)
         write_image(path, pixels[:8])
         with pytest.raises(CaptureError, match=rf"{path.name}': 12x8 pixels, expected 12x9"):
             load()

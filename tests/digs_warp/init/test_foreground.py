@@ -47,6 +47,18 @@ def test_the_split_is_the_best_one(seed: int) -> None:
     assert two_means(values) == pytest.approx(brute_force(values), rel=1e-12)
 
 
+def test_the_border_is_three_times_nearer_to_the_background_also_in_a_large_view() -> None:
+    depth, mask = scene()
+    near, far = two_means(np.sort(depth.ravel())) or (0.0, 0.0)
+    border = near + 0.75 * (far - near)
+    assert foreground_range(depth, mask)[1] == pytest.approx(border)
+    below = np.repeat(np.arange(40) > 34, 60).reshape(40, 60)  # only the background
+    large = (np.kron(layer, np.ones((20, 20), layer.dtype)) for layer in (depth, below))
+    assert foreground_range(*large)[0] == pytest.approx(near + 0.25 * (far - near), rel=0.02)
+    # An empty mask means the nearer cluster.
+    assert foreground_range(depth, np.zeros_like(mask))[1] == pytest.approx(border)
+
+
 @pytest.mark.parametrize("strength", [0, 4])
 def test_a_leak_is_found_and_the_object_kept_whatever_the_noise(strength: int) -> None:
     depth, mask = scene(noise=0.002 * strength)  # a ZED 2: 0.0012 at strength 1

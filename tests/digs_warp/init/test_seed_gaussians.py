@@ -65,6 +65,8 @@ def test_gaussians_show_the_colors_of_the_points_from_every_side() -> None:
     np.testing.assert_allclose(gaussians.opacities, 0.25, rtol=1e-6)
     assert gaussians.quats.tolist() == [[0, 0, 0, 1]] * 50
     assert (np.ptp(gaussians.log_scales, axis=1) == 0).all()
+    with pytest.raises(ValueError, match=r"opacity 1\.0"):
+        seed_gaussians(points, opacity=1.0)
 
 
 def test_guessed_places_start_almost_transparent(tmp_path: Path) -> None:

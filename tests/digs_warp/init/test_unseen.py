@@ -32,7 +32,9 @@ def largest_gap(points: PointCloud) -> float:
     return float(np.degrees(np.arccos((directions @ found.T).max(axis=1).min())))
 
 
-def test_points_close_the_ball_and_only_the_back_is_hidden(frames: list[Frame]) -> None:
+def test_points_close_the_ball_and_only_the_back_is_hidden(
+    frames: list[Frame], tmp_path: Path
+) -> None:
     start = initialize(frames, CLOSED)
     points = start.points
     assert start.sources["depth"] + start.sources["unseen"] == len(points)
@@ -40,6 +42,10 @@ def test_points_close_the_ball_and_only_the_back_is_hidden(frames: list[Frame]) 
     assert largest_gap(initialize(frames, OPEN).points) > 60
     assert largest_gap(points) < 35  # below, where only the extent of the measured points bounds it
     assert points.hidden is not None
+    points.save(tmp_path / "points.npz")
+    np.testing.assert_array_equal(PointCloud.load(tmp_path / "points.npz").hidden, points.hidden)
+    measured, unseen = np.split(points.colors, [start.sources["depth"]])  # those around
+    assert (unseen >= measured.min(axis=0)).all() and (unseen <= measured.max(axis=0)).all()
     hidden = points.points_world[points.hidden]
     assert len(hidden) > 0.8 * start.sources["unseen"]
     for frame in frames:  # the way to each camera leads through the ball

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from digs_warp.masks.from_depth import (
+    connected_pieces,
     mask_from_depth,
     object_by_depth,
     without_enclosed_holes,
@@ -92,6 +93,12 @@ def test_a_plane_is_found_among_outliers() -> None:
     accounted = on_or_behind_main_plane(depth)
     assert accounted[~outliers].mean() > 0.99
     assert accounted[outliers].mean() < 0.02
+
+
+def test_pieces_end_at_jumps_of_depth() -> None:
+    depth = np.array([[1.0, 1.02, 1.5, 1.0], [1.0, np.nan, 1.5, 1.51]])
+    labels = connected_pieces(depth, np.isfinite(depth))
+    assert labels.ravel().tolist() == [0, 0, 1, 2, 0, 3, 1, 1]
 
 
 @pytest.mark.parametrize(

@@ -14,9 +14,7 @@ from digs_warp.data.images import read_image, write_image
 from digs_warp.data.layers import Layer
 from digs_warp.masks.config import SegmentConfig
 from digs_warp.masks.masks import segment
-from digs_warp.masks.network import (
-    MaskNetwork,
-)
+from digs_warp.masks.network import MaskNetwork, mask_from_output, network_input
 from reference.tiny_capture import HEIGHT, WIDTH, write_tiny_capture
 from reference.tiny_network import write_network
 
@@ -159,6 +157,15 @@ def test_the_network_gets_and_gives_what_rembg_would(tmp_path: Path) -> None:
     assert difference.max() <= 1  # float32 inside, and a floor
 
 
+def test_the_network_sees_the_brightest_value_as_one_and_means_taken_off() -> None:
+    values = network_input(np.full((30, 50, 3), (50, 100, 80), np.uint8))
+    expected = np.array([0.5, 1.0, 0.8]) - [0.485, 0.456, 0.406]
+    np.testing.assert_allclose(values[0, :, 500, 500], expected, rtol=1e-6)
+    assert np.isfinite(network_input(np.zeros((30, 50, 3), np.uint8))).all()
+    constant = mask_from_output(np.full((8, 8), 0.3), 20, 10)
+    assert constant.shape == (10, 20) and not constant.any()
+
+
 def test_masks_by_the_network_are_written(frames: list[Frame], tmp_path: Path) -> None:
     model = write_network(tmp_path / "net.onnx")
     config = SegmentConfig(masks="isnet", mask_model=model)
@@ -172,7 +179,9 @@ def test_a_missing_network_is_said_where_to_get(
     frames: list[Frame], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("U2NET_HOME", str(tmp_path))
-    with pytest.raises(DigsError, match=r"isnet-general-use\.onnx': no such file.*Download https"):
+    with pytest.raises(
+        DigsError, match=rf"{tmp_path}/isnet-general-use\.onnx': no such.*Download https"
+    ):
         segment(frames, SegmentConfig(masks="isnet"), tmp_path / "m")
 
 

@@ -14,7 +14,7 @@ from digs_warp.data.posed_frames import PosedFrames
 from digs_warp.geometry.camera import Camera, Intrinsics
 from digs_warp.measure.scores import Score, Scores, SurfaceError
 from digs_warp.pipeline.records import Poses, Verdict
-from digs_warp.pipeline.verdict import PROJECTOR, verdict
+from digs_warp.pipeline.verdict import PROJECTOR, likeness, verdict
 
 SIDE, SIZE = 160, 0.2  # px, m
 K = Intrinsics(SIDE, SIDE, 200.0, 200.0, SIDE / 2, SIDE / 2)
@@ -64,6 +64,17 @@ def test_a_good_result_is_called_good_by_what_was_measured() -> None:
     near = r"((nearly )?as near to|[\d.]+ times as far from) the measured depth as neighboring views agree"
     words = f"good: {near}"
     assert re.fullmatch(f"{words}; held-out views are close to the photographs", found.words)
+
+
+def test_what_is_not_known_is_not_said() -> None:
+    assert ";" not in judged(frames(0.95, 0.001, plain=False), Scores()).words
+    assert likeness(float("nan"), "object") == ("", "")
+    assert likeness(26.0, "object")[0] == "fair" and likeness(26.0, "scene")[0] == "good"
+
+
+def test_a_projector_is_not_suggested_to_who_has_one() -> None:
+    about = About(sensor={"projector_power": 0.2})
+    assert PROJECTOR not in judged(frames(0.35, 0.001, plain=True), about=about).advice
 
 
 POOR = {

@@ -6,6 +6,7 @@ import signal
 import subprocess
 import sys
 import time
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import pytest
@@ -74,6 +75,16 @@ def test_an_ignored_signal_stays_ignored() -> None:
         assert interruption.asked is None
     finally:
         signal.signal(signal.SIGHUP, before)
+
+
+def test_other_threads_change_no_handler() -> None:
+    def look() -> list[object]:
+        with stopped_by_signals(), deferred_interrupt():
+            return [signal.getsignal(number) for number in STOP_SIGNALS]
+
+    with ThreadPoolExecutor(1) as pool:
+        seen = pool.submit(look).result()
+    assert seen == [signal.getsignal(number) for number in STOP_SIGNALS]
 
 
 @pytest.mark.parametrize("number", STOP_SIGNALS)

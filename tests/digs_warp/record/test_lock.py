@@ -104,6 +104,14 @@ def test_many_processes_take_turns(tmp_path: Path) -> None:
     )
     processes = [subprocess.Popen([sys.executable, "-c", code, str(made)]) for _ in range(3)]
     assert [process.wait(timeout=300) for process in processes] == [0, 0, 0]
+    assert not any(tmp_path.iterdir())
+
+
+def test_a_folder_that_cannot_be_made_is_named(tmp_path: Path) -> None:
+    (tmp_path / "file").touch()
+    with pytest.raises(DigsError, match=r"file/out': cannot be written"):
+        with sole_writer(tmp_path / "file/out"):
+            pass
 
 
 def test_only_what_processes_left_is_removed(tmp_path: Path) -> None:

@@ -1,8 +1,10 @@
 """What holds a motion between two frames."""
 
+from dataclasses import replace
+
 import numpy as np
 
-from digs_warp.geometry.rigid import invert_rigid, transform_points
+from digs_warp.geometry.rigid import invert_rigid, rigid, transform_points
 from digs_warp.poses.from_depth.pair_motion import information
 from digs_warp.poses.views import view_of
 from reference.textured_plane import picture, ring_of_poses
@@ -37,3 +39,13 @@ def test_it_is_the_sum_over_the_points_on_the_same_surface() -> None:
     assert 0.5 * len(inside) < np.count_nonzero(inside) < len(inside)
     expected = one_by_one(transform_points(TRUE, FIRST.points[inside].astype(np.float64)))
     np.testing.assert_allclose(information(FIRST, SECOND, TRUE), expected, rtol=1e-9, atol=1e-6)
+
+
+def test_other_surfaces_and_what_is_far_away_hold_nothing() -> None:
+    farther = view_of(replace(SECOND.picture, depth=1.3 * SECOND.picture.depth))
+    np.testing.assert_array_equal(information(FIRST, farther, TRUE), np.eye(6))
+    # All ten times as large, beside what is usual in the first picture.
+    far = replace(FIRST, points=10 * FIRST.points)
+    deep = replace(SECOND, picture=replace(SECOND.picture, depth=10 * SECOND.picture.depth))
+    moved = rigid(TRUE[:3, :3], 10 * TRUE[:3, 3])
+    np.testing.assert_array_equal(information(far, deep, moved), np.eye(6))

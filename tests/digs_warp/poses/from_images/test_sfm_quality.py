@@ -47,6 +47,17 @@ def model_from(eyes: np.ndarray, points: np.ndarray) -> SfmModel:
 POINTS = np.array([[2.0, y, z] for y in (-0.3, 0.0, 0.3) for z in (-0.3, 0.3)])
 
 
+def test_the_numbers_are_those_of_the_model() -> None:
+    model = model_from(np.array([[0.0, -1.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 0.5]]), POINTS)
+    seen = model.observations  # one of them less
+    fewer = Observations(seen.cameras[:-1], seen.points[:-1], seen.px[:-1])
+    quality = measure_quality(replace(model, observations=fewer), images=5, models=2)
+    assert (quality.images, quality.registered, quality.models, quality.points) == (5, 3, 2, 6)
+    assert quality.observations_per_image == pytest.approx(17 / 3)
+    assert quality.track_length == pytest.approx(17 / 6)
+    assert quality.reprojection_error_px == pytest.approx(40 / 17)
+
+
 def test_two_rays_meet_at_their_angle() -> None:
     model = model_from(
         np.array([[0.0, -1.0, 0.0], [0.0, 1.0, 0.0]]), np.array([[1.0, 0.0, 0.0]] * 3)

@@ -69,6 +69,17 @@ def test_poses_come_out_to_a_thousandth_of_the_distance(
     assert np.median(errors.rotations_deg) < 0.6
 
 
+def test_points_have_the_colors_of_the_photographs(
+    estimated: SfmResult, views: list[Frame]
+) -> None:
+    model, seen = estimated.model, estimated.model.observations
+    mine = seen.cameras == 0
+    u, v = np.floor(seen.px[mine]).astype(int).T
+    photographed = views[0].load_image()[np.clip(v, 0, 239), np.clip(u, 0, 319)] / 255.0
+    difference = np.abs(photographed - model.points.colors[seen.points[mine]]).mean(axis=1)
+    assert np.median(difference) < 0.08
+
+
 def test_the_quality_counts_what_is_in_the_model(estimated: SfmResult) -> None:
     quality, model = estimated.quality, estimated.model
     assert (quality.images, quality.registered, quality.models) == (12, 12, 1)
@@ -154,6 +165,11 @@ def test_ctrl_c_cancels_and_waits_for_the_call() -> None:
     with pytest.raises(KeyboardInterrupt):
         colmap.run_interruptible(call, cancelled.set, watch=interrupted)
     assert finished.is_set()
+
+
+def test_an_error_in_the_call_reaches_the_caller() -> None:
+    with pytest.raises(ZeroDivisionError):
+        colmap.run_interruptible(lambda: 1 / 0, lambda: None)
 
 
 def test_given_poses_stay_and_points_are_metric(own_workspace: Path, views: list[Frame]) -> None:

@@ -80,6 +80,8 @@ def test_perturbed_poses_come_back() -> None:
     assert error_mm(perturbed()) > 5.0
     assert error_mm(found.poses) < 0.5
     assert found.error_after < 0.5 * found.error_before
+    # Together they are not moved.
+    np.testing.assert_allclose(in_place(found.poses, perturbed(), 0.7), found.poses, atol=2e-3)
 
 
 def test_images_of_different_sizes_are_aligned() -> None:

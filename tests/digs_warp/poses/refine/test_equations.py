@@ -37,3 +37,11 @@ def test_many_frames_move_as_with_all_zeros(closures: int, monkeypatch: pytest.M
     monkeypatch.setattr(normal_equations, "SPARSE_FROM", 10**9)
     dense = solve(sums, pairs, 100)
     np.testing.assert_allclose(found, dense, rtol=0, atol=1e-11 * np.abs(dense).max())
+
+
+@pytest.mark.parametrize("frames", [10, 50])
+def test_frames_without_neighbors_stay(frames: int) -> None:
+    pairs = neighbors(frames, 0)
+    steps = solve(sums_of(pairs), pairs, frames + 5)
+    assert np.isfinite(steps).all()
+    assert not steps[frames:].any()

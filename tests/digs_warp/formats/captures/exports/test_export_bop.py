@@ -11,6 +11,7 @@ from digs_warp.checks import DigsError
 from digs_warp.commands.convert import export_capture_folder
 from digs_warp.data.capture import Capture
 from digs_warp.data.images import read_image
+from digs_warp.data.layers import Layer
 from digs_warp.formats.captures.bop import depth_scale
 from digs_warp.geometry.rigid import rigid
 from digs_warp.masks.config import SegmentConfig
@@ -18,7 +19,12 @@ from digs_warp.masks.masks import segment
 from digs_warp.show.report.facts import describe
 from digs_warp.sim.config import SimulateConfig
 from digs_warp.sim.record.record import simulate
-from reference.exported import exported, points_as_integer_centered, true_points
+from reference.exported import (
+    exported,
+    points_as_integer_centered,
+    true_points,
+    with_last_frame,
+)
 from reference.mesh_files import save
 
 
@@ -64,6 +70,16 @@ def test_bop_describes_the_silhouettes(capture: Capture, tmp_path: Path) -> None
         assert not (mask & ~box).any()
         edges = (mask[y], mask[y + height], mask[:, x], mask[:, x + width])
         assert all(edge.any() for edge in edges)
+
+
+def test_an_object_out_of_view_has_no_box(capture: Capture, tmp_path: Path) -> None:
+    last = capture.frames[-1]
+    empty = last.with_layer(Layer.MASK, np.zeros_like(last.load_mask()))
+    without = with_last_frame(capture, layers=empty.layers)
+    scene = exported(without, "bop", tmp_path) / "train/000000"
+    (info,) = json.loads((scene / "scene_gt_info.json").read_text())["2"]
+    assert info["bbox_obj"] == [-1, -1, -1, -1]
+    assert (info["px_count_all"], info["visib_fract"]) == (0, 0.0)
 
 
 @pytest.mark.parametrize(

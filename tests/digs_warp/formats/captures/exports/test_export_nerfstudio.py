@@ -51,6 +51,13 @@ def test_opensplat_starts_from_our_points(ball: Capture, tmp_path: Path) -> None
         assert (folder / frame["file_path"]).is_file()
 
 
+def test_nerfstudio_holds_out_the_frames_that_we_do(ball: Capture, tmp_path: Path) -> None:
+    index = index_of(exported(ball, "nerfstudio", tmp_path))
+    training, held_out = ([f"images/{frame.name}.png" for frame in part] for part in ball.split())
+    assert index["train_filenames"] == training
+    assert index["val_filenames"] == index["test_filenames"] == held_out
+
+
 def test_cameras_that_differ_are_given_per_frame_only(capture: Capture, tmp_path: Path) -> None:
     """nerfstudio takes a shared key for all frames, whatever a frame says."""
     index = index_of(exported(zoomed(capture), "nerfstudio", tmp_path))

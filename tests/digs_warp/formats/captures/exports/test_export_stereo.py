@@ -301,6 +301,18 @@ def test_the_calibration_projects_into_both_eyes(training: Path) -> None:
     assert calib_cam_to_cam(CAMERA, BASELINE).count("\n") == 16
 
 
+def test_values_that_do_not_fit_are_told(
+    capture: Capture, tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    exported(capture, "kitti-stereo", tmp_path)
+    lost = sum(
+        encode_disparity(frame.load_disparity() + change)[1]
+        for frame in capture.frames[:-1]
+        for change in (0, frame.load_disparity_change())
+    )
+    assert lost > 2 and f"{lost} values outside are written as unknown" in caplog.text
+
+
 def test_an_infrared_pair_is_a_stereo_pair(tmp_path: Path) -> None:
     capture = labeled_capture(tmp_path / "capture", infrared=True)
     training = exported(capture, "kitti-stereo", tmp_path / "out") / "training"

@@ -21,7 +21,7 @@ from digs_warp.record.files import read_json
 from reference.exported import assert_exported_alike_twice, exported, with_last_frame, zoomed
 from reference.recorded import CAMERA, HEIGHT, WIDTH
 
-# The others need stereo pairs (test_export_middlebury.py), or are read in test_training_sets.py.
+# The others need stereo pairs (test_export_stereo.py), or are read in test_training_sets.py.
 OF_ONE_EYE = ["colmap", "colmap-text", "nerfstudio", "tum", "bop", "redwood"]
 
 

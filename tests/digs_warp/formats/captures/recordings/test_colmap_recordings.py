@@ -77,6 +77,14 @@ def test_a_field_of_view_can_be_chosen(copy: Path, tmp_path: Path) -> None:
     np.testing.assert_array_equal(seen, view.apply(read_image(copy / "images/0000.png")))
 
 
+def test_images_without_distortion_keep_their_field_of_view(
+    copy: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    line = ["convert", str(copy), "--from", "colmap", "--out", str(tmp_path / "c")]
+    assert main([*line, "--fov-deg", "40"]) == 1
+    assert "no lens distortion" in capsys.readouterr().err
+
+
 def test_images_may_have_several_sizes_and_cameras(copy: Path, tmp_path: Path) -> None:
     from digs_warp.data.images import write_image
 
@@ -90,6 +98,14 @@ def test_images_may_have_several_sizes_and_cameras(copy: Path, tmp_path: Path) -
     sizes = [(f.camera.intrinsics.width, f.camera.intrinsics.height) for f in found.frames]
     assert sizes == [(21, 14), (10, 20), (21, 14)]
     assert found.frames[1].load_image().shape == (20, 10, 3)
+
+
+def test_images_that_are_not_there_are_left_out(
+    copy: Path, tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    (copy / "images/0001.png").unlink()
+    assert len(converted("colmap", copy, tmp_path / "capture")) == 2
+    assert "1 image of the model are not in" in caplog.text and "0001.png" in caplog.text
 
 
 def test_the_largest_of_several_models_is_read(

@@ -8,6 +8,7 @@ import pytest
 
 from digs_warp.checks import CaptureError, DigsError
 from digs_warp.data.capture import Capture
+from digs_warp.data.layers import Layer
 from digs_warp.formats.captures.formats import READERS, export_capture, read_recording
 from digs_warp.geometry.camera import Camera
 from reference.recorded import check_same, converted
@@ -66,6 +67,17 @@ def test_tum_times_that_match_nothing_are_an_error(
     shift_times(tmp_path / "tum" / name, 3600.0)
     with pytest.raises(CaptureError, match=rf"{name}': none of 3 .* nearest are 3.6e\+03 s away"):
         read_recording(tmp_path / "tum", "tum")
+
+
+def test_tum_images_without_depth_are_counted(
+    capture: Capture, tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    export_capture(capture, "tum", tmp_path / "tum")
+    path = tmp_path / "tum/depth.txt"
+    path.write_text("\n".join(path.read_text().splitlines()[:-1]))
+    found = converted("tum", tmp_path / "tum", tmp_path / "capture")
+    assert [frame.has(Layer.DEPTH) for frame in found.frames] == [True, True, False]
+    assert "1 of 3 images have no depth of the same moment, to 20 ms" in caplog.text
 
 
 def shift_times(path: Path, seconds: float) -> None:

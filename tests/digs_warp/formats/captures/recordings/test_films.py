@@ -94,6 +94,13 @@ def test_broken_films_are_explained(
     assert "expected a file, found a folder" in capsys.readouterr().err
 
 
+def test_long_recordings_can_be_thinned(capture: Capture, tmp_path: Path) -> None:
+    export_capture(capture, "tum", tmp_path / "tum")
+    line = ["convert", str(tmp_path / "tum"), "--from", "tum", "--out", str(tmp_path / "c")]
+    assert main([*line, "--frames", "2"]) == 0
+    assert [frame.time for frame in read_capture(tmp_path / "c").frames] == [0.0, 1.5]
+
+
 def test_lists_out_of_order_are_sorted_by_time(capture: Capture, tmp_path: Path) -> None:
     export_capture(capture, "tum", tmp_path / "tum")
     for name in ("rgb.txt", "depth.txt", "groundtruth.txt"):

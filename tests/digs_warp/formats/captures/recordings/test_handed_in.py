@@ -18,9 +18,10 @@ from PIL import Image
 from digs_warp.checks import CaptureError
 from digs_warp.data.capture import Capture, read_capture
 from digs_warp.data.images import depth_in_metres, encode_jpeg, mask_of, read_image, write_image
+from digs_warp.data.layers import Layer
 from digs_warp.formats.captures.colmap_import import PARAMETERS, ModelCamera, pinhole_and_lens
 from digs_warp.formats.captures.formats import export_capture, read_recording
-from digs_warp.geometry.rigid import OPENCV_FROM_OPENGL
+from digs_warp.geometry.rigid import OPENCV_FROM_OPENGL, far_offset
 from digs_warp.record.files import to_json
 from reference.recorded import CAMERA, HEIGHT, WIDTH, check_same, converted
 
@@ -112,6 +113,11 @@ def test_survey_coordinates_are_taken_off_and_kept(
         again = found.load_points()
         assert again is not None and points is not None
         np.testing.assert_allclose(again.points_world, points.points_world - moved, atol=2e-5)
+
+
+def test_a_lost_camera_does_not_keep_a_scene_far_away() -> None:
+    places = np.array([[0, 0, 0], [4e6, 0, 0], [4e6 + 3, 1.0, 0]])
+    assert np.abs(np.array(far_offset(places)) - places[1]).max() < 4
 
 
 def blob(value: int, dtype: type = np.uint8) -> np.ndarray:
@@ -513,11 +519,13 @@ def test_record3d_may_exchange_width_and_height(
         "h": 2 * HEIGHT * scale,
         "K": [fx, 0, 0, 0, fy, 0, cx, cy, 1],
     }
-    metadata |= {"perFrameIntrinsicCoeffs": [[fx, fy, cx, cy]] * 2} if own else {}
+    each = [[fx, fy, cx, cy], [fx + 1, fy + 1, cx, cy]]
+    metadata |= {"perFrameIntrinsicCoeffs": each} if own else {}
     save(tmp_path, metadata, "metadata.json")
-    k = read_recording(tmp_path, "record3d").frames[0].intrinsics
+    k, then = (frame.intrinsics for frame in read_recording(tmp_path, "record3d").frames)
     assert (k.width, k.height) == (2 * HEIGHT, 2 * WIDTH)
     np.testing.assert_allclose([k.fx, k.fy, k.cx, k.cy], row / scale)
+    np.testing.assert_allclose([then.fx, then.fy], (row[:2] + own) / scale)
 
 
 def test_a_link_to_another_disk_is_read_or_its_cure_named(capture: Capture, tmp_path: Path) -> None:
@@ -544,6 +552,18 @@ def test_what_is_not_read_is_said(
     converted("tum", folder, tmp_path / "c")
     said = "not read: accelerations ('accelerometer.txt'), 'flow/*.flo', 3 files, 'rgb/*.png'\n"
     assert said in caplog.text
+
+
+def test_an_opaque_image_has_no_mask(capture: Capture, tmp_path: Path) -> None:
+    folder, opaque = tmp_path / "ns", np.full((HEIGHT, WIDTH), 255, np.uint8)
+    index = nerfstudio(capture, folder)
+    for entry, frame in zip(index["frames"], capture.frames, strict=True):
+        del entry["mask_path"]
+        write_image(folder / entry["file_path"], np.dstack([frame.load_image(), opaque]))
+    shutil.rmtree(folder / "masks")
+    save(folder, index)
+    found = converted("nerfstudio", folder, tmp_path / "c")
+    assert not any(frame.has(Layer.MASK) for frame in found.frames)
 
 
 @pytest.mark.parametrize("suffix", [".npy", ".exr", ".tiff"])

@@ -11,7 +11,9 @@ from digs_warp.data.images import write_image
 from digs_warp.data.layers import Layer
 from digs_warp.formats.captures.formats import read_recording
 from digs_warp.formats.captures.to_capture import (
+    NEAREST_BASELINES,
     matched_depth,
+    search_end,
     write_capture,
 )
 from digs_warp.geometry.camera import Intrinsics
@@ -53,6 +55,11 @@ def test_images_without_texture_get_no_confident_depth() -> None:
     gray = np.full((96, 160, 3), 128, np.uint8)
     depth, confidence = matched_depth(gray, gray, K, BASELINE)
     assert np.isnan(depth).all() and (confidence == 0).all()
+
+
+def test_the_search_reaches_four_baselines() -> None:
+    assert K.fx / NEAREST_BASELINES <= search_end(K) < K.fx / NEAREST_BASELINES + 16
+    assert search_end(Intrinsics(8, 8, 500.0, 500.0, 4.0, 4.0)) == 16
 
 
 def test_a_recording_of_two_eyes_without_depth_is_matched(tmp_path: Path) -> None:
