@@ -10,6 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from digs_warp.checks import DigsError
 from digs_warp.data.gaussians import FIELDS, Gaussians
+from digs_warp.geometry.camera import Camera
 from digs_warp.splat.camera_gradient import moved_camera, pose_gradient, rotation_jacobian
 from digs_warp.splat.config import RasterOptions
 from digs_warp.splat.device import DeviceGaussians
@@ -85,6 +86,22 @@ def test_the_jacobian_of_a_rotation_vector() -> None:
             step = 1e-6 * np.eye(3)[axis]
             change = (start.inv() * Rotation.from_rotvec(vector + step)).as_rotvec() / 1e-6
             np.testing.assert_allclose(rotation_jacobian(vector)[:, axis], change, atol=1e-5)
+
+
+def test_the_gradient_in_a_pose_is_that_of_its_camera() -> None:
+    weights = np.random.default_rng(1).normal(size=(3, 4))
+    pose = np.array([0.5, -0.8, 0.3, 0.1, 0.2, -0.3])
+
+    def slopes(view: Camera, at: np.ndarray) -> np.ndarray:
+        steps = 1e-5 * np.array([np.eye(6), -np.eye(6)])
+        poses = [
+            [moved_camera(view, at + step).world_from_cam[:3] for step in way] for way in steps
+        ]
+        ahead, back = (np.asarray(each) for each in poses)
+        return ((ahead - back) * weights).sum(axis=(1, 2)) / 2e-5
+
+    found = pose_gradient(slopes(moved_camera(VIEW, pose), np.zeros(6)), pose)
+    np.testing.assert_allclose(found, slopes(VIEW, pose), atol=1e-8)
 
 
 def test_a_wrong_pose_finds_back() -> None:

@@ -54,6 +54,7 @@ def test_a_resumed_run_continues_bit_for_bit(
     assert checkpoint_step(path) == 15
     resumed = Trainer(start(), open_views(capture.frames, config, first_step=15), config)
     load_checkpoint(path, resumed)
+    assert resumed.seconds == half.seconds > 0
     assert (half.control is None) == (density == "fixed")
     if half.control is not None and resumed.control is not None:
         for name, values in resumed.control.state().items():
