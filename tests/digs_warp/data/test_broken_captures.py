@@ -62,7 +62,7 @@ FRAME: Cases = [
         np.diag([-1.0, 1, 1, 1]).tolist(), np.full((4, 4), np.nan).tolist(),
     )),
     *(({key: value}, "") for key, value in (
-        ("file_path", None), ("file_path", 7), ("time", "noon"), ("w", "wide"), ("fl_x", -3.0),
+        ("file_path", None), ("file_path", 7), ("time", "noon"), ("w", "wide"), ("w", 12.5), ("fl_x", -3.0),
         ("camera_motion", "fast"),
     )),
     ({"exposure_time": -0.1}, "exposure_time is -0.1, expected seconds, 0 or more"),

@@ -96,6 +96,9 @@ def test_a_file_says_what_the_splats_are_drawn_with(tmp_path: Path) -> None:
         assert gaussians.select(slice(2)).screen_filter == made_for
         assert DeviceGaussians.from_numpy(gaussians).to_numpy().screen_filter == made_for
         assert joined([gaussians, gaussians]).screen_filter == made_for
+    # An older file, without a note, is for the dilation of that time.
+    np.savez(tmp_path / "g.npz", **{name: getattr(gaussians, name) for name in FIELDS})
+    assert Gaussians.load(tmp_path / "g.npz").screen_filter == CLASSIC
 
 
 def test_splats_for_different_renderers_are_not_mixed() -> None:

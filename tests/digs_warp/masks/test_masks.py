@@ -12,8 +12,9 @@ from digs_warp.checks import DigsError
 from digs_warp.data.frame import Frame
 from digs_warp.data.images import read_image, write_image
 from digs_warp.data.layers import Layer
+from digs_warp.data.posed_frames import PosedFrames
 from digs_warp.masks.config import SegmentConfig
-from digs_warp.masks.masks import segment
+from digs_warp.masks.masks import masked, segment
 from digs_warp.masks.network import MaskNetwork, mask_from_output, network_input
 from reference.tiny_capture import HEIGHT, WIDTH, write_tiny_capture
 from reference.tiny_network import write_network
@@ -32,6 +33,12 @@ def test_the_recordings_masks_are_taken_as_they_are(frames: list[Frame], tmp_pat
     paths = segment(frames, SegmentConfig(), tmp_path / "masks")
     assert paths == [frame.path(Layer.MASK) for frame in frames]
     assert not (tmp_path / "masks").exists()
+
+
+def test_held_out_frames_without_masks_get_some(frames: list[Frame], tmp_path: Path) -> None:
+    bare = tuple(frame.without_layer(Layer.MASK) for frame in frames)
+    found = masked(PosedFrames(bare[:3], bare[3:]), SegmentConfig(masks="depth"), tmp_path)
+    assert found.held_out[0].load_mask().max() == 255
 
 
 # What is there already

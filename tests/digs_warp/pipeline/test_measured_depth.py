@@ -41,6 +41,8 @@ def test_wrong_regions_are_not(frames: Sequence[Frame]) -> None:
         return depth + 0.01 * np.sin(2.0 * rows + 3.0 * columns)
 
     assert measured(frames, blotched) is None
+    some = [frames[0].without_layer(Layer.DEPTH), *frames[1:]]
+    assert measured_depth(GAUSSIANS, some, np.zeros(3), is_object=True) is None
 
 
 def test_a_shift_of_all_disparities_is_taken_off(frames: Sequence[Frame]) -> None:
