@@ -27,8 +27,8 @@ from studies.pages import save_figure
 
 IMAGES = DOCS / "images"
 
-FRAME, ROWS, COLUMNS = 32, slice(20, 350), slice(120, 520)
-NECK = NECK_ROWS, NECK_COLUMNS = slice(20, 170), slice(280, 440)
+FRAME, ROWS, COLUMNS = 3, slice(10, 345), slice(110, 520)
+NECK = NECK_ROWS, NECK_COLUMNS = slice(20, 170), slice(225, 385)
 SIZES = {"half the size": 0.5, "as trained": 1.0, "twice the size": 2.0}
 
 # A point this far [m] behind what the camera truly sees is hidden, and one covers so many pixels around.
@@ -118,7 +118,10 @@ def points_picture(points: PointCloud, camera: Camera, depth_true: np.ndarray) -
 
 def photograph_report(run: Path) -> None:
     """Open the report, and keep what the browser shows."""
-    with tempfile.TemporaryDirectory() as folder, browser(Path(folder), DESK) as tab:
+    with (
+        tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as folder,
+        browser(Path(folder), DESK) as tab,
+    ):
         tab.resize(*DESK)
         tab.visit((run / "report.html").resolve().as_uri())
         save(shown(tab), "report.jpg")
@@ -136,7 +139,7 @@ def photograph_view(run: Path) -> None:
     """Open the page of `digs-warp view`, wait, and keep what the browser shows."""
     with (
         started([read_contents(run)], "127.0.0.1", 8080) as (_, address),
-        tempfile.TemporaryDirectory() as folder,
+        tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as folder,
         browser(Path(folder), DESK) as tab,
     ):
         tab.resize(*VIEW)

@@ -68,8 +68,8 @@ EXAMPLES = (
     ),
     Example(
         "armchair",
-        "An armchair under a forest sky",
-        "--mesh DATA/meshes/armchair/armchair.glb --mesh-unit cm "
+        "An armchair under a forest sky, by a RealSense D455",
+        "--mesh DATA/meshes/armchair/armchair.glb --mesh-unit cm --profile d455 --width 640 "
         "--environment DATA/envs/forest_slope/forest_slope_1k.hdr",
         "Mesh: NVIDIA Kaolin samples, [CC BY 4.0](https://creativecommons.org/licenses/by/4.0/); panorama: "
         '"forest_slope", Poly Haven, CC0 1.0',
@@ -115,7 +115,10 @@ def command(example: Example, run: Path) -> list[str]:
 
 def photograph(report: Path) -> np.ndarray:
     """Return the window of a browser with the top of a report."""
-    with tempfile.TemporaryDirectory() as folder, browser(Path(folder), WINDOW) as tab:
+    with (
+        tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as folder,
+        browser(Path(folder), WINDOW) as tab,
+    ):
         tab.resize(*WINDOW)
         tab.visit(report.resolve().as_uri())
         return np.ascontiguousarray(shown(tab)[:SHOWN])
