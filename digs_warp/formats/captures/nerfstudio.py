@@ -256,7 +256,7 @@ def _lens(row: Fields) -> Lens | None:
     return Lens(found[:5], eighth=found[5]) if any(found) else None
 
 
-def _depth_units(row: Fields) -> dict[str, float]:
+def _depth_units(row: Fields) -> dict[str, Any]:
     """Return the units of depth images as `RecordedFrame` has them; the index may give metres per unit."""
     check_depth_unit({**(row.shared or {}), **row.values}, row.where)
     what = "metres per unit, above 0"
