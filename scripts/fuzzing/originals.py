@@ -84,7 +84,8 @@ class Originals:
     def _capture(self, folder: Path) -> None:
         scenes = self.make("scenes")
         _digs_warp("simulate", "--mesh", scenes / "ball.ply", "--environment", scenes / "room.png",
-                   *("--frames", "4", "--width", "48", "--labels", "all", "--out"), folder)  # fmt: skip
+                   *("--profile", "bare-matcher", "--frames", "4", "--width", "48"),
+                   *("--labels", "all", "--out"), folder)  # fmt: skip
 
     def _millimetres(self, folder: Path) -> None:
         """A capture with depth as 16-bit PNG."""

@@ -67,7 +67,7 @@ def test_a_place_that_is_gone_is_an_error() -> None:
     ],
 )  # fmt: skip
 def test_a_fault_is_noticed(name: str, test: str) -> None:
-    case = {"not-smooth": "[False-3]", "confidence-label": "[built-in]"}.get(name, "")
+    case = {"not-smooth": "[3]", "confidence-label": "[built-in]"}.get(name, "")
     assert failing(name, [test + case]) == [test]
 
 

@@ -75,7 +75,11 @@ def drawn(tab: Browser) -> np.ndarray:
     tab.run("new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)))")
     box = tab.run(f"JSON.parse(JSON.stringify({CANVAS}.getBoundingClientRect()))")
     x, y, width, height = (round(box[name]) for name in ("x", "y", "width", "height"))
-    return tab.screenshot()[y : y + height, x : x + width]
+    shown, before = tab.screenshot(), None
+    # A busy machine may be a frame behind.
+    while before is None or not np.array_equal(shown, before):
+        shown, before = tab.screenshot(), shown
+    return shown[y : y + height, x : x + width]
 
 
 def press(tab: Browser, key: str, times: int) -> None:
