@@ -56,14 +56,17 @@ def test_several_cameras_are_a_batch() -> None:
 @pytest.mark.parametrize("dtype", [torch.float32, torch.float64])
 def test_gradients_are_those_of_render(dtype: Any) -> None:
     rng = np.random.default_rng(0)
-    image, alpha = rng.normal(size=(27, 33, 3)), rng.normal(size=(27, 33))
+    weights = rng.normal(size=(27, 33, 3)), *rng.normal(size=(2, 27, 33))
     pose = torch.tensor([0.02, -0.03, 0.02, 0.01, -0.01, 0.02], dtype=dtype, requires_grad=True)
     inputs = tensors(dtype)
-    view = render(*inputs, camera=VIEW, pose=pose, near=NEAR)
-    ((view.image * torch.tensor(image)).sum() + (view.alpha * torch.tensor(alpha)).sum()).backward()
+    view = render(*inputs, camera=VIEW, pose=pose, near=NEAR, options=ALL)
+    layers = view.image, view.alpha, view.depth
+    terms = [(x * torch.tensor(w)).sum() for x, w in zip(layers, weights, strict=True)]
+    torch.stack(terms).sum().backward()
     moved = pose.detach().double().numpy()
-    plain = render_numpy(SCENE, moved_camera(VIEW, moved), near=NEAR)
-    wanted = plain.backward(adj_image=image, adj_alpha=alpha)
+    plain = render_numpy(SCENE, moved_camera(VIEW, moved), near=NEAR, options=ALL)
+    image, alpha, depth = weights
+    wanted = plain.backward(adj_image=image, adj_alpha=alpha, adj_depth=depth)
     for name, tensor in zip(FIELDS, inputs, strict=True):
         assert tensor.grad.dtype == dtype
         np.testing.assert_allclose(tensor.grad, getattr(wanted, name), rtol=1e-5, atol=1e-6)
