@@ -20,6 +20,7 @@ import numpy as np
 
 from digs_warp.data.capture import Capture
 from digs_warp.data.frame import Frame
+from digs_warp.data.images import encode_image
 from digs_warp.data.layers import Layer
 from digs_warp.device.libraries import MissingLibraryError
 from digs_warp.formats.captures.frames import for_each_frame
@@ -65,15 +66,15 @@ def write_webdataset(capture: Capture, folder: Path) -> None:
     """Write shards of WebDataset."""
 
     def parts(number: int, frame: Frame) -> dict[str, bytes]:
-        found = {"image.png": _png(frame.load_image())}
+        found = {"image.png": encode_image(frame.load_image(), ".png")}
         if frame.has(Layer.RIGHT):
-            found["right.png"] = _png(frame.load_right_image())
+            found["right.png"] = encode_image(frame.load_right_image(), ".png")
         if frame.has(Layer.DEPTH):
             buffer = io.BytesIO()
             np.lib.format.write_array(buffer, _known(frame))
             found["depth.npy"] = buffer.getvalue()
         if frame.has(Layer.MASK):
-            found["mask.png"] = _png(frame.load_mask())
+            found["mask.png"] = encode_image(frame.load_mask(), ".png")
         facts = _camera(frame, frame.camera.world_from_cam) | {"time": frame.time}
         return found | {"json": to_json(facts).encode()}
 
@@ -85,13 +86,6 @@ def write_webdataset(capture: Capture, folder: Path) -> None:
                     entry = tarfile.TarInfo(f"{number:04d}.{suffix}")
                     entry.size = len(data)
                     tar.addfile(entry, io.BytesIO(data))
-
-
-def _png(pixels: np.ndarray) -> bytes:
-    """Return an image, red first, or a mask as a PNG."""
-    import cv2
-
-    return cv2.imencode(".png", pixels[..., ::-1] if pixels.ndim == 3 else pixels)[1].tobytes()
 
 
 def _known(frame: Frame) -> np.ndarray:
