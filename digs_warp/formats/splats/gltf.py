@@ -19,10 +19,9 @@ from digs_warp.data.gaussians import CLASSIC, Gaussians, ScreenFilter, joined
 from digs_warp.data.glb import POINTS, glb_file
 from digs_warp.data.images import linear_from_srgb, to_uint8
 from digs_warp.formats.splats.rows import WORLD_FROM_Y_UP, sound, turned
-from digs_warp.geometry.rigid import matrix_from_quat_xyzw
 from digs_warp.geometry.sh import C0, MAX_DEGREE, coefficient_count
 from digs_warp.record.files import write_atomically
-from digs_warp.sim.scene.mesh.gltf import SPLATS, GltfNumbers, read_gltf_header
+from digs_warp.sim.scene.mesh.gltf import SPLATS, GltfNumbers, parent_from_node, read_gltf_header
 from digs_warp.usd.convert import (
     SplatArrays,
     arrays_from_gaussians,
@@ -118,21 +117,11 @@ def _primitives(header: dict[str, Any]) -> Iterator[tuple[dict[str, Any], np.nda
         if count > _MOST_NODES:
             raise ValueError(f"more than {_MOST_NODES} nodes, or nodes in a circle")
         node = nodes[number]
-        here = above @ _node_matrix(node)
+        here = above @ parent_from_node(node)
         places += [(child, here) for child in node.get("children", [])]
         for primitive in meshes[node["mesh"]]["primitives"] if "mesh" in node else ():
             if SPLATS in primitive.get("extensions", {}):
                 yield primitive, here
-
-
-def _node_matrix(node: dict[str, Any]) -> np.ndarray:
-    if "matrix" in node:
-        return np.array(node["matrix"], np.float64).reshape(4, 4).T
-    matrix = np.eye(4)
-    rotation = matrix_from_quat_xyzw(np.array(node.get("rotation", (0, 0, 0, 1)), np.float64))
-    matrix[:3, :3] = rotation * np.array(node.get("scale", (1, 1, 1)), np.float64)
-    matrix[:3, 3] = node.get("translation", (0, 0, 0))
-    return matrix
 
 
 def _read_primitive(

@@ -207,6 +207,18 @@ def check_counts(path: Path, header: dict[str, Any]) -> None:
     check_unpacked(f"mesh '{path}'", held, sum(sizes) + shown)
 
 
+def parent_from_node(node: dict[str, Any]) -> np.ndarray:
+    """Return the transform of a node, (4, 4), float64."""
+    from trimesh.transformations import quaternion_matrix
+
+    if "matrix" in node:
+        return np.array(node["matrix"], np.float64).reshape(4, 4).T  # stored by columns
+    matrix = quaternion_matrix(np.roll(node.get("rotation", (0.0, 0.0, 0.0, 1.0)), 1))  # wxyz
+    matrix[:3, :3] *= np.asarray(node.get("scale", (1.0, 1.0, 1.0)), np.float64)
+    matrix[:3, 3] = node.get("translation", (0.0, 0.0, 0.0))
+    return matrix
+
+
 class GltfNumbers:
     """Reads the accessors of a file.
 

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from digs_warp.data.point_cloud import unit_colors
-from digs_warp.sim.scene.mesh.gltf import GltfNumbers
+from digs_warp.sim.scene.mesh.gltf import GltfNumbers, parent_from_node
 from digs_warp.sim.scene.mesh.gltf_materials import placed_uvs
 from digs_warp.sim.scene.mesh.parts import MeshPart, mesh_part
 from digs_warp.sim.scene.mesh.polygons import strip_triangles
@@ -127,19 +127,8 @@ def _world_from_node(nodes: list[dict[str, Any]]) -> dict[int, np.ndarray]:
             number = parents.get(number, -1)
         for each in reversed(chain):
             above = placed.get(parents.get(each, -1), np.eye(4))
-            placed[each] = above @ _parent_from_node(nodes[each])
+            placed[each] = above @ parent_from_node(nodes[each])
     return placed
-
-
-def _parent_from_node(node: dict[str, Any]) -> np.ndarray:
-    from trimesh.transformations import quaternion_matrix
-
-    if "matrix" in node:
-        return np.array(node["matrix"], np.float64).reshape(4, 4).T  # stored by columns
-    matrix = quaternion_matrix(np.roll(node.get("rotation", (0.0, 0.0, 0.0, 1.0)), 1))  # wxyz
-    matrix[:3, :3] *= np.asarray(node.get("scale", (1.0, 1.0, 1.0)), np.float64)
-    matrix[:3, 3] = node.get("translation", (0.0, 0.0, 0.0))
-    return matrix
 
 
 def _shown(nodes: list[dict[str, Any]], roots: list[int]) -> Iterator[int]:
