@@ -19,7 +19,7 @@ import numpy as np
 from digs_warp.sim.camera.rig import StereoRig
 from digs_warp.sim.sensor.color.adaptation import MIDDLE_GREY
 from digs_warp.sim.sensor.color.pixel_loops import with_noise
-from digs_warp.sim.sensor.color.protocol import ByChannel, EyeImages, PixelEffect
+from digs_warp.sim.sensor.color.protocol import EyeImages, PixelEffect
 from digs_warp.sim.sensor.facts import SceneFacts
 from digs_warp.sim.sensor.noise_field import drawn_quantiles
 
@@ -61,10 +61,7 @@ class ShotNoise(PixelEffect):
         self, eyes: EyeImages, rig: StereoRig, rng: np.random.Generator, strength: float = 1.0
     ) -> EyeImages:
         """Add Gaussian noise: at hundreds of photons a Poisson distribution looks the same."""
-        factor = strength * shot_factor(rig)
-        red, green, blue = (factor * gain**0.5 for gain in eyes.electronic_gain)
-        images = (eyes.left, eyes.right)
-        return eyes.with_images(*(_noisy(x, (red, green, blue), rng, is_shot=True) for x in images))
+        return _noisy(eyes, strength * shot_factor(rig), rng, is_shot=True)
 
 
 class ReadNoise(PixelEffect):
@@ -85,16 +82,15 @@ class ReadNoise(PixelEffect):
         self, eyes: EyeImages, rig: StereoRig, rng: np.random.Generator, strength: float = 1.0
     ) -> EyeImages:
         """Add white Gaussian noise in linear light."""
-        sigma = strength * read_sigma(rig)
-        red, green, blue = (sigma * gain for gain in eyes.electronic_gain)
-        images = (eyes.left, eyes.right)
-        return eyes.with_images(
-            *(_noisy(x, (red, green, blue), rng, is_shot=False) for x in images)
-        )
+        return _noisy(eyes, strength * read_sigma(rig), rng, is_shot=False)
 
 
-def _noisy(
-    linear: np.ndarray, sigma: ByChannel, rng: np.random.Generator, is_shot: bool
-) -> np.ndarray:
-    """Return the image plus white noise of standard deviation ``sigma``; of shot noise, at white."""
-    return with_noise(linear, sigma, drawn_quantiles(rng, linear.size), is_shot)
+def _noisy(eyes: EyeImages, sigma: float, rng: np.random.Generator, is_shot: bool) -> EyeImages:
+    """Return the eyes plus white noise of standard deviation ``sigma``; of shot noise, at white."""
+    power = 0.5 if is_shot else 1.0
+    red, green, blue = (sigma * gain**power for gain in eyes.electronic_gain)
+    left, right = (
+        with_noise(image, (red, green, blue), drawn_quantiles(rng, image.size), is_shot)
+        for image in (eyes.left, eyes.right)
+    )
+    return eyes.with_images(left, right)
