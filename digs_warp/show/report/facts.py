@@ -172,10 +172,13 @@ def describe(path: Path) -> Facts:
         raise DigsError(f"'{path}': no such file or folder. Check the path.")
     if path.is_dir():
         return _summary_of_folder(path)(path)
+    from digs_warp.formats.splats.files import SUFFIXES
+
+    # PLY and glTF may hold meshes as well.
     by_suffix: dict[str, Callable[[Path], Facts]] = {
         ".npz": of_gaussians,
         **dict.fromkeys((".usd", ".usda", ".usdc", ".usdz"), of_usd),
-        **dict.fromkeys((".spz", ".splat", ".sog"), of_splat_file),
+        **dict.fromkeys(SUFFIXES, of_splat_file),
         ".ply": of_ply,
         **dict.fromkeys((".glb", ".gltf"), of_gltf),
         **dict.fromkeys((".obj", ".stl"), of_mesh),
