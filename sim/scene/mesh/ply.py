@@ -8,7 +8,7 @@ import numpy as np
 
 from digs_warp.checks import DigsError, MeshError
 from digs_warp.data.images import linear_from_srgb
-from digs_warp.data.ply_table import ASCII, BYTE_ORDERS, PlyElement, PlyHeader, read_ply_header
+from digs_warp.data.ply_table import BYTE_ORDERS, PlyElement, PlyHeader, read_ply_header
 from digs_warp.data.point_cloud import COLOR, unit_colors
 from digs_warp.sim.scene.mesh.files_beside import ply_textures, without_mark
 from digs_warp.sim.scene.mesh.parts import MeshPart, mesh_part
@@ -96,71 +96,104 @@ def _read_rows(path: Path, header: PlyHeader) -> dict[str, dict[str, Any]]:
         DigsError: the file holds fewer numbers than its header promises.
     """
     data = path.read_bytes()[header.data_start :]
-    order = BYTE_ORDERS.get(header.encoding, "<")
-    lines = data.splitlines() if header.encoding == ASCII else []
-    words: list[bytes] | None = [] if header.encoding == ASCII else None
-    at = 0
+    order = BYTE_ORDERS.get(header.encoding)
+    rows = _TextRows(data) if order is None else _BinaryRows(data, order)
+    try:
+        return {element.name: rows.table(element) for element in header.elements}
+    except EOFError:
+        raise DigsError(
+            f"PLY '{path}': ends before the last of the rows that its header promises; truncated or damaged, "
+            "copy or export it again"
+        ) from None
 
-    def take(kind: Any, count: int) -> np.ndarray:
-        nonlocal at
-        held = (len(data) - at) // np.dtype(kind).itemsize if words is None else len(words) - at
-        if count > held:
-            raise DigsError(
-                f"PLY '{path}': ends before the last of the rows that its header promises; truncated or "
-                "damaged, copy or export it again"
-            )
-        if words is None:
-            values = np.frombuffer(data, kind, count, at)
-            at += values.nbytes
-        else:
-            values = np.array(words[at : at + count], np.float64).astype(kind)
-            at += count
-        return values
 
-    def even_rows(element: PlyElement) -> dict[str, Any] | None:
-        """Return the columns of a binary table whose lists are as long as those of its first row."""
-        nonlocal at
-        start, fields, lengths = at, [], {}
+class _TextRows:
+    """Rows of a text file, a line for each. Some programs write more into a line than the header says."""
+
+    def __init__(self, data: bytes) -> None:
+        self._lines = data.splitlines()
+
+    def table(self, element: PlyElement) -> dict[str, Any]:
+        """Return the columns of the next element; raise an `EOFError` where numbers are missing."""
+        lines, self._lines = self._lines[: element.count], self._lines[element.count :]
+        if element.columns and len(lines) < element.count:
+            raise EOFError
+        columns: dict[str, Any] = {name: [] for name in element.columns}
+        kinds = [each.split() for each in element.columns.values()]
+        for line in lines:
+            words = line.split()
+            for values, kind in zip(columns.values(), kinds, strict=True):
+                first = _numbers(words[:1], kind[0], 1)[0]
+                del words[:1]
+                if len(kind) == 1:
+                    values.append(first)
+                    continue
+                values.append(_numbers(words[: int(first)], kind[1], int(first)))
+                del words[: int(first)]
+        return _joined(element, columns)
+
+
+def _numbers(words: list[bytes], kind: str, count: int) -> np.ndarray:
+    if len(words) < count:
+        raise EOFError
+    return np.array(words, np.float64).astype(kind)
+
+
+class _BinaryRows:
+    """Rows of a binary file."""
+
+    def __init__(self, data: bytes, order: str) -> None:
+        self._data, self._order, self._at = data, order, 0
+
+    def table(self, element: PlyElement) -> dict[str, Any]:
+        """Return the columns of the next element; raise an `EOFError` where numbers are missing."""
+        columns: dict[str, Any] = {name: [] for name in element.columns}
+        if not columns or not element.count:
+            return _joined(element, columns)
+        start = self._at
+        even = self._even_table(element)
+        if even is not None:
+            return even
+        self._at = start
+        kinds = [[self._order + kind for kind in each.split()] for each in element.columns.values()]
+        for _ in range(element.count):
+            for values, (kind, *items) in zip(columns.values(), kinds, strict=True):
+                first = self._take(kind, 1)[0]
+                values.append(self._take(items[0], int(first)) if items else first)
+        return _joined(element, columns)
+
+    def _even_table(self, element: PlyElement) -> dict[str, Any] | None:
+        """Return the columns if all lists are as long as those of the first row; else None."""
+        start, fields, lengths = self._at, [], {}
         for name, each in element.columns.items():
-            *length, kind = (order + kind for kind in each.split())
+            *length, kind = (self._order + kind for kind in each.split())
             if length:
-                lengths[name] = int(take(length[0], 1)[0])
+                lengths[name] = int(self._take(length[0], 1)[0])
                 fields.append((f"number of {name}", length[0]))
-            take(kind, lengths.get(name, 1))
+            self._take(kind, lengths.get(name, 1))
             fields.append((name, kind, (lengths[name],)) if length else (name, kind))
-        at = start
-        if element.count * np.dtype(fields).itemsize > len(data) - at:
+        self._at = start
+        if element.count * np.dtype(fields).itemsize > len(self._data) - start:
             return None
-        rows = take(np.dtype(fields), element.count)
+        rows = self._take(np.dtype(fields), element.count)
         if all((rows[f"number of {name}"] == length).all() for name, length in lengths.items()):
             return {name: rows[name] for name in element.columns}
-        at = start
         return None
 
-    tables: dict[str, dict[str, Any]] = {}
-    for element in header.elements:
-        columns: dict[str, Any] = {name: [] for name in element.columns}
-        if words is None and columns and element.count:
-            if even := even_rows(element):
-                tables[element.name] = even
-                continue
-        kinds = [
-            (columns[name], *(order + kind for kind in each.split()))
-            for name, each in element.columns.items()
-        ]
-        for row in range(element.count if kinds else 0):
-            if words is not None:
-                # Some programs write more into a line than the header says.
-                words, at = (lines[row].split() if row < len(lines) else []), 0
-            for values, kind, *items in kinds:
-                first = take(kind, 1)[0]
-                values.append(take(items[0], int(first)) if items else first)
-        del lines[: element.count]
-        tables[element.name] = {
-            name: values if " " in (kind := element.columns[name]) else np.array(values, kind)
-            for name, values in columns.items()
-        }
-    return tables
+    def _take(self, kind: Any, count: int) -> np.ndarray:
+        if count > (len(self._data) - self._at) // np.dtype(kind).itemsize:
+            raise EOFError
+        values = np.frombuffer(self._data, kind, count, self._at)
+        self._at += values.nbytes
+        return values
+
+
+def _joined(element: PlyElement, columns: dict[str, Any]) -> dict[str, Any]:
+    """Return the numbers of each column as an array; lists stay lists of arrays."""
+    return {
+        name: values if " " in (kind := element.columns[name]) else np.array(values, kind)
+        for name, values in columns.items()
+    }
 
 
 def stl_parts(path: Path) -> list[MeshPart]:
