@@ -1,7 +1,7 @@
 """Thresholds of the measures: value, unit, what each was set on (else by hand) and its margin.
 
-The limit from which on something is a finding stands in its row of `digs_warp.check.findings`. Sizes of work,
-such as how many frames are looked at, stand where the work is done.
+The limit of each finding is in its row of `digs_warp.check.findings`. Sizes of work, such as the number of
+frames that are compared, are defined in the file that does the work.
 """
 
 # Agreement of frames, in depth as `digs_warp.geometry.reproject` has it: points without which the brightness,

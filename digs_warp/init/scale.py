@@ -183,9 +183,7 @@ def local_scales(sfm: SfmModel, frames: Sequence[Frame], config: InitConfig) -> 
 
 def _ratios_of_view(sfm: SfmModel, frame: Frame, config: InitConfig) -> np.ndarray:
     """Return the ratios, and whether each one lies in the mask, shape (2, n)."""
-    from digs_warp.init.edges import (
-        smooth_depth,
-    )  # has kernels, which who reads a result does not need
+    from digs_warp.init.edges import smooth_depth  # its kernels are not needed to read a result
 
     depth = frame.load_depth()
     if config.edge_filter:

@@ -99,7 +99,7 @@ def _images(base: Path, eye: str) -> tuple[np.ndarray, list[Path]]:
 
 
 def _eye(base: Path, name: str, image: Path) -> tuple[PinholeView, np.ndarray]:
-    """Return view and T_BS of a sensor.yaml, in the folder of its images or beside it."""
+    """Return the view and T_BS (body from camera) from an eye's sensor.yaml."""
     places = (base / name / "sensor.yaml", base / f"{name}_sensor.yaml")
     path = next(filter(Path.is_file, places), places[0])
     sensor = _sensor(path)

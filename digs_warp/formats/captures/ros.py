@@ -2,11 +2,10 @@
 # pyright: reportMissingImports=false
 """Bags of robots and of RealSense cameras, by rosbags: color, depth, and a camera_info each.
 
-ROS 1 and ROS 2, MCAP, and what RealSense Viewer writes (.bag, .db3). Of the topics with images, the one with
-depth is that of 16UC1 or 32FC1; of the others color comes before gray, then the one with the most images. A
-camera_info belongs to the images beside it. Depth and color are taken as seen from one place, as topics named
-"aligned" or "registered" are, unless the bag has the places of both, as those of RealSense do. Poses are not
-read.
+ROS 1 and ROS 2, MCAP, and what RealSense Viewer writes (.bag, .db3). Topics of 16UC1 or 32FC1 are depth;
+of the others color is preferred to gray, then the topic with the most images. A camera_info belongs to the
+images whose topic has the longest common path with its own. Depth counts as registered to color ("aligned",
+"registered") unless the bag has the extrinsics of both cameras, as RealSense bags do. Poses are not read.
 """
 
 from collections.abc import Iterator
@@ -82,11 +81,10 @@ def read_ros(path: Path, scratch: Path, count: int) -> Recording:
         write_image(image, _rgb(_pixels(message, path)))
         frames.append(RecordedFrame(image, k, time, depth=depths.get(time), view=view))
     own = None if depth is None or bag.infos.get(depth) is None else bag.camera(depth)[0]
-    beside = bag.color_from_depth()
-    is_same = own in (None, k) and beside is None
-    return Recording(
-        path, tuple(frames), depth_camera=None if is_same else DepthCamera(own or k, beside)
-    )
+    color_from_depth = bag.color_from_depth()
+    is_registered = own in (None, k) and color_from_depth is None
+    depth_camera = None if is_registered else DepthCamera(own or k, color_from_depth)
+    return Recording(path, tuple(frames), depth_camera=depth_camera)
 
 
 class _Bag:
@@ -128,7 +126,7 @@ class _Bag:
             raise CaptureError(f"'{path}': no color images in it; topics of images: {topics}")
         found = {is_depth: max(sorted(of), key=of.__getitem__) for is_depth, of in images.items()}
         self.color, self.depth = found[False], found.get(True)
-        self.infos = {topic: _beside(topic, infos) for topic in found.values()}
+        self.infos = {topic: _of_nearest_topic(topic, infos) for topic in found.values()}
 
     @contextmanager
     def _opened(self) -> Iterator[Any]:
@@ -179,7 +177,9 @@ class _Bag:
 
     def color_from_depth(self) -> np.ndarray | None:
         """Return the rigid motion between the two cameras; None where the bag has no places."""
-        color, depth = (_beside(topic or "/", self._places) for topic in (self.color, self.depth))
+        color, depth = (
+            _of_nearest_topic(topic or "/", self._places) for topic in (self.color, self.depth)
+        )
         if color is None or depth is None:
             return None
         found = color @ invert_rigid(depth)
@@ -201,7 +201,7 @@ def _place(message: Any) -> np.ndarray:
     )
 
 
-def _beside(topic: str, others: dict[str, Any]) -> Any:
+def _of_nearest_topic(topic: str, others: dict[str, Any]) -> Any:
     """Return what is known by a topic that begins like ``topic``; None: none, or several, do."""
     shared = {name: len(commonpath([topic, name])) for name in others}
     best = [name for name, length in shared.items() if length == max(shared.values())]

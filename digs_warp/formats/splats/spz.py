@@ -37,9 +37,8 @@ logger = logging.getLogger(__name__)
 
 MAGIC, VERSION, VERSIONS = 0x5053474E, 3, (2, 3, 4)  # "NGSP"
 _ANTIALIASED, _EXTENSIONS = 1, 2  # flags
-_HEADER = struct.Struct(
-    "<IIIBBBB"
-)  # magic, version, count, degree, fractional bits, flags, streams
+# Magic, version, count, degree, fractional bits, flags, streams.
+_HEADER = struct.Struct("<IIIBBBB")
 _GZIP = 16 + zlib.MAX_WBITS
 # Higher levels take several times as long and save only one or two percent.
 _GZIP_LEVEL = 3

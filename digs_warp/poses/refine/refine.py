@@ -53,21 +53,21 @@ def refine(
         return _left(frames, "no frame has depth", needed)
     given = np.stack([frame.camera.world_from_cam for frame in frames])
     pictures = load_pictures(frames, readout_time)
-    found, small, told = align(pictures, given), reduced(pictures), ""
+    found, small, left_out = align(pictures, given), reduced(pictures), ""
     lost = contradicted(small, given)
     if lost and found is not None:
         lost = sorted({*lost} & {*contradicted(small, found.poses)})
     if lost:  # they have pulled at the others
-        told = f"; left out: {first_few([frames[each].name for each in lost])}"
+        left_out = f"; left out: {first_few([frames[each].name for each in lost])}"
         kept = [number for number in range(len(frames)) if number not in lost]
         frames, given = [frames[number] for number in kept], given[kept]
         pictures, small = ([of[number] for number in kept] for of in (pictures, small))
         found = align(pictures, given)
     if found is None:
-        return _left(frames, f"no two frames with depth show the same surface{told}", needed)
+        return _left(frames, f"no two frames with depth show the same surface{left_out}", needed)
     gain = 1 - found.error_after / max(found.error_before, 1e-12)
     little = gain < thresholds.MIN_ALIGNMENT_GAIN and not needed
-    because = f"with refined poses the frames would differ {_less(gain)}{told}"
+    because = f"with refined poses the frames would differ {_less(gain)}{left_out}"
     if little and not estimated:
         return _left(frames, because, needed)
     near = in_likely_scale(found.poses, given)
@@ -80,9 +80,9 @@ def refine(
     poses = np.where(worse[:, None, None], given, moved)
     motion = _motion(given, poses)
     if motion[1] > thresholds.MAX_REFINED_TURN_DEG:
-        because = f"the frames do not hold together: turned by {motion[1]:.1f}°{told}"
+        because = f"the frames do not hold together: turned by {motion[1]:.1f}°{left_out}"
         return _left(frames, because, needed)
-    because = f"the frames differ {_less(gain)}{told}"
+    because = f"the frames differ {_less(gain)}{left_out}"
     if worse.any():
         because += f"; {counted(int(worse.sum()), 'frame')} would agree less and kept the pose"
     refinement = PoseRefinement(True, because, *motion, adjusted=moved is not near)
