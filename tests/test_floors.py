@@ -36,27 +36,27 @@ FLOORS = {
 LINE_BUDGETS = {
     "api": 434,
     "check": 1_735,
-    "commands": 3_201,
-    "data": 3_261,
+    "commands": 3_198,
+    "data": 3_266,
     "device": 906,
     "engines": 996,
-    "files at the top": 800,
-    "formats": 5_897,
+    "files at the top": 766,
+    "formats": 5_899,
     "geometry": 621,
-    "init": 4_118,
+    "init": 4_116,
     "losses": 732,
     "masks": 1_165,
     "measure": 1_590,
-    "pipeline": 2_361,
+    "pipeline": 2_360,
     "poses": 4_839,
     "record": 2_014,
-    "show": 3_208,
+    "show": 3_211,
     "sim.camera": 1_394,
     "sim.fit": 1_912,
-    "sim.record": 2_001,
+    "sim.record": 2_022,
     "sim.render": 4_666,
-    "sim.scene": 4_189,
-    "sim.sensor": 5_009,
+    "sim.scene": 4_223,
+    "sim.sensor": 5_005,
     "sim.testing": 852,
     "splat": 5_020,
     "study": 1_999,
@@ -65,7 +65,7 @@ LINE_BUDGETS = {
     "train": 3_643,
     "usd": 2_748,
 }
-MOST_FILES = 496  # of the product; 65,000 lines in 500 files are the goal
+MOST_FILES = 498  # of the product; 65,000 lines in 500 files are the goal
 # A shorter file with a single client in its folder belongs into that client.
 CRUMB = 60
 

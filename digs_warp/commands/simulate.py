@@ -185,11 +185,8 @@ class Simulate(SettingsCommand):
 
     def _jobs(self, meshes: Sequence[Path], environments: Sequence[Path]) -> "tuple[SceneJob, ...]":
         from digs_warp.sim.record.data_set import plan_jobs
-        from digs_warp.sim.record.randomize.draws import (
-            DEFAULT_BASE,
-            draw_scenes,
-            load_randomization,
-        )
+        from digs_warp.sim.record.randomize.draws import draw_scenes
+        from digs_warp.sim.record.randomize.randomization import DEFAULT_BASE, load_randomization
 
         if self.many.scenes is None:
             return plan_jobs(self.recording, meshes, environments, self.many.trajectories)

@@ -1,6 +1,6 @@
 """The list of docs/simulate.md: what can be drawn."""
 
-from digs_warp.sim.record.randomize.draws import known_keys
+from digs_warp.sim.record.randomize.randomization import known_keys
 from scripts.page_marks import fill
 
 PAGE = "simulate.md"

@@ -14,15 +14,13 @@ from digs_warp.record.fields import parse_json
 from digs_warp.record.files import to_json
 from digs_warp.record.typed import from_json
 from digs_warp.sim.config import SimulateConfig
-from digs_warp.sim.record.randomize.draws import (
+from digs_warp.sim.record.randomize.draws import SceneJob, draw_scenes, share_of
+from digs_warp.sim.record.randomize.randomization import (
     SHIPPED,
     Distribution,
     Randomization,
-    SceneJob,
-    draw_scenes,
     entries_of,
     load_randomization,
-    share_of,
 )
 from digs_warp.sim.scene.appearance import LookSettings
 

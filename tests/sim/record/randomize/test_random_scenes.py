@@ -12,11 +12,11 @@ from digs_warp.data.images import write_image
 from digs_warp.sim.config import SimulateConfig
 from digs_warp.sim.record import session
 from digs_warp.sim.record.inputs import load_inputs
-from digs_warp.sim.record.randomize.draws import (
+from digs_warp.sim.record.randomize.draws import draw_scenes
+from digs_warp.sim.record.randomize.randomization import (
     LEAST_COUNT,
     SHIPPED,
     Randomization,
-    draw_scenes,
     entries_of,
     load_randomization,
 )

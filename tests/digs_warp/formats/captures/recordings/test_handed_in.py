@@ -19,7 +19,8 @@ from digs_warp.checks import CaptureError
 from digs_warp.data.capture import Capture, read_capture
 from digs_warp.data.images import depth_in_metres, encode_jpeg, mask_of, read_image, write_image
 from digs_warp.data.layers import Layer
-from digs_warp.formats.captures.colmap_import import PARAMETERS, ModelCamera, pinhole_and_lens
+from digs_warp.formats.captures.colmap_files import PARAMETERS, ModelCamera
+from digs_warp.formats.captures.colmap_import import pinhole_and_lens
 from digs_warp.formats.captures.formats import export_capture, read_recording
 from digs_warp.geometry.rigid import OPENCV_FROM_OPENGL, far_offset
 from digs_warp.record.files import to_json
