@@ -1,0 +1,130 @@
+"""Depth that people hand in, after public bug reports: other numbers, other units, pictures of depth."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from digs_warp.checks import CaptureError
+from digs_warp.data.capture import Capture, read_capture
+from digs_warp.data.images import depth_in_metres, read_image, write_image
+from digs_warp.formats.captures.formats import export_capture
+from reference.handed_in import FORMS, handed_in, nerfstudio, read, save
+from reference.recorded import HEIGHT, WIDTH, check_same, converted
+
+DEPTH = np.array([[0, 1000, 65535], [2500, 40, 0]], np.uint16)
+METRES = np.array([[np.nan, 1.0, np.nan], [2.5, 0.04, np.nan]], np.float32)
+DEPTHS: dict[str, tuple[np.ndarray, dict[str, float]]] = {
+    "png": (DEPTH, {}),
+    "integers": (np.where(DEPTH == 65535, -1, DEPTH).astype(np.int32), {}),
+    "wide integers": (np.where(DEPTH == 65535, 2**32 - 1, DEPTH).astype(np.uint32), {}),
+    "other unit": ((np.minimum(DEPTH, 13107) * 5).astype(np.uint16), {"units_per_metre": 5000.0}),
+    "metres": (METRES, {}),
+    "endless": (np.where(np.isnan(METRES), np.float32(1e10), METRES), {}),
+    "half floats": (np.where(np.isnan(METRES), np.inf, METRES).astype(np.float16), {}),
+    "largest of half floats": (np.where(np.isnan(METRES), np.float32(65504), METRES), {}),
+    "integers divided": (DEPTH.astype(np.float32) / np.float32(1000), {}),
+    "millimetres": (DEPTH.astype(np.float32), {"float_units_per_metre": 1000.0}),
+}
+
+
+@pytest.mark.parametrize("name", DEPTHS)
+def test_the_kind_of_number_gives_the_unit_of_depth(tmp_path: Path, name: str) -> None:
+    pixels, units = DEPTHS[name]
+    path = tmp_path / "depth.npy"
+    np.save(path, pixels)
+    found = depth_in_metres(read_image(path, "depth"), "depth", **units)
+    np.testing.assert_allclose(found, METRES, rtol=1e-3)
+
+
+PICTURES = {
+    "8 bits": np.tile(np.arange(WIDTH, dtype=np.uint8), (HEIGHT, 1)),
+    "colors": np.random.default_rng(1).integers(0, 256, (HEIGHT, WIDTH, 3), dtype=np.uint8),
+    "colors of 16 bits": np.random.default_rng(1).integers(1, 9999, (HEIGHT, WIDTH, 3)).astype(np.uint16),
+    "colors and alpha": np.random.default_rng(1).integers(0, 256, (HEIGHT, WIDTH, 4), dtype=np.uint8),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("form", FORMS)
+@pytest.mark.parametrize("name", PICTURES)
+def test_pictures_of_depth_are_refused(
+    capture: Capture, tmp_path: Path, form: str, name: str
+) -> None:
+    _, folder = handed_in(capture, form, tmp_path)
+    write_image(min(folder.rglob("depth/*.png")), PICTURES[name])
+    with pytest.raises(CaptureError, match="a picture of depth, expected its values: 16-bit"):
+        read(form, folder, tmp_path / "c").frames[0].load_depth()
+
+
+@pytest.mark.parametrize("form", FORMS)
+def test_the_largest_number_is_unknown_depth(capture: Capture, tmp_path: Path, form: str) -> None:
+    _, folder = handed_in(capture, form, tmp_path)
+    for depth in folder.rglob("depth/*.png"):
+        pixels = read_image(depth)
+        write_image(depth, np.where(pixels == 0, np.uint16(65535), pixels))
+    check_same(read(form, folder, tmp_path / "c"), capture, 4e-3)
+
+
+@pytest.mark.parametrize(
+    ("dtype", "factor", "given"),
+    [(np.int32, 1000, None), (np.float64, 1, None), (np.float32, 1000, 0.001), (np.uint16, 5000, 2e-4)],
+)  # fmt: skip
+def test_arrays_of_depth_are_read(
+    capture: Capture, tmp_path: Path, dtype: type, factor: float, given: float | None
+) -> None:
+    folder = tmp_path / "ns"
+    index = nerfstudio(capture, folder)
+    for number, (entry, frame) in enumerate(zip(index["frames"], capture.frames, strict=True)):
+        values = np.nan_to_num(frame.load_depth()) * factor
+        np.save(folder / f"{number}.npy", np.minimum(values.round(), 65535).astype(dtype)
+                if np.dtype(dtype).kind in "ui" else values.astype(dtype))  # fmt: skip
+        entry["depth_file_path"] = f"{number}.npy"
+    save(folder, index | ({} if given is None else {"depth_unit_scale_factor": given}))
+    tolerance = 4e-3
+    check_same(converted("nerfstudio", folder, tmp_path / "c"), capture, tolerance)
+    if given is None:
+        check_same(read_capture(folder), capture, tolerance)
+
+
+def test_depth_of_nerfcapture_is_read_and_unread_files_are_told(
+    capture: Capture, tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    folder, scale = tmp_path / "ns", 8.0 / 65535
+    index = nerfstudio(capture, folder, integer_depth_scale=scale)
+    for number, (entry, frame) in enumerate(zip(index["frames"], capture.frames, strict=True)):
+        units = np.round(np.nan_to_num(frame.load_depth()) / scale).astype(np.uint16)
+        write_image(folder / f"images/{number}.depth.png", units)
+        del entry["depth_file_path"]
+        entry["depth_path"] = f"images/{number}.depth.png"
+        entry["normal_file_path"] = entry["semantics"] = f"other/{number}.png"
+    save(folder, index | {"imu_path": "imu.csv"})
+    check_same(converted("nerfstudio", folder, tmp_path / "c"), capture, 4e-3)
+    assert "files under 'imu_path' are not read" in caplog.text
+    assert "files under 'normal_file_path' are not read (3 times)" in caplog.text
+    assert "files under 'semantics' are not read (3 times)" in caplog.text
+    assert "depth_path" not in caplog.text
+    caplog.clear()
+    read_capture(folder)
+    assert "'depth_path' are not read (3 frames)" in caplog.text
+
+
+@pytest.mark.parametrize("suffix", [".npy", ".exr", ".tiff"])
+def test_folders_in_another_case_and_depth_in_other_files_are_read(
+    capture: Capture, tmp_path: Path, suffix: str
+) -> None:
+    folder = tmp_path / "redwood"
+    export_capture(capture, "redwood", folder)
+    for number, frame in enumerate(capture.frames):
+        path, depth = folder / f"depth/{number:05d}{suffix}", frame.load_depth()
+        if suffix == ".npy":
+            np.save(path, np.nan_to_num(1000 * depth).round().astype(np.int32))
+        elif suffix == ".exr":  # beside a picture of it
+            write_image(path, depth)
+            write_image(path.with_suffix(".png"), PICTURES["8 bits"])
+            continue
+        else:
+            Image.fromarray(np.nan_to_num(1000 * depth).round().astype(np.int32)).save(path)
+        path.with_suffix(".png").unlink()
+    (folder / "color").rename(folder / "Color")
+    check_same(converted("redwood", folder, tmp_path / "c"), capture, 4e-3)
