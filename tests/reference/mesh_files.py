@@ -13,6 +13,8 @@ from scipy.spatial import ConvexHull
 from trimesh.visual import TextureVisuals
 from trimesh.visual.material import PBRMaterial
 
+from digs_warp.data.images import write_image
+from digs_warp.sim.config import SimulateConfig
 from digs_warp.sim.scene.scene import Scene
 from reference.scene_checks import check_arrays
 
@@ -23,6 +25,21 @@ TETRAHEDRON = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 2 3 4\nf 
 OBJ = (
     "mtllib s.mtl\nv 0 0 0\nv 1 0 0\nv 1 1 0\nvt 0 0\nvt 1 0\nvt 1 1\nusemtl paint\nf 1/1 2/2 3/3\n"
 )
+
+
+def under_gray_sky(folder: Path, mesh: str, **settings: Any) -> SimulateConfig:
+    """Write an OBJ file and a gray panorama; return settings that record one frame of them."""
+    path, sky = folder / "thing.obj", folder / "sky.png"
+    path.write_text(mesh)
+    write_image(sky, np.full((8, 16, 3), 200, np.uint8))
+    return SimulateConfig(
+        profile="bare-matcher",
+        mesh=path,
+        environment=sky,
+        frames=1,
+        samples_per_pixel=1,
+        **settings,
+    )
 
 
 def check_scene(scene: Scene, size: float | None = None) -> None:

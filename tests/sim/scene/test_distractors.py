@@ -6,14 +6,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from digs_warp.data.images import write_image
-from digs_warp.sim.config import SimulateConfig
 from digs_warp.sim.record.record import simulate_in_memory
 from digs_warp.sim.scene.builtin import builtin_scene
 from digs_warp.sim.scene.distractors import GAP, REACH, add_distractors
 from digs_warp.sim.scene.scene import FURNITURE, Scene
 from digs_warp.sim.scene.shapes import plain_shape
-from reference.mesh_files import TETRAHEDRON
+from reference.mesh_files import TETRAHEDRON, under_gray_sky
 
 OBJECT = builtin_scene()
 PLATE_CORNERS = np.array([(0, 0, 0), (2, 0, 0), (2, 1, 0), (0, 1, 0), (1, 0.5, 0.2)])
@@ -87,18 +85,7 @@ def test_shapes_are_closed_and_their_normals_point_outward() -> None:
 
 
 def test_they_are_seen_but_in_no_mask(tmp_path: Path) -> None:
-    mesh, sky = tmp_path / "pyramid.obj", tmp_path / "sky.png"
-    mesh.write_text(TETRAHEDRON)
-    write_image(sky, np.full((8, 16, 3), 200, np.uint8))
-    alone = SimulateConfig(
-        profile="bare-matcher",
-        mesh=mesh,
-        environment=sky,
-        frames=1,
-        width=96,
-        samples_per_pixel=1,
-        tier="truth",
-    )
+    alone = under_gray_sky(tmp_path, TETRAHEDRON, width=96, tier="truth")
     before, after = (
         simulate_in_memory(replace(alone, distractors=count)).frames[0] for count in (0, 6)
     )

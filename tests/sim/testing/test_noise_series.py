@@ -8,7 +8,6 @@ import pytest
 
 from digs_warp.checks import DigsError
 from digs_warp.data.capture import Capture
-from digs_warp.data.images import write_image
 from digs_warp.data.layers import Layer
 from digs_warp.init.config import InitConfig
 from digs_warp.init.recipes import initial_points
@@ -16,6 +15,7 @@ from digs_warp.sim.config import SimulateConfig
 from digs_warp.sim.testing.series import CaptureCache, NoiseSeries
 from digs_warp.sim.testing.sources import SimulatedWalk
 from reference.file_hashes import file_hashes
+from reference.mesh_files import under_gray_sky
 
 BOX = Path(__file__).parent / "box.obj"
 
@@ -91,18 +91,7 @@ def kept(captures: CaptureCache, config: SimulateConfig) -> Capture:
 
 @pytest.fixture
 def config(tmp_path: Path) -> SimulateConfig:
-    mesh, sky = tmp_path / "thing.obj", tmp_path / "sky.png"
-    mesh.write_text(TETRAHEDRON)
-    write_image(sky, np.full((8, 16, 3), 200, np.uint8))
-    return SimulateConfig(
-        profile="bare-matcher",
-        mesh=mesh,
-        environment=sky,
-        frames=1,
-        width=24,
-        height=16,
-        samples_per_pixel=1,
-    )
+    return under_gray_sky(tmp_path, TETRAHEDRON, width=24, height=16)
 
 
 def test_a_series_loads_its_scene_once_and_the_captures_are_those_of_their_own(
