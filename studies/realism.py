@@ -13,6 +13,7 @@ import numpy as np
 
 from digs_warp.record.progress import progress
 from digs_warp.study.scenes import sample_data
+from studies.error_patches import auc_of_classifier, patch_features
 from studies.realism_scenes import Scene, places
 from studies.realism_scores import (
     agreement,
@@ -40,29 +41,38 @@ def bench_realism(data: Path | None = None, widths: Sequence[int] = WIDTHS) -> l
     """
     chosen = places(data or sample_data())
     results: list[Result] = []
+    classifiers: dict[tuple[int, str], float] = {}
     with progress(len(widths) * len(chosen), "Comparing", "frame") as bar:
         for width in widths:
-            scenes = []
+            scenes, patches = [], {name: [] for name in (SENSOR, OTHER_NOISE, YARDSTICK)}
             for place in chosen:
-                scenes.append(place.scene(width))
-                results += _scene_results(scenes[-1], width)
+                scene = place.scene(width)
+                scenes.append(scene)
+                sensed = _sensed(scene)
+                results += _scene_results(scene, sensed, width)
+                for name, disparity in sensed.items():
+                    patches[name].append(patch_features(disparity - scene.truth.disparity))
                 bar.update()
+            for name in (SENSOR, OTHER_NOISE) if len(scenes) > 1 else ():
+                classifiers[width, name] = auc_of_classifier(patches[name], patches[YARDSTICK])
             if width == widths[0]:
                 results += _temporal_results(scenes)
-    return [*_summary(results, widths), *results]
+    return [*_summary(results, classifiers, widths), *results]
 
 
-def _scene_results(scene: Scene, width: int) -> Iterator[Result]:
-    """Yield the agreement of each sensor with the matcher on one scene."""
-    true = scene.truth.disparity
-    yardstick = scene.sense("matcher").disparity
-    sensors = {
+def _sensed(scene: Scene) -> dict[str, np.ndarray]:
+    return {
         SENSOR: scene.sense("guided").disparity,
         OTHER_NOISE: scene.sense("matcher", draw=1).disparity,
-        YARDSTICK: yardstick,
+        YARDSTICK: scene.sense("matcher").disparity,
     }
-    for name, disparity in sensors.items():
-        failures, rms = agreement(disparity, yardstick, true)
+
+
+def _scene_results(scene: Scene, sensed: dict[str, np.ndarray], width: int) -> Iterator[Result]:
+    """Yield the agreement of each sensor with the matcher on one scene."""
+    true = scene.truth.disparity
+    for name, disparity in sensed.items():
+        failures, rms = agreement(disparity, sensed[YARDSTICK], true)
         yield Result(
             {"width": width, "scene": scene.name, "tuned": scene.tuned, "sensor": name},
             {
@@ -77,7 +87,9 @@ def _scene_results(scene: Scene, width: int) -> Iterator[Result]:
         )
 
 
-def _summary(results: Sequence[Result], widths: Sequence[int]) -> Iterator[Result]:
+def _summary(
+    results: Sequence[Result], classifiers: dict[tuple[int, str], float], widths: Sequence[int]
+) -> Iterator[Result]:
     """Yield one row per width and sensor: means over the scenes, ratios to the matcher."""
     rows = [result for result in results if result.table == "scenes"]
     some_aside = any(r.labels["tuned"] for r in rows)
@@ -89,6 +101,8 @@ def _summary(results: Sequence[Result], widths: Sequence[int]) -> Iterator[Resul
             if name == KEPT_ASIDE:
                 mine = [r for r in here if r.labels["sensor"] == SENSOR and not r.labels["tuned"]]
             values = _mean_agreement(mine, yardstick)
+            if (width, name) in classifiers:
+                values["classifier's AUC"] = classifiers[width, name]
             yield Result({"width": width, "sensor": name}, values, "agreement")
 
 

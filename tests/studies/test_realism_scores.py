@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from reference.error_shapes import autocorrelation, small_error_rms
+from studies.error_patches import auc_of_classifier, patch_features
 from studies.realism_scores import (
     agreement,
     bad_share,
@@ -34,6 +35,17 @@ def test_errors_in_the_same_places_agree_and_in_others_do_not() -> None:
     assert failures > 0.7 and rms > 0.9
     failures, rms = agreement(noisy(1, places), noisy(2, other_places), TRUE)
     assert abs(failures) < 0.4 and abs(rms) < 0.4
+
+
+def test_a_classifier_tells_the_texture_of_errors_and_not_their_draw() -> None:
+    def patches(first: int, correlation: int) -> list[np.ndarray]:
+        return [
+            patch_features(noisy(seed, correlation=correlation) - TRUE)
+            for seed in range(first, first + 3)
+        ]
+
+    assert auc_of_classifier(patches(0, 2), patches(10, 2)) == pytest.approx(0.5, abs=0.12)
+    assert auc_of_classifier(patches(0, 0), patches(10, 2)) > 0.99
 
 
 def test_shares_of_bad_pixels_and_small_holes() -> None:
