@@ -15,10 +15,9 @@ from pathlib import Path
 import numpy as np
 
 from digs_warp.checks import DigsError
-from digs_warp.study.timing import Stopwatch
 from studies.budget import stage_times
 from studies.results import Result
-from studies.timing import peak_memory
+from studies.timing import Stopwatch, peak_memory
 
 # Frames of 160x90 pixels; and widths of 20 frames.
 FRAMES, WIDTHS = (20, 60, 200, 1000), (640, 1280, 1920)

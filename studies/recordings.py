@@ -26,12 +26,12 @@ from digs_warp.poses.from_images.config import SfmConfig
 from digs_warp.record.progress import progress
 from digs_warp.splat.device import DeviceGaussians
 from digs_warp.study.scenes import sample_data
-from digs_warp.study.timing import Stopwatch
 from digs_warp.train.adherence import adherence, load_measured_views
 from digs_warp.train.config import Density, Stop, TrainConfig
 from studies.pose_errors import camera_errors
 from studies.real_recordings import RealRecording, convert, find_recordings
 from studies.results import Result
+from studies.timing import Stopwatch
 
 ITERATIONS = 500
 

@@ -29,7 +29,6 @@ from digs_warp.splat.render import render
 from digs_warp.study.engine.case import STUDIED_CAMERA
 from digs_warp.study.engine.scores import psnr_with_one_gain
 from digs_warp.study.scenes import VOXEL
-from digs_warp.study.timing import Stopwatch
 from digs_warp.surface.extract import Scene, extract_surface
 from digs_warp.surface.true_surface import read_true_surface
 from digs_warp.train.config import Stop, TrainConfig
@@ -38,6 +37,7 @@ from digs_warp.train.smoothing import for_classic_viewers
 from digs_warp.train.trainer import Trainer
 from digs_warp.train.view_store import open_views
 from studies.results import Result
+from studies.timing import Stopwatch
 
 TRAINING_FRAMES, TRAINING_STEPS, SH_DEGREE = 48, 400, 3
 

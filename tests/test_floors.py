@@ -46,7 +46,7 @@ LINE_BUDGETS = {
     "init": 4_116,
     "losses": 732,
     "masks": 1_165,
-    "measure": 1_590,
+    "measure": 1_541,
     "pipeline": 2_360,
     "poses": 4_839,
     "record": 2_014,
@@ -59,13 +59,13 @@ LINE_BUDGETS = {
     "sim.sensor": 5_005,
     "sim.testing": 852,
     "splat": 5_020,
-    "study": 1_999,
+    "study": 1_499,
     "surface": 571,
     "torch": 193,
     "train": 3_643,
     "usd": 2_748,
 }
-MOST_FILES = 498  # of the product; 65,000 lines in 500 files are the goal
+MOST_FILES = 495  # of the product; 65,000 lines in 500 files are the goal
 # A shorter file with a single client in its folder belongs into that client.
 CRUMB = 60
 

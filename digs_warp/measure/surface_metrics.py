@@ -82,9 +82,6 @@ def _clear_kernel(
     clear[i] = not wp.mesh_query_ray_anyhit(mesh, center, wp.normalize(toward), reach)
 
 
-# Number of neighbors that measures the density of points at a place on the surface.
-NEIGHBORS = 8
-
 # Samples of the true surface for the distance from surface to points. The standard error of a mean over them
 # is below 1 % of the spread.
 DEFAULT_SAMPLES = 20_000
@@ -102,9 +99,6 @@ class SurfaceScore:
         precision: share of points within ``threshold`` of the surface.
         recall: share of the surface within ``threshold`` of a point.
         f_score: harmonic mean of precision and recall.
-        spacing_ratio: how unevenly the points are spread: ratio of the upper to the lower quartile, over the
-            surface, of the distance to the eighth nearest point. 1: a perfect grid; 1.28: uniformly random
-            (a planar Poisson process); more: clusters. It does not depend on the number of points.
         threshold: the distance [m] for precision and recall.
     """
 
@@ -115,7 +109,6 @@ class SurfaceScore:
     precision: float
     recall: float
     f_score: float
-    spacing_ratio: float
     threshold: float
 
     def to_json(self) -> dict[str, float]:
@@ -156,11 +149,7 @@ def surface_score(
         )
     to_surface = distances_to_surface(points, surface)
     places = sample_surface(surface, samples, seed)
-    nearest, _ = cKDTree(points).query(
-        places, k=range(1, min(NEIGHBORS, len(points)) + 1), workers=-1
-    )
-    to_points = nearest[:, 0]
-    dense, sparse = np.percentile(nearest[:, -1], (25, 75))
+    to_points, _ = cKDTree(points).query(places, workers=-1)
     precision = float((to_surface <= threshold).mean())
     recall = float((to_points <= threshold).mean())
     total = precision + recall
@@ -173,7 +162,6 @@ def surface_score(
         precision=precision,
         recall=recall,
         f_score=2 * precision * recall / total if total > 0 else 0.0,
-        spacing_ratio=float(sparse / max(dense, np.finfo(np.float64).tiny)),
         threshold=threshold,
     )
 

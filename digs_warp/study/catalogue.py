@@ -12,7 +12,6 @@ from digs_warp.words import counted, did_you_mean
 
 if TYPE_CHECKING:
     from digs_warp.study.engine.case import Case
-    from digs_warp.study.page import Section
 
 
 @dataclass(frozen=True)
@@ -40,13 +39,18 @@ class Study:
         """The default folder of results and report."""
         return Path("out") / "study" / self.name
 
+    @property
+    def module(self) -> Any:
+        """What answers the question."""
+        return importlib.import_module(f"digs_warp.study.studies.{self.name}")
+
     def cases(
         self, objects: int, seeds: int, iterations: int, meshes: Sequence[Path] = ()
     ) -> "Sequence[Case]":
         """Return the cases for that many objects: sample objects, or ``meshes``, files of one's own."""
         from digs_warp.study.scenes import objects as named
 
-        return self._module().cases(named(objects, meshes), seeds, iterations)
+        return self.module.cases(named(objects, meshes), seeds, iterations)
 
     def run(
         self,
@@ -64,17 +68,13 @@ class Study:
         from digs_warp.study.engine.chain import CAPTURES, run_case
         from digs_warp.study.engine.runner import run_cases
 
-        if folder.is_dir() and any(folder.iterdir()):
-            if not any((folder / name).exists() for name in (RESULTS, CAPTURES)):
-                raise DigsError(
-                    f"--out '{folder}': the folder is not empty and holds no study; name another folder"
-                )
+        there = {path.name for path in folder.iterdir()} if folder.is_dir() else set[str]()
+        if there and not there & {RESULTS, CAPTURES}:
+            raise DigsError(
+                f"--out '{folder}': the folder is not empty and holds no study; name another folder"
+            )
         outcome = run_cases(cases, folder, measure=run_case, engine=engine, budget=budget)
         return f"{outcome}\nreport: {self.report(folder)}"
-
-    def sections(self, records: Sequence[Any]) -> "Sequence[Section]":
-        """Return the content of the report for the records of successful cases."""
-        return self._module().sections(records)
 
     def report(self, folder: Path) -> Path:
         """Draw the report of the results in ``folder`` and return its HTML page.
@@ -94,15 +94,10 @@ class Study:
                 f"study '{folder / RESULTS}': no case ended well: {errors}; measure some with "
                 f"'digs-warp study run {self.name}'"
             )
-        failed = len(records) - len(good)
-        intro = f"{self.summary[0].upper()}{self.summary[1:]}. {counted(len(good), 'case')}"
-        intro += f", {failed} failed." if failed else "."
-        machines = sorted({record["machine"] for record in good})
-        intro += f" Measured on {' and '.join(machines)}."
-        return write_pages(self.title, intro, self.sections(good), folder)
-
-    def _module(self) -> Any:
-        return importlib.import_module(f"digs_warp.study.studies.{self.name}")
+        machines = " and ".join(sorted({record["machine"] for record in good}))
+        intro = f"{self.summary[0].upper()}{self.summary[1:]}. {counted(len(good), 'case')}, "
+        intro += f"{len(records) - len(good)} failed. Measured on {machines}."
+        return write_pages(self.title, intro, self.module.sections(good), folder)
 
 
 STUDIES = (
@@ -131,13 +126,13 @@ STUDIES = (
 )
 
 
-def find_study(name: str, studies: Sequence[Study] = STUDIES) -> Study:
+def find_study(name: str) -> Study:
     """Return the study of that name.
 
     Raises:
         DigsError: there is none.
     """
-    by_name = {study.name: study for study in studies}
+    by_name = {study.name: study for study in STUDIES}
     if name not in by_name:
         raise DigsError(f"study '{name}': no such study{did_you_mean(name, by_name)}")
     return by_name[name]

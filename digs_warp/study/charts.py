@@ -5,14 +5,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
+
 # Color-blind safe (Okabe and Ito).
 COLORS = ("#0072b2", "#e69f00", "#009e73", "#cc79a7", "#d55e00", "#56b4e9", "#7f7f7f", "#000000")
 # Curves differ in more than their color, and one that lies over another shows it between its dashes.
 MARKERS = ("o", "s", "^", "D", "v", "P", "X", "*")
 DASHES = ("-", "--")
-
-# Of a logarithmic axis with this many values at most, the values are the ticks.
-MOST_TICKS = 6
 
 # A note stands to the upper left, which is free at points that nothing beats, and slanted, so that neighbors
 # do not overlap.
@@ -64,47 +63,35 @@ class Chart:
         from matplotlib.figure import Figure
 
         figure = Figure(figsize=(7.2, 4.4), layout="constrained")
-        self._draw(figure.subplots())
+        axes = figure.subplots()
+        axes.set(title=self.title, xlabel=self.x_label, ylabel=self.y_label)
+        axes.grid(alpha=0.3)
+        for number, curve in enumerate(self.curves):
+            _draw(axes, curve, number)
+        if any(curve.notes for curve in self.curves):
+            axes.margins(x=0.18, y=0.25)
+        if self.log_x:
+            from matplotlib.ticker import LogLocator, NullFormatter
+
+            axes.set_xscale("log")
+            axes.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+            axes.xaxis.set_major_formatter("{x:g}")
+            axes.xaxis.set_minor_formatter(NullFormatter())
+        if len(self.curves) > 1:
+            axes.legend(frameon=False, fontsize=8)
         file = io.BytesIO()
         figure.savefig(file, format="png", dpi=120)
         return file.getvalue()
 
-    def _draw(self, axes: Any) -> None:
-        """Draw into the axes of a figure."""
-        for number, curve in enumerate(self.curves):
-            color = COLORS[number % len(COLORS)]
-            style = {
-                "linestyle": DASHES[number % len(DASHES)] if curve.line else "none",
-                "marker": MARKERS[number % len(MARKERS)],
-                "zorder": 2 + number % len(DASHES),  # dashes lie on top
-            }
-            axes.plot(curve.x, curve.y, label=curve.label, color=color, markersize=5, **style)
-            if curve.spread:
-                low = [y - s for y, s in zip(curve.y, curve.spread, strict=True)]
-                high = [y + s for y, s in zip(curve.y, curve.spread, strict=True)]
-                axes.fill_between(curve.x, low, high, color=color, alpha=0.15, linewidth=0)
-            for x, y, note in zip(curve.x, curve.y, curve.notes, strict=False):
-                axes.annotate(note, (x, y), fontsize=7, **_ABOVE)
-        if any(curve.notes for curve in self.curves):
-            axes.margins(x=0.18, y=0.25)
-        axes.set_title(self.title)
-        axes.set_xlabel(self.x_label)
-        axes.set_ylabel(self.y_label)
-        if self.log_x:
-            _scale(axes, {x for curve in self.curves for x in curve.x})
-        axes.grid(alpha=0.3)
-        if len(self.curves) > 1:
-            axes.legend(frameon=False, fontsize=8)
 
-
-def _scale(axes: Any, values: set[float]) -> None:
-    """Make the axis of x logarithmic."""
-    from matplotlib.ticker import FixedLocator, LogLocator, NullFormatter
-
-    axes.set_xscale("log")
-    few = len(values) <= MOST_TICKS
-    axes.xaxis.set_major_locator(
-        FixedLocator(sorted(values)) if few else LogLocator(subs=(1.0, 2.0, 5.0))
-    )
-    axes.xaxis.set_major_formatter("{x:g}")
-    axes.xaxis.set_minor_formatter(NullFormatter())
+def _draw(axes: Any, curve: Curve, number: int) -> None:
+    color, marker = COLORS[number % len(COLORS)], MARKERS[number % len(MARKERS)]
+    dashes = DASHES[number % len(DASHES)] if curve.line else "none"
+    style = {"color": color, "marker": marker, "linestyle": dashes, "markersize": 5}
+    # Dashes lie on top.
+    axes.plot(curve.x, curve.y, label=curve.label, zorder=2 + number % len(DASHES), **style)
+    if curve.spread:
+        y, spread = np.array(curve.y), np.array(curve.spread)
+        axes.fill_between(curve.x, y - spread, y + spread, color=color, alpha=0.15, linewidth=0)
+    for x, y, note in zip(curve.x, curve.y, curve.notes, strict=False):
+        axes.annotate(note, (x, y), fontsize=7, **_ABOVE)

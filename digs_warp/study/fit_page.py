@@ -1,29 +1,29 @@
 """The page of a fit: the figures, what is not known, and measured beside simulated."""
 
-from collections.abc import Sequence
-
 from digs_warp.sim.camera.profiles import Profile
-from digs_warp.sim.fit.result import Comparison, Fit, Series, text
+from digs_warp.sim.fit.result import Fit, Series, text
 from digs_warp.study.charts import Chart, Curve
 from digs_warp.study.page import Section, html_page
 from digs_warp.study.table import Table
 
 
 def fit_page(fit: Fit, base: Profile, title: str) -> str:
-    """Return the page as self-contained HTML.
-
-    Args:
-        fit: its outcome.
-        base: the profile that has the other figures.
-        title: of the camera.
-    """
-    return html_page(title, f"Fitted to: {fit.about}.", sections(fit, base))
-
-
-def sections(fit: Fit, base: Profile) -> list[Section]:
-    """Return the parts of the page."""
+    """Return the page as self-contained HTML; ``base`` is the profile that has the other figures."""
     doubts = " ".join(f"Beware: {doubt}." for doubt in fit.doubts)
-    return [
+    compared = [
+        Table(
+            name,
+            [name, "measured", "simulated"],
+            [[row.name, text(row.measured), text(row.simulated)] for row in rows],
+        )
+        for name, rows in fit.tables.items()
+    ]
+    kept = [
+        [name, f"{base.figures[name].value:g}", reason]
+        for name, reason in fit.kept.items()
+        if name in base.figures
+    ]
+    sections = [
         Section(
             "Figures",
             f"Values with standard errors, and those of the base, {base.title}. {doubts}".strip(),
@@ -33,15 +33,16 @@ def sections(fit: Fit, base: Profile) -> list[Section]:
             "Measured beside simulated",
             "The statistics of the recording, and of the same scene recorded by the simulated camera with "
             "these figures.",
-            [comparison_table(name, rows) for name, rows in fit.tables.items()],
-            [chart(series) for series in fit.series],
+            compared,
+            [_chart(series) for series in fit.series],
         ),
         Section(
             "What this recording cannot tell",
             f"These figures are those of the base, {base.title}.",
-            [kept_table(fit, base)],
+            [Table("kept", ["figure", "base", "why it is not fitted"], kept)],
         ),
     ]
+    return html_page(title, f"Fitted to: {fit.about}.", sections)
 
 
 def figures_table(fit: Fit, base: Profile) -> Table:
@@ -54,32 +55,10 @@ def figures_table(fit: Fit, base: Profile) -> Table:
     return Table("figures", ["figure", "fitted", "base", "from"], rows)
 
 
-def comparison_table(name: str, rows: Sequence[Comparison]) -> Table:
-    """Return statistics of the recording beside those of its simulation."""
-    cells = [[row.name, text(row.measured), text(row.simulated)] for row in rows]
-    return Table(name, [name, "measured", "simulated"], cells)
-
-
-def kept_table(fit: Fit, base: Profile) -> Table:
-    """Return the figures that are the base's, and why."""
-    rows = [
-        [name, f"{base.figures[name].value:g}", reason]
-        for name, reason in fit.kept.items()
-        if name in base.figures
-    ]
-    return Table("kept", ["figure", "base", "why it is not fitted"], rows)
-
-
-def chart(series: Series) -> Chart:
+def _chart(series: Series) -> Chart:
     """Return measured and simulated values with bands of one standard error."""
     curves = [
-        Curve(
-            label,
-            series.x,
-            [estimate.value for estimate in values],
-            spread=[estimate.error for estimate in values],
-        )
+        Curve(label, series.x, [v.value for v in values], spread=[v.error for v in values])
         for label, values in (("measured", series.measured), ("simulated", series.simulated))
     ]
-    name = series.title.lower().replace(" ", "-")
-    return Chart(name, series.title, curves, series.x_label, series.y_label)
+    return Chart("", series.title, curves, series.x_label, series.y_label)

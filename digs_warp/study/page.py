@@ -61,11 +61,10 @@ def html_page(title: str, intro: str, sections: Sequence[Section]) -> str:
 
 
 def _html_section(section: Section) -> str:
-    charts = "".join(markup.figure(_picture(chart), chart.title) for chart in section.charts)
+    charts = ""
+    for chart in section.charts:
+        uri = "data:image/png;base64," + base64.b64encode(chart.png()).decode()
+        picture = f'<img src="{uri}" alt="{escape(chart.title)}">'
+        charts += markup.figure(picture, chart.title)
     tables = "".join(markup.table(table.headings, table.rows) for table in section.tables)
     return markup.section(section.title, section.text, f"<div class=charts>{charts}</div>", tables)
-
-
-def _picture(chart: Chart) -> str:
-    uri = "data:image/png;base64," + base64.b64encode(chart.png()).decode()
-    return f'<img src="{uri}" alt="{escape(chart.title)}">'

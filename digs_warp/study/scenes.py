@@ -1,11 +1,13 @@
-"""The objects that studies record: the built-in one, and meshes of the sample data where it is present."""
+"""What studies measure: the built-in object, meshes of the sample data where it is there; the machine."""
 
 import os
+import platform
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 from digs_warp.checks import DigsError
+from digs_warp.words import counted
 
 # Settings of a recording by the name of the object.
 Objects = Mapping[str, Mapping[str, Any]]
@@ -43,11 +45,7 @@ def voxel_size(strategy: str) -> float:
 def objects(count: int, meshes: Sequence[Path] = ()) -> Objects:
     """Return up to ``count`` objects by name, as settings of a recording.
 
-    Without meshes these are sample objects, the built-in object last; without sample data it is alone.
-
-    Args:
-        count: how many.
-        meshes: files of one's own; then these are the objects.
+    They are ``meshes``, else sample objects, the built-in object last; without sample data it is alone.
 
     Raises:
         DigsError: two meshes with the same name.
@@ -68,3 +66,14 @@ def objects(count: int, meshes: Sequence[Path] = ()) -> Objects:
     if not meshes:
         found[BUILT_IN] = {}
     return dict(list(found.items())[:count])
+
+
+def processor() -> str:
+    """Return the processor's name and number of cores."""
+    info = Path("/proc/cpuinfo")
+    if not info.is_file():
+        return platform.processor() or platform.machine()
+    lines = info.read_text(encoding="utf-8").splitlines()
+    names = [line.partition(":")[2].strip() for line in lines if line.startswith("model name")]
+    wide = ", AVX-512" if any("avx512f" in line for line in lines) else ""
+    return f"{counted(len(names), 'core')} of {names[0] if names else platform.machine()}{wide}"

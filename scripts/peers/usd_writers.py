@@ -17,9 +17,10 @@ from pathlib import Path
 import numpy as np
 
 from digs_warp.formats.splats.files import write_splat_file
-from digs_warp.study.timing import Stopwatch, processor
+from digs_warp.study.scenes import processor
 from digs_warp.usd.reader import read_gaussians
 from studies.results import Result, format_tables
+from studies.timing import Stopwatch
 from studies.usd_files import random_splats
 
 

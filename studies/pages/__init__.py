@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from digs_warp.record.files import write_atomically
 from digs_warp.record.run_log import versions
-from digs_warp.study.timing import processor
+from digs_warp.study.scenes import processor
 from scripts.page_marks import fill, marks
 from studies.benchmarks import Benchmark
 from studies.results import Result, tables

@@ -15,7 +15,7 @@ from digs_warp.study.table import Table
 from scripts.page_marks import DOCS
 
 # Rows; longer tables stand in their files alone.
-LONGEST_TABLE = 6
+LONGEST_TABLE = 10
 
 
 def main() -> None:
@@ -49,8 +49,5 @@ def shorten(folder: Path) -> None:
 
 
 def portable(record: dict[str, Any]) -> dict[str, Any]:
-    """Return the record with the names of input files and of the recording instead of where they lay."""
-    results = record.get("results", {})
-    if "capture" in results:
-        results = results | {"capture": Path(results["capture"]).name}
-    return record | {"recording": with_file_names(record["recording"]), "results": results}
+    """Return the record with the names of input files instead of where they lay."""
+    return record | {"recording": with_file_names(record["recording"])}

@@ -92,10 +92,6 @@ def test_every_effect_shows_on_the_still_life_and_on_its_page() -> None:
 def test_no_path_of_this_machine_is_published() -> None:
     record = record_of(find_study("robustness").cases(1, 1, 300)[0], 0)
     record["recording"] |= {"mesh": "/home/me/mug.glb", "environment": "/home/me/sky.hdr"}
-    record["results"]["capture"] = "/home/me/out/captures/5307"
     published = portable(record)
     assert "/home" not in json.dumps(published)
     assert published["recording"]["mesh"] == "mug.glb"
-    assert published["results"] == record["results"] | {"capture": "5307"}
-    failed = {name: value for name, value in record.items() if name != "results"}
-    assert portable(failed | {"error": "no model"})["error"] == "no model"

@@ -1,13 +1,13 @@
 """One case of a study: its labels, and the settings of its recording and its reconstruction."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, fields, is_dataclass, replace
+from dataclasses import dataclass, field
+from functools import reduce
 from pathlib import Path
 from typing import Any, TypeVar
 
-from digs_warp.checks import DigsError
 from digs_warp.record.files import digest
-from digs_warp.words import did_you_mean
+from digs_warp.record.typed import from_json, to_json
 
 T = TypeVar("T")
 STUDIED_CAMERA = "bare-matcher"  # errs more than a device; all published figures rest on it
@@ -37,11 +37,6 @@ class Case:
         """Cases with the same key share one recording."""
         return digest(self.recording)
 
-    @property
-    def name(self) -> str:
-        """The labels as words."""
-        return " ".join(f"{key}={value}" for key, value in self.labels.items())
-
 
 def with_file_names(recording: Mapping[str, Any]) -> dict[str, Any]:
     """Return the settings of a recording with the names of its input files instead of where they lie."""
@@ -52,7 +47,7 @@ def with_file_names(recording: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def with_settings(config: T, changes: Mapping[str, Any]) -> T:
-    """Return ``config`` with some settings changed; the new values are checked as usual.
+    """Return ``config`` with some settings changed; the new values are checked as usual, all together.
 
     Args:
         config: a frozen dataclass; its fields may be frozen dataclasses, too.
@@ -61,29 +56,8 @@ def with_settings(config: T, changes: Mapping[str, Any]) -> T:
     Raises:
         DigsError: an unknown name, or an invalid value.
     """
-    # All changes of one dataclass at once: its settings are checked together, and one alone may be invalid.
-    here: dict[str, Any] = {}
-    below: dict[str, dict[str, Any]] = {}
+    values = to_json(config)
     for name, value in changes.items():
-        head, _, rest = name.partition(".")
-        if rest:
-            below.setdefault(head, {})[rest] = value
-        else:
-            here[head] = value
-    for head, nested in below.items():
-        here[head] = with_settings(_field(config, head, is_record=True), nested)
-    for head in here:
-        _field(config, head)
-    return replace(config, **here)  # pyright: ignore[reportArgumentType, reportCallIssue]
-
-
-def _field(config: Any, name: str, is_record: bool = False) -> Any:
-    known = [f.name for f in fields(config)]
-    if name not in known:
-        raise DigsError(
-            f"{type(config).__name__} has no setting '{name}'{did_you_mean(name, known)}"
-        )
-    value = getattr(config, name)
-    if is_record and not is_dataclass(value):
-        raise DigsError(f"{type(config).__name__}.{name} is a value, not a group of settings")
-    return value
+        *groups, last = name.split(".")
+        reduce(lambda group, part: group.setdefault(part, {}), groups, values)[last] = value
+    return from_json(type(config), values, "settings of a case", strict=True)

@@ -31,8 +31,8 @@ class Spread:
 
     def text(self, decimals: int) -> str:
         """Return "mean ± deviation", or the mean alone of a single value."""
-        spread = f" ± {self.deviation:.{decimals}f}" if self.count > 1 else ""
-        return f"{self.mean:.{decimals}f}{spread}"
+        spread = f" ± {self.deviation:,.{decimals}f}" if self.count > 1 else ""
+        return f"{self.mean:,.{decimals}f}{spread}"
 
 
 def group_by(records: Iterable[Record], *labels: str) -> dict[tuple[Any, ...], list[Record]]:
@@ -70,23 +70,14 @@ def at_iteration(iteration: int, metric: str) -> Value:
     return value
 
 
-_as_it_lies = number("yardstick", "psnr_object")
-# After one brightness and white balance of all views, which automatic exposure leaves open, and one rigid
-# motion, which found poses leave open.
-_placed = number("yardstick", "psnr_object_in_place")
+# PSNR on the object [dB] in views of a perfect camera, the same for all recordings of an object: after one
+# brightness and white balance of all views, which automatic exposure leaves open, and one rigid motion, which
+# found poses leave open.
+final_psnr = number("yardstick", "psnr_object_in_place")
 # The same in an image of twice the size, as from half the distance, and what tables call it; records that are
 # older than the four sizes do not have it.
 AT_TWICE = "at twice the size"
 double_psnr = number("yardstick", "psnr_object_in_place_double")
-
-
-def final_psnr(record: Record) -> float | None:
-    """Return PSNR on the object [dB] in views of a perfect camera, the same for all recordings of an object.
-
-    Gain and place are fitted to all views together; of earlier records it is that of the result as it lies.
-    """
-    placed = _placed(record)
-    return _as_it_lies(record) if placed is None else placed
 
 
 @dataclass(frozen=True)
@@ -97,25 +88,16 @@ class Column:
         heading: above it, with the unit.
         decimals: of its values.
         value: of a record; None where it was not measured.
-        deviation: "mean ± deviation" instead of the mean alone, which then has thousands separators.
     """
 
     heading: str
     decimals: int
     value: Value
-    deviation: bool = True
 
     def text(self, records: Sequence[Record]) -> str:
         """Return the cell of a group; empty where nothing was measured."""
         found = spread(records, self.value)
-        if not found:
-            return ""
-        return found.text(self.decimals) if self.deviation else f"{found.mean:,.{self.decimals}f}"
-
-    def difference(self, records: Sequence[Record], others: Sequence[Record]) -> str:
-        """Return by how much the mean of ``records`` is larger; empty where one is not known."""
-        found, usual = spread(records, self.value), spread(others, self.value)
-        return f"{found.mean - usual.mean:+.{self.decimals}f}" if found and usual else ""
+        return found.text(self.decimals) if found else ""
 
 
 def tabulate(name: str, labels: Sequence[str], groups: Groups, columns: Sequence[Column]) -> Table:

@@ -1,12 +1,11 @@
 """Runs the cases of a study on an engine: resumable, within a time budget."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import replace
+from dataclasses import fields, replace
 from pathlib import Path
 from typing import Any
 
 from digs_warp.engines.config import EngineConfig
-from digs_warp.engines.engine import Needs
 from digs_warp.engines.run import Outcome, check_keys, run_tasks
 from digs_warp.engines.start import needs_of, started
 from digs_warp.engines.task import Task
@@ -43,19 +42,13 @@ def run_cases(
     """
     folder = Path(folder).resolve()  # of the workers, too
     config = engine or EngineConfig()
-    needs = needs_of(config)
-    tasks = [_task(case, measure, folder, needs) for case in cases]
+    needs = replace(needs_of(config), alone=True)
+    tasks = []
+    for case in cases:
+        facts = {part.name: plain(getattr(case, part.name)) for part in fields(case)}
+        name = " ".join(f"{key}={value}" for key, value in case.labels.items())
+        facts["threads"] = needs.threads
+        tasks.append(Task(case.key, name, measure, (case, folder), needs, facts))
     check_keys(tasks, "study: two cases have the same labels and settings; make the labels differ")
     with sole_writer(folder), started(config, folder) as workers:
         return run_tasks(tasks, Store(folder), folder, workers, budget=budget)
-
-
-def _task(case: Case, measure: Measure, folder: Path, needs: Needs) -> Task:
-    needs = replace(needs, alone=True)
-    facts = {
-        "labels": plain(case.labels),
-        "recording": plain(case.recording),
-        "reconstruction": plain(case.reconstruction),
-        "threads": needs.threads,
-    }
-    return Task(case.key, case.name, measure, (case, folder), needs, facts)

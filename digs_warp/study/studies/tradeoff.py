@@ -1,6 +1,6 @@
 """What accuracy costs in time: each knob of the chain alone, and the Pareto front."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from statistics import fmean
 from typing import Any, NamedTuple
 
@@ -10,6 +10,7 @@ from digs_warp.study.engine.records import (
     AT_TWICE,
     Record,
     Spread,
+    Value,
     double_psnr,
     final_psnr,
     group_by,
@@ -24,68 +25,54 @@ RECORDING: dict[str, Any] = {"frames": 40, "width": 480, "height": 270, "samples
 RECONSTRUCTION: dict[str, Any] = {"train.stop.iterations": 500, "init.voxel_size": VOXEL}
 USUAL = "usual"
 
-# Knob -> (part of the chain, setting, values); the width also changes the height. The most important knobs
-# come first.
-KNOBS: dict[str, tuple[str, str, Sequence[Any]]] = {
-    "iterations": ("reconstruction", "train.stop.iterations", (100, 250, 1000, 2000)),
-    "frames": ("recording", "frames", (16, 24, 60)),
-    "image width": ("recording", "width", (320, 640, 960)),
-    "voxel size [mm]": ("reconstruction", "init.voxel_size", (16, 8, 2)),
-    "initialization": ("reconstruction", "init.strategy", ("depth", "fusion", "default", "random")),
-    "density control": ("reconstruction", "train.density.strategy", ("adaptive",)),
-    "sensor tier": ("recording", "tier", ("truth", "law", "matcher")),
-    "samples per pixel": ("recording", "samples_per_pixel", (1, 16)),
-    "SH degree": ("reconstruction", "train.sh_degree", (0, 1, 2, 3)),
-    "weight of depth": (
-        "reconstruction",
-        "train.depth_weight",
-        (0.0, 0.001, 0.002, 0.015, 0.05, 0.2),
+# Knob -> (part of the chain, setting, usual value, values); the width also changes the height. The most
+# important knobs come first.
+KNOBS: dict[str, tuple[str, str, Any, Sequence[Any]]] = {
+    "iterations": ("reconstruction", "train.stop.iterations", 500, (100, 250, 1000, 2000)),
+    "frames": ("recording", "frames", 40, (16, 24, 60)),
+    "image width": ("recording", "width", 480, (320, 640, 960)),
+    "voxel size [mm]": ("reconstruction", "init.voxel_size", 4, (16, 8, 2)),
+    "initialization": (
+        *("reconstruction", "init.strategy", "highdepth"),
+        ("depth", "fusion", "default", "random"),
     ),
-    "poses": ("reconstruction", "sfm.poses", ("sfm",)),
-    "features per image": ("reconstruction", "sfm.features", (1000, 6000)),
-    "pairs of images": ("reconstruction", "sfm.pairing", ("sequential",)),
+    "density control": ("reconstruction", "train.density.strategy", "fixed", ("adaptive",)),
+    "sensor tier": ("recording", "tier", "guided", ("truth", "law", "matcher")),
+    "samples per pixel": ("recording", "samples_per_pixel", 4, (1, 16)),
+    "SH degree": ("reconstruction", "train.sh_degree", "auto", (0, 1, 2, 3)),
+    "weight of depth": ("reconstruction", "train.depth_weight", 0.008, (0.0, 0.05)),
+    "poses": ("reconstruction", "sfm.poses", "capture", ("sfm",)),
 }
-# These only matter with estimated poses, and are compared with them.
-OF_SFM = ("features per image", "pairs of images")
-
-# Realism of the recording: shown, but not a setting to choose for its quality.
-REALISM = ("sensor tier",)
 
 
 def cases(objects: Objects, seeds: int = 1, iterations: int = 500) -> list[Case]:
     """Return the usual settings, then one knob turned at a time; one object after the other."""
     usual = RECONSTRUCTION | {"train.stop.iterations": iterations}
-    turned = [(knob, value) for knob, (_, _, values) in KNOBS.items() for value in values]
+    turned = [(knob, value) for knob, (*_, values) in KNOBS.items() for value in values]
     return [
-        _case(name, recording, knob, value, seed, usual)
+        Case(
+            {"object": name, "knob": knob, "value": value, "seed": seed},
+            {**scene, **RECORDING, "seed": seed, **_turned("recording", knob, value)},
+            usual | {"train.seed": seed} | _turned("reconstruction", knob, value),
+        )
         for seed in range(seeds)
-        for name, recording in objects.items()
+        for name, scene in objects.items()
         for knob, value in [(USUAL, ""), *turned]
     ]
 
 
-def _case(
-    name: str, scene: Mapping[str, Any], knob: str, value: Any, seed: int, usual: dict[str, Any]
-) -> Case:
-    recording = {**scene, **RECORDING, "seed": seed}
-    reconstruction = usual | {"train.seed": seed}
-    if knob != USUAL:
-        part, setting, _ = KNOBS[knob]
-        changes = {setting: value}
-        if knob == "initialization":
-            changes["init.voxel_size"] = voxel_size(value)
-        if knob == "image width":
-            changes["height"] = value * 9 // 16
-        if knob == "voxel size [mm]":
-            changes[setting] = value / 1e3
-        if knob in OF_SFM:
-            changes["sfm.poses"] = "sfm"
-        if part == "recording":
-            recording |= changes
-        else:
-            reconstruction |= changes
-    labels = {"object": name, "knob": knob, "value": value, "seed": seed}
-    return Case(labels, recording, reconstruction)
+def _turned(part: str, knob: str, value: Any) -> dict[str, Any]:
+    """Return what a knob changes in a part of the chain."""
+    if knob == USUAL or KNOBS[knob][0] != part:
+        return {}
+    changes = {KNOBS[knob][1]: value}
+    if knob == "initialization":
+        changes["init.voxel_size"] = voxel_size(value)
+    if knob == "image width":
+        changes["height"] = value * 9 // 16
+    if knob == "voxel size [mm]":
+        changes["init.voxel_size"] = value / 1e3
+    return changes
 
 
 def sections(records: Sequence[Record]) -> list[Section]:
@@ -93,16 +80,15 @@ def sections(records: Sequence[Record]) -> list[Section]:
     measured = _measured(records)
     if (USUAL, "") not in measured:
         return [Section("Nothing to compare", "The case with the usual settings is missing.")]
-    return [_front(_choices(measured)), _knobs(measured)]
+    # Realism is shown, but no setting to choose for its quality.
+    choices = {key: worth for key, worth in measured.items() if key[0] != "sensor tier"}
+    return [_front(choices), _knobs(measured)]
 
 
 def total_seconds(record: Record) -> float:
-    """Return the seconds of the whole chain [s], without compiling kernels."""
-    stages = record["seconds"].items()
-    reconstruction = sum(
-        s for name, s in stages if name not in ("compile kernels", "measure course")
-    )
-    return reconstruction + sum(record["recording_seconds"].values())
+    """Return the seconds of the whole chain [s], without compiling kernels and measuring its course."""
+    stages = record["seconds"] | {"compile kernels": 0.0, "measure course": 0.0}
+    return sum(stages.values()) + sum(record["recording_seconds"].values())
 
 
 class Worth(NamedTuple):
@@ -128,50 +114,24 @@ def _measured(records: Sequence[Record]) -> Measured:
     So each setting is compared with the usual one on the objects that both have: the ratio of seconds and the
     difference of PSNR. Their means are applied to the means of the usual settings.
     """
-    usual = {_subject(r): _numbers(r) for r in records if r["labels"].get("knob") == USUAL}
-    usual = {subject: pair for subject, pair in usual.items() if pair}
-    if not usual:
-        return {}
-    levels = [sum(pair[i] for pair in usual.values()) / len(usual) for i in (0, 1)]
-    double = _at_twice(records)
+    usual = {_subject(r): r for r in records if r["labels"].get("knob") == USUAL}
+
+    def compared(group: Sequence[Record], value: Value, ratio: bool = False) -> Spread | None:
+        base = {subject: v for subject, r in usual.items() if (v := value(r)) is not None}
+        own = [(v, base[_subject(r)]) for r in group if _subject(r) in base if (v := value(r))]
+        level = fmean(base.values()) if base else 0.0
+        return Spread.of(level * v / b if ratio else level + v - b for v, b in own)
+
     found: Measured = {}
     for key, group in group_by(records, "knob", "value").items():
-        pairs = [
-            (n, usual[_subject(r)]) for r in group if (n := _numbers(r)) and _subject(r) in usual
-        ]
-        seconds = Spread.of(levels[0] * own[0] / base[0] for own, base in pairs)
-        quality = Spread.of(levels[1] + own[1] - base[1] for own, base in pairs)
+        seconds, quality = compared(group, total_seconds, ratio=True), compared(group, final_psnr)
         if seconds and quality:
-            found[key] = Worth(seconds, quality, double.get(key))
+            found[key] = Worth(seconds, quality, compared(group, double_psnr))
     return found
-
-
-def _at_twice(records: Sequence[Record]) -> dict[tuple[Any, ...], Spread]:
-    """Return the PSNR at twice the size [dB] of every setting, compared in the same way."""
-    known = [(record, value) for record in records if (value := double_psnr(record)) is not None]
-    usual = {_subject(r): value for r, value in known if r["labels"].get("knob") == USUAL}
-    values: dict[tuple[Any, ...], list[float]] = {}
-    for record, value in known:
-        if _subject(record) in usual:
-            key = (record["labels"].get("knob"), record["labels"].get("value"))
-            values.setdefault(key, []).append(value - usual[_subject(record)])
-    level = fmean(usual.values()) if usual else 0.0
-    spreads = {key: Spread.of(level + gain for gain in gains) for key, gains in values.items()}
-    return {key: spread for key, spread in spreads.items() if spread}
-
-
-def _choices(measured: Measured) -> Measured:
-    """Return the settings to choose from by time and quality."""
-    return {key: values for key, values in measured.items() if key[0] not in REALISM}
 
 
 def _subject(record: Record) -> tuple[Any, Any]:
     return record["labels"].get("object"), record["labels"].get("seed")
-
-
-def _numbers(record: Record) -> tuple[float, float] | None:
-    quality, seconds = final_psnr(record), total_seconds(record)
-    return None if quality is None or not seconds else (seconds, quality)
 
 
 def _front(measured: Measured) -> Section:
@@ -207,41 +167,23 @@ def _front(measured: Measured) -> Section:
 
 def _knobs(measured: Measured) -> Section:
     """Return every setting turned alone, and what it costs and gains."""
+    base = measured[USUAL, ""]
     rows = []
     for knob in KNOBS:
         turned = {key: value for key, value in measured.items() if key[0] == knob}
-        base = measured.get(("poses", "sfm") if knob in OF_SFM else (USUAL, ""))
-        if not turned or base is None:
-            continue
-        rows.append([knob, f"{_usual_value(knob)} ({USUAL})", *base.cells(), "", ""])
+        if turned:
+            rows.append([knob, f"{KNOBS[knob][2]} ({USUAL})", *base.cells(), "", ""])
         for key, worth in turned.items():
             seconds = worth.seconds.mean - base.seconds.mean
             quality = worth.quality.mean - base.quality.mean
             rows.append([knob, str(key[1]), *worth.cells(), f"{seconds:+.1f}", f"{quality:+.2f}"])
     text = (
-        "One setting at a time, the most important first, compared with the usual settings; those of "
-        "structure from motion with estimated poses. The sensor tier buys realism, not quality."
+        "One setting at a time, the most important first, compared with the usual settings. The sensor tier "
+        "buys realism, not quality."
     )
     headings = ["setting", "value", "seconds", "PSNR [dB]", f"{AT_TWICE} [dB]"]
     headings += ["seconds more", "dB more"]
     return Section("Each setting alone", text, [Table("knobs", headings, rows)])
-
-
-def _usual_value(knob: str) -> Any:
-    """Return the usual value of a knob."""
-    from digs_warp.pipeline.reconstruct import ReconstructConfig
-    from digs_warp.sim.config import SimulateConfig
-
-    part, setting, _ = KNOBS[knob]
-    changed = RECORDING if part == "recording" else RECONSTRUCTION
-    if setting == "init.voxel_size":
-        return 1e3 * VOXEL
-    if setting in changed:
-        return changed[setting]
-    value: Any = SimulateConfig() if part == "recording" else ReconstructConfig()
-    for name in setting.split("."):
-        value = getattr(value, name)
-    return value
 
 
 def name_of(key: tuple[Any, ...]) -> str:

@@ -71,20 +71,3 @@ def test_nothing_to_compare_is_an_error() -> None:
     ):
         with pytest.raises(DigsError, match=message):
             surface_score(points, mesh, threshold)
-
-
-def test_even_points_have_the_spacing_of_their_random_process_and_clusters_a_wider_one() -> None:
-    """In a planar Poisson process the squared distance to the k-th neighbor is Gamma(k) distributed."""
-    from scipy.stats import gamma
-
-    random = np.random.default_rng(2)
-    # A margin around the square: its border must not be a border of the points.
-    even = np.column_stack([random.uniform(-0.2, 1.2, size=(20_000, 2)), np.zeros(20_000)])
-    low, high = gamma.ppf([0.25, 0.75], 8)
-    score = surface_score(even, square(), threshold=0.01)
-    assert score.spacing_ratio == pytest.approx(np.sqrt(high / low), rel=0.01)
-    few = surface_score(even[::10], square(), threshold=0.01)
-    assert few.spacing_ratio == pytest.approx(score.spacing_ratio, rel=0.04)
-    # One half sixteen times as dense: a quarter of the surface lies beyond each half's median.
-    thinned = even[(even[:, 0] < 0.5) | (np.arange(len(even)) % 16 == 0)]
-    assert surface_score(thinned, square(), 0.01).spacing_ratio == pytest.approx(4.0, rel=0.05)

@@ -1,7 +1,10 @@
 """The studies: cases that differ, and one study end to end."""
 
+import json
 import shlex
 from pathlib import Path
+from typing import Any
+from unittest.mock import MagicMock
 
 import pytest
 
@@ -9,13 +12,17 @@ from digs_warp.checks import DigsError
 from digs_warp.cli import main
 from digs_warp.engines.task import RESULTS
 from digs_warp.pipeline.reconstruct import ReconstructConfig
+from digs_warp.record.files import write_atomically
 from digs_warp.sim.config import SimulateConfig
 from digs_warp.study.catalogue import STUDIES, Study, find_study
+from digs_warp.study.engine import chain
 from digs_warp.study.engine.case import Case, with_settings
 from digs_warp.study.engine.scores import OTHER_SIZES
 from digs_warp.study.engine.store import Store
 from digs_warp.study.page import write_pages
 from reference.study_records import record_of
+
+IN_PLACE = "psnr_object_in_place"
 
 
 @pytest.mark.parametrize("study", STUDIES, ids=lambda study: study.name)
@@ -50,25 +57,94 @@ def test_cases_are_measured_once_and_reported(tmp_path: Path) -> None:
         study.run(cases, out / "plots")
     measured = Store(out).finished()[0]
     assert measured["yardstick"]["psnr_object"] > 5
-    for size in OTHER_SIZES:
-        assert measured["yardstick"][f"psnr_object_in_place_{size}"] > 5
+    for size in ("", *(f"_{size}" for size in OTHER_SIZES)):
+        assert measured["yardstick"][f"psnr_object_in_place{size}"] > 5
     assert 0 < measured["yardstick"]["depth_mae"] < 0.2
-    assert 0 < measured["yardstick"]["depth_seen"] <= 1
     assert 0 < measured["surface"]["points"]["chamfer"] < 0.2
-    assert measured["memory_mb"] > 100
     assert measured["course"][-1]["iteration"] == 4
     assert measured["seconds"]["train"] > 0
 
 
+def test_the_next_case_takes_the_matches_of_the_first(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    """Poses are refined after the matching, so that cases with and without it share theirs."""
+    matched = []
+
+    def reconstruct(capture: Any, config: ReconstructConfig, work: Path) -> Any:
+        model = work / "sfm/model"
+        if not model.is_file():
+            matched.append(config.sfm.features)
+            write_atomically(model, b"points")
+        result = MagicMock(course=(), seconds={}, gaussians=(), start=MagicMock(points=()))
+        result.scores.mean.to_json.return_value = {}
+        return result
+
+    monkeypatch.setattr("digs_warp.pipeline.reconstruct.reconstruct", reconstruct)
+    monkeypatch.setattr(chain, "_recorded", MagicMock(return_value=MagicMock(folder=tmp_path)))
+    monkeypatch.setattr(chain, "_against_truth", lambda *_: {})
+    for number, changes in enumerate(({}, {"sfm.refine_poses": "off"}, {"sfm.features": 500})):
+        settings = {"sfm.poses": "sfm"} | changes
+        chain.run_case(Case({"n": number}, {"frames": 5}, settings), tmp_path)
+    assert matched == [2000, 500]
+
+
 @pytest.mark.parametrize("study", STUDIES, ids=lambda study: study.name)
-def test_a_report_is_drawn_from_some_or_all_records(study: Study, tmp_path: Path) -> None:
-    records = [record_of(case, number) for number, case in enumerate(study.cases(1, 1, 1000))]
-    for count in (1, len(records)):
-        page = write_pages(study.title, "", study.sections(records[:count]), tmp_path / str(count))
+def test_a_report_is_drawn_from_some_or_all_records_old_or_new(
+    study: Study, tmp_path: Path
+) -> None:
+    """Older records were not measured at twice the size: blanks."""
+    old = [record_of(case, number) for number, case in enumerate(study.cases(1, 1, 1000))]
+    new = [r | {"yardstick": r["yardstick"] | {f"{IN_PLACE}_double": 23.25}} for r in old]
+    for records, shown in ((old[:1], ""), (old, ""), (new, "23.25")):
+        sections = study.module.sections(records)
+        page = write_pages(study.title, "", sections, tmp_path / f"{len(records)}{shown}")
         assert page.stat().st_size > 3000
-    tables = [table for section in study.sections(records) for table in section.tables]
-    assert tables and all(len(row) == len(t.headings) for t in tables for row in t.rows)
-    assert any(table.rows for table in tables)
+        tables = [table for section in sections for table in section.tables]
+        assert all(len(row) == len(t.headings) for t in tables for row in t.rows)
+        column = "at twice the size [dB]"
+        cells = {
+            row[t.headings.index(column)] for t in tables if column in t.headings for row in t.rows
+        }
+        assert {cell.split(" ±")[0] for cell in cells} == {shown}
+
+
+def test_what_is_shown_of_the_paper_and_which_effects_do_harm() -> None:
+    records = [
+        record_of(c, n) for n, c in enumerate(find_study("initialization").cases(1, 1, 1000))
+    ]
+    quality = find_study("initialization").module.sections(records)[0].tables[0]
+    assert quality.headings[1:] == ["100", "300", "500", "1000"]
+    assert quality.rows[1] == ["highdepth, paper", "23.63", "", "24.92", "25.23"]
+    study, records = find_study("robustness"), []
+    for case in study.cases(1, 1, 300):
+        effect, strength = case.labels["effect"], case.labels["strength"]
+        harm = {"shot-noise": 2.0, "vignetting": 1.0}.get(effect, 0.0) * (strength - 1)
+        score = {"yardstick": {IN_PLACE: 30.0 - harm}}
+        records.append(record_of(case, 0) | score)
+    chart = study.module.sections(records)[1].charts[0]
+    assert [curve.label for curve in chart.curves][:2] == ["shot-noise", "vignetting"]
+    assert (chart.curves[0].x, chart.curves[0].y) == ([0, 1, 2, 4], [30.0, 30.0, 28.0, 24.0])
+
+
+def test_what_a_knob_turns() -> None:
+    cases = {
+        (c.labels["knob"], c.labels["value"]): c for c in find_study("tradeoff").cases(1, 1, 300)
+    }
+    usual, wide = cases["usual", ""], cases["image width", 960]
+    assert (wide.recording["width"], wide.recording["height"]) == (960, 540)
+    assert wide.reconstruction == usual.reconstruction
+    assert cases["voxel size [mm]", 16].reconstruction["init.voxel_size"] == 0.016
+    assert cases["initialization", "depth"].reconstruction["init.voxel_size"] == 0.01
+    assert cases["iterations", 100].reconstruction["train.stop.iterations"] == 100
+
+
+def test_a_record_that_reports_cannot_use_is_named(tmp_path: Path) -> None:
+    record = record_of(find_study("robustness").cases(1, 1, 300)[0], 0)
+    for name, value in (("seconds", {"train": "long"}), ("machine", None), ("course", [3])):
+        (tmp_path / RESULTS).write_text(json.dumps(record | {name: value}) + "\n")
+        with pytest.raises(DigsError, match=rf"case {record['key']}.*; delete its line"):
+            Store(tmp_path).finished()
 
 
 def test_a_knob_is_priced_on_the_objects_that_both_settings_have() -> None:
@@ -87,24 +163,12 @@ def test_a_knob_is_priced_on_the_objects_that_both_settings_have() -> None:
                     "yardstick": {"psnr_object_in_place": 20.0 + better + gain},
                 }
             )
-    sections = {section.title: section for section in find_study("tradeoff").sections(records)}
+    sections = {
+        section.title: section for section in find_study("tradeoff").module.sections(records)
+    }
     usual, row = sections["Each setting alone"].tables[0].rows
     assert usual[:4] == ["iterations", "500 (usual)", "20.0 ± 0.0", "25.00 ± 0.00"]
     assert row == ["iterations", "100", "10.0", "26.50", "", "-10.0", "+1.50"]
-
-
-@pytest.mark.parametrize("study", STUDIES, ids=lambda study: study.name)
-def test_pages_have_a_column_at_twice_the_size_and_older_records_a_blank(study: Study) -> None:
-    old = [record_of(case, number) for number, case in enumerate(study.cases(1, 1, 1000))]
-    sizes = {"psnr_object_in_place_half": 21.0, "psnr_object_in_place_double": 23.25}
-    new = [record | {"yardstick": record["yardstick"] | sizes} for record in old]
-    for records, shown in ((old, {""}), (new, {"23.25"})):
-        tables = [table for section in study.sections(records) for table in section.tables]
-        tables = [t for t in tables if t.name in ("end", "strategies", "effects", "front")]
-        assert tables
-        for table in tables:
-            column = table.headings.index("at twice the size [dB]")
-            assert {row[column].split(" ±")[0] for row in table.rows} == shown
 
 
 def test_meshes_of_ones_own_are_the_objects(tmp_path: Path) -> None:
@@ -114,12 +178,6 @@ def test_meshes_of_ones_own_are_the_objects(tmp_path: Path) -> None:
     assert {case.recording["mesh"] for case in cases} == {mug}
     with pytest.raises(DigsError, match="two files with the same name"):
         find_study("robustness").cases(3, 1, 300, [mug, tmp_path / "other/mug.obj"])
-
-
-def test_all_studies_are_listed(capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["study", "list"]) == 0
-    lines = capsys.readouterr().out.splitlines()
-    assert [line.split()[0] for line in lines] == [study.name for study in STUDIES]
 
 
 def test_a_budget_that_fits_nothing_and_an_interruption_say_how_to_go_on(
@@ -139,7 +197,12 @@ def test_a_budget_that_fits_nothing_and_an_interruption_say_how_to_go_on(
     assert last_line.endswith(shlex.join(["digs-warp", *arguments]))
 
 
-def test_unknown_studies_and_numbers_are_refused() -> None:
+def test_studies_are_listed_and_unknown_ones_and_numbers_refused(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    assert main(["study", "list"]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert [line.split()[0] for line in lines] == [study.name for study in STUDIES]
     flags = ("--workers", "0"), ("--time-budget", "0s"), ("--time-budget", "soon")
     of_run = (["run", "tradeoff", *flag] for flag in flags)
     for arguments in (["draw"], ["run", "nothing"], ["report", "nothing"], *of_run):

@@ -29,33 +29,23 @@ class Outer:
     name: str = "x"
 
 
-def test_settings_change_by_dotted_names() -> None:
+def test_settings_change_by_dotted_names_and_are_checked_together() -> None:
     changed = with_settings(Outer(), {"inner.high": 7, "name": "y"})
     assert changed == Outer(Inner(1, 7), "y")
-    assert with_settings(Outer(), {}) == Outer()
-
-
-def test_settings_of_one_record_are_checked_together() -> None:
     # One after the other, low = 5 would be refused.
     assert with_settings(Outer(), {"inner.low": 5, "inner.high": 9}).inner == Inner(5, 9)
     with pytest.raises(DigsError, match="low above high"):
         with_settings(Outer(), {"inner.low": 5})
-
-
-def test_an_unknown_setting_is_an_error() -> None:
-    for name in ("nothing", "inner.nothing", "nothing.low", "name.low"):
-        with pytest.raises(DigsError, match=r"no setting|is a value"):
+    for name in ("nothing", "inner.nothing", "nothing.low"):
+        with pytest.raises(DigsError, match="unknown setting 'nothing'"):
             with_settings(Outer(), {name: 1})
 
 
-def test_the_key_follows_the_content_and_not_the_order() -> None:
+def test_the_key_follows_the_content_and_neither_the_order_nor_where_files_lie() -> None:
     first = Case({"a": 1, "b": 2}, {"frames": 3})
     assert first.key == Case({"b": 2, "a": 1}, {"frames": 3}).key
     assert first.key != Case({"a": 1, "b": 2}, {"frames": 4}).key
     assert first.recording_key == Case({}, {"frames": 3}, {"test_every": 4}).recording_key
-
-
-def test_input_files_may_lie_elsewhere_when_a_study_goes_on() -> None:
     here, there = (Case({}, {"mesh": f"{folder}/mug.glb", "environment": None}) for folder in "ab")
     assert here.key == there.key != Case({}, {"mesh": "a/cup.glb", "environment": None}).key
     assert here.recording_key != there.recording_key  # recordings are made from the files

@@ -30,14 +30,10 @@ RECORDS = [
 ]
 
 
-def test_groups_keep_the_order() -> None:
+def test_mean_and_deviation() -> None:
     groups = group_by(RECORDS, "strategy")
     assert list(groups) == [("depth",), ("random",)]
-    assert len(groups["depth",]) == 2
-
-
-def test_mean_and_deviation() -> None:
-    found = spread(RECORDS[:2], lambda r: r["metrics"]["psnr"])
+    found = spread(groups["depth",], lambda r: r["metrics"]["psnr"])
     assert found is not None
     assert (found.mean, found.count) == (31.0, 2)
     assert found.deviation == pytest.approx(2**0.5)
@@ -56,13 +52,10 @@ def test_what_was_not_measured_is_none() -> None:
 
 
 def test_a_table_has_a_row_per_group_and_blanks_where_nothing_was_measured() -> None:
-    columns = [Column("PSNR", 1, number("metrics", "psnr"), deviation=False)]
-    columns.append(Column("SSIM", 2, number("metrics", "ssim")))
+    columns = [Column(name, 1, number("metrics", name)) for name in ("psnr", "ssim")]
     table = tabulate("end", ("strategy", "seed"), group_by(RECORDS, "strategy", "seed"), columns)
-    assert table.headings == ["strategy", "seed", "PSNR", "SSIM"]
+    assert table.headings == ["strategy", "seed", "psnr", "ssim"]
     assert table.rows[1] == ["depth", "1", "32.0", ""]
-    assert columns[0].difference(RECORDS[1:2], RECORDS[:1]) == "+2.0"
-    assert columns[1].difference(RECORDS[1:2], RECORDS[:1]) == ""
 
 
 def test_a_curve_leaves_out_points_that_were_not_measured() -> None:

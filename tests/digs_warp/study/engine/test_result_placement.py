@@ -9,10 +9,12 @@ import pytest
 from digs_warp.data.frame import Frame
 from digs_warp.data.gaussians import Gaussians
 from digs_warp.data.layers import Layer
-from digs_warp.data.triangle_mesh import TriangleMesh
 from digs_warp.geometry.rigid import matrix_from_rotation_vector, rigid, transform_points
-from digs_warp.study.engine.placement import mesh_in_place, motion_to_truth, seen_in_place
-from digs_warp.study.engine.scores import depth_error
+from digs_warp.study.engine.scores import (
+    depth_error,
+    motion_to_truth,
+    seen_in_place,
+)
 from reference.ball_capture import ball_views, write_capture
 from reference.splat_scenes import random_gaussians
 from reference.tiny_capture import ball, write_tiny_capture
@@ -62,9 +64,6 @@ def test_true_views_see_a_result_where_it_was_made(recorded: list[Frame]) -> Non
     expected, _ = recorded[0].camera.project(points)
     found, _ = view.camera.project(transform_points(MOVED, points))
     np.testing.assert_allclose(found, expected, atol=1e-6)
-    mesh = TriangleMesh(points, np.array([[0, 1, 2]]), np.zeros((50, 3)))
-    there = mesh_in_place(mesh, np.linalg.inv(MOVED)).points_world
-    np.testing.assert_allclose(there, transform_points(MOVED, points), atol=1e-6)
 
 
 def test_depth_is_compared_inside_the_mask_alone(tmp_path: Path) -> None:
@@ -75,5 +74,4 @@ def test_depth_is_compared_inside_the_mask_alone(tmp_path: Path) -> None:
         depth[mask <= 127] = 5.0
         frames.append(frame.with_layer(Layer.MASK, mask).with_layer(Layer.DEPTH, depth))
     found = depth_error(ball(), frames)
-    assert found["depth_mae"] is not None and found["depth_mae"] < 0.05  # m
-    assert found["depth_seen"] is not None and found["depth_seen"] > 0.5
+    assert found is not None and 0 < found < 0.05  # m

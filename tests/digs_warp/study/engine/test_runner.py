@@ -63,6 +63,9 @@ def test_failed_and_killed_cases_stop_no_other_and_what_dies_is_tried_again(tmp_
     assert thirteen["error"] == "ValueError: thirteen"
     assert (dead["failure"], dead["attempts"]) == ("killed", 2) and "SIGKILL" in dead["error"]
     assert "error" not in fine
+    (tmp_path / "lucky").touch()
+    assert run_cases(cases(13), tmp_path, measure=measure).done == 1
+    assert "error" not in Store(tmp_path).records[thirteen["key"]]
 
 
 def test_a_case_that_takes_too_long_is_ended(tmp_path: Path) -> None:
@@ -79,15 +82,6 @@ def test_a_result_that_a_worker_left_is_taken(tmp_path: Path) -> None:
     assert (outcome.done_before, outcome.done) == (1, 0)
     assert Store(tmp_path).records[case.key]["metrics"] == {"square": 9}
     assert not finished_file(tmp_path, case.key).parent.exists()
-
-
-def test_a_failed_case_runs_again(tmp_path: Path) -> None:
-    run_cases(cases(13), tmp_path, measure=measure)
-    (tmp_path / "lucky").touch()
-    outcome = run_cases(cases(13), tmp_path, measure=measure)
-    assert (outcome.done, outcome.failed) == (1, 0)
-    assert len(Store(tmp_path).records) == 1
-    assert "error" not in next(iter(Store(tmp_path).records.values()))
 
 
 def test_workers_share_the_cores(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
