@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Any, Unpack
 
 import numpy as np
 
-from digs_warp.api.settings import opened_folder, with_settings
+from digs_warp.api.settings import with_settings
 from digs_warp.checks import DigsError, check_shape
-from digs_warp.commands.output import reconstruction_files
+from digs_warp.commands.output import OutputFolder
 from digs_warp.commands.reconstruction_options import ReconstructionOptions
 from digs_warp.data.capture import Capture, read_capture
 from digs_warp.data.frame import Frame
@@ -61,8 +61,7 @@ def reconstruct(
             ``masks="depth"``, ``density="adaptive"``, ``time_budget=60.0`` (seconds), ...
 
     Raises:
-        DigsError: a capture that cannot be used, a wrong setting, or a folder that holds results or other
-            files with names that a reconstruction needs.
+        DigsError: a capture that cannot be used, a wrong setting, or a folder that is not empty.
     """
     from digs_warp.pipeline import reconstruct as pipeline
     from digs_warp.train.session import Hooks
@@ -89,8 +88,8 @@ def reconstruct(
     if out is None:
         with TemporaryDirectory(prefix="digs-warp-") as folder:
             return pipeline.reconstruct(capture, config, Path(folder), hooks=hooks).in_memory()
-    inputs, writes = [capture.stored_in], reconstruction_files()
-    with opened_folder(out, resume, overwrite, inputs, writes) as folder:
+    output = OutputFolder(out=Path(out), resume=resume, overwrite=overwrite)
+    with output.opened([capture.stored_in]) as folder:
         result = pipeline.reconstruct(capture, config, folder, resume, hooks)
     return Reconstruction.load(Path(out), capture) if overwrite else result
 

@@ -4,8 +4,8 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Unpack
 
-from digs_warp.api.settings import opened_folder, with_settings
-from digs_warp.commands.output import capture_files
+from digs_warp.api.settings import with_settings
+from digs_warp.commands.output import OutputFolder
 from digs_warp.data.capture import Capture, read_capture
 from digs_warp.sim.config import SimulateConfig
 from digs_warp.sim.record.stream import StereoFrame
@@ -37,15 +37,15 @@ def simulate(
             ``tier``, ``effects``, ``seed``, ...
 
     Raises:
-        DigsError: bad input, or a folder that holds another recording or other files with names that a
-            recording needs.
+        DigsError: bad input, or a folder that is not empty.
     """
     from digs_warp.sim.record import record
 
     config = _config(mesh, frames, settings)
     if out is None:
         return record.simulate_in_memory(config)
-    with opened_folder(out, resume, overwrite, config.input_files, capture_files()) as folder:
+    output = OutputFolder(out=Path(out), resume=resume, overwrite=overwrite)
+    with output.opened(config.input_files) as folder:
         capture = record.simulate(config, folder, resume)
     return read_capture(Path(out)) if overwrite else capture
 

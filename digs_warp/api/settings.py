@@ -1,54 +1,15 @@
-"""Keywords -> settings and folders: names, defaults and rules are those of the command line's flags."""
+"""Keywords -> settings: names, defaults and rules are those of the command line's flags."""
 
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Mapping
 from dataclasses import is_dataclass, replace
 from pathlib import Path
 from typing import Any, Literal, TypeVar, get_args, get_origin
 
 from digs_warp.checks import DigsError
-from digs_warp.commands.output import OutputFolder
 from digs_warp.commands.settings_file import alternatives, setting_names, settings_of
-from digs_warp.record.layout import RUN_RECORD
-from digs_warp.record.replacement import check_place
 from digs_warp.words import did_you_mean
 
 T = TypeVar("T")
-
-
-@contextmanager
-def opened_folder(
-    out: Path | str,
-    resume: bool,
-    overwrite: bool,
-    inputs: Sequence[Path | None],
-    writes: Sequence[str],
-) -> Iterator[Path]:
-    """Yield the folder to write results into; `OutputFolder` says more.
-
-    Args:
-        out: the folder of the results.
-        resume: go on in it.
-        overwrite: replace what an earlier run left there at the end of the block.
-        inputs: what is read.
-        writes: the names that results may have, as patterns.
-
-    Raises:
-        DigsError: the folder holds results, or files with such names that no run wrote.
-    """
-    out = Path(out)
-    if overwrite:
-        with OutputFolder(out=out, resume=resume, overwrite=True).opened(inputs, writes) as folder:
-            yield folder
-        return
-    if not resume and (out / RUN_RECORD).exists():
-        raise DigsError(
-            f"'{out}': the folder already holds results; go on with resume=True if they are of a run that "
-            "was cut off, replace them with overwrite=True, or choose another folder"
-        )
-    if not resume:
-        check_place(out, writes)
-    yield out
 
 
 def with_settings(options: T, settings: Mapping[str, Any]) -> T:

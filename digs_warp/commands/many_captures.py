@@ -25,7 +25,6 @@ def make_many(
     log: RunLog,
     engine: EngineConfig,
     inputs: Sequence[Path | None],
-    writes: Sequence[str],
     make: Callable[[Path], Mapping[str, str | DigsError]],
     thing: str,
     listed: str,
@@ -33,12 +32,12 @@ def make_many(
     """Make many things in one folder, with a record; return what to print.
 
     ``make`` fills the folder, and returns what became of each by name, an error if it failed; each is called
-    ``thing``, and the file ``listed`` has more. ``inputs`` and ``writes`` are as of `OutputFolder.opened`.
+    ``thing``, and the file ``listed`` has more. ``inputs`` are as of `OutputFolder.opened`.
 
     Raises:
         DigsError: some failed; what was made stays, but replaces no old result.
     """
-    with output.opened(inputs, writes) as folder:
+    with output.opened(inputs) as folder:
         record = folder / layout.RUN_RECORD
         if output.resume:
             log.continue_from(record)

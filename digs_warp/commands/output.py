@@ -12,50 +12,15 @@ import tyro
 
 from digs_warp.checks import DigsError, kind_of
 from digs_warp.data.index_rules import INDEX_NAME
-from digs_warp.data.layers import Layer
-from digs_warp.record import layout
 from digs_warp.record.files import read_json, write_atomically
 from digs_warp.record.layout import LOCK, MANIFEST, RUN_RECORD, UNFINISHED
 from digs_warp.record.lock import remove_leftovers_of, sole_writer
 from digs_warp.record.manifest import recorded_files
 from digs_warp.record.progress import announced
-from digs_warp.record.replacement import check_place, replace_result
+from digs_warp.record.replacement import replace_result
 from digs_warp.record.run_log import RunRecord
 
 _log = logging.getLogger(__name__)
-
-
-def capture_files() -> list[str]:
-    """Return what `simulate` writes."""
-    images = [layer.pattern.replace("{:04d}", "*") for layer in Layer]
-    return [INDEX_NAME, layout.SENSOR_PLAN, *images]
-
-
-def reconstruction_files() -> list[str]:
-    """Return what `reconstruct` writes."""
-    from digs_warp.data.posed_frames import CAMERAS
-    from digs_warp.masks.masks import HELD_OUT, SETTINGS
-    from digs_warp.pipeline.front_end import MENDED, SFM
-    from digs_warp.pipeline.records import RENDERS
-    from digs_warp.poses.from_images.workspace import DATABASE, IMAGES, MODEL, STAGES
-
-    in_sfm = (f"{DATABASE}*", f"{MODEL}/*", STAGES, f"{IMAGES}/*.png")
-    in_held_out = (f"{HELD_OUT}/*.png", f"{HELD_OUT}/{SETTINGS}")
-    in_masks = ("*.png", SETTINGS, *in_held_out, f"{MENDED}/*.png")
-    return [
-        *(layout.INITIAL_POINTS, layout.CHECKPOINT, layout.TRAINING, layout.GAUSSIANS),
-        *(layout.EVALUATION, CAMERAS, f"{layout.COURSE}/*.npz", f"{RENDERS}/*.png"),
-        *(f"{SFM}/{name}" for name in in_sfm),
-        *(f"{layout.MASKS}/{name}" for name in in_masks),
-    ]
-
-
-def run_files() -> list[str]:
-    """Return what `run` writes."""
-    parts = {layout.CAPTURE: capture_files(), layout.RECONSTRUCTION: reconstruction_files()}
-    both = (layout.RUN_RECORD, layout.MANIFEST)
-    inner = [f"{part}/{name}" for part, names in parts.items() for name in (*names, *both)]
-    return [layout.SCENE, layout.SPLATS, layout.REPORT, *inner]
 
 
 OUTPUT_FLAGS = ("out", "resume", "overwrite")  # of `OutputFolder`
@@ -82,17 +47,11 @@ class OutputFolder:
             raise DigsError("--resume and --overwrite contradict each other; give one of them")
 
     @contextmanager
-    def opened(
-        self,
-        inputs: Sequence[Path | None] = (),
-        writes: Sequence[str] = (),
-        can_resume: bool = True,
-    ) -> Iterator[Path]:
+    def opened(self, inputs: Sequence[Path | None] = (), can_resume: bool = True) -> Iterator[Path]:
         """Yield the folder to write into: ``out``, or a hidden one in it that becomes the result at the end.
 
         Args:
             inputs: what the command reads; it must be there, and not in the folder that is written.
-            writes: the names that results may have, relative to the folder, as patterns with ``*``.
             can_resume: whether an interrupted run can go on in the folder; else an error leaves nothing.
 
         Raises:
@@ -102,7 +61,7 @@ class OutputFolder:
         needed = _check_inputs(self.out, inputs)
         with sole_writer(self.out):
             with announced("start"):
-                work = self._workplace(needed, writes, can_resume)
+                work = self._workplace(needed, can_resume)
             try:
                 with _written_for(self.out, work), recorded_files(work, self.resume):
                     yield work
@@ -117,7 +76,7 @@ class OutputFolder:
                     _remove_mere_records(work)
                 raise
 
-    def _workplace(self, needed: Sequence[Path], writes: Sequence[str], can_resume: bool) -> Path:
+    def _workplace(self, needed: Sequence[Path], can_resume: bool) -> Path:
         unfinished = self.out / UNFINISHED
         if self.resume:
             if not unfinished.is_dir():
@@ -128,7 +87,6 @@ class OutputFolder:
         shutil.rmtree(unfinished, ignore_errors=True)
         if can_resume and not _is_used(self.out):
             return self.out
-        check_place(self.out, writes)
         unfinished.mkdir()
         return unfinished
 
@@ -229,7 +187,7 @@ def _check_writable(path: Path, flag: str = "--out") -> None:
 def _check_free(out: Path, overwrite: bool, needed: Sequence[Path]) -> None:
     """Check that new results may be written into a folder."""
     is_used = _is_used(out)
-    if not overwrite and (is_used or _holds_results(out / UNFINISHED)):
+    if not overwrite and (is_used or _is_used(out / UNFINISHED)):
         raise DigsError(
             f"--out '{out}': the folder is not empty. Add --resume to go on with an "
             "interrupted run, --overwrite to start again, or name another folder."
@@ -241,11 +199,6 @@ def _check_free(out: Path, overwrite: bool, needed: Sequence[Path]) -> None:
             f"--out '{out}': --overwrite replaces only results that digs-warp wrote, and this folder has no "
             f"{RUN_RECORD} of ours. Name another folder."
         )
-    if not any(out.rglob(MANIFEST)):
-        raise DigsError(
-            f"--out '{out}': an earlier version wrote this folder, without a list of its files "
-            f"({MANIFEST}). Delete it yourself or name another folder."
-        )
     for path in [*needed, Path.cwd()]:
         if path.resolve().is_relative_to(out.resolve()):
             raise DigsError(
@@ -255,31 +208,27 @@ def _check_free(out: Path, overwrite: bool, needed: Sequence[Path]) -> None:
 
 
 def _is_used(folder: Path) -> bool:
-    """Whether there is more in it than the record of a run that failed before it made anything."""
-    if not folder.is_dir():
-        return False
-    names = {path.name for path in folder.iterdir()} - {LOCK, UNFINISHED}
-    return bool(names) and not (names <= {RUN_RECORD, MANIFEST} and is_ours(folder))
-
-
-def _holds_results(folder: Path) -> bool:
-    no_results = (RUN_RECORD, MANIFEST, LOCK)
-    return any(path.name not in no_results for path in folder.rglob("*") if not path.is_dir())
+    """Whether there is more in it than the records of a run that failed before it made anything."""
+    return any(
+        path.name != LOCK
+        and UNFINISHED not in path.relative_to(folder).parts
+        and not (path.name in (RUN_RECORD, MANIFEST) and is_ours(path.parent))
+        for path in folder.rglob("*")
+        if not path.is_dir() or path.is_symlink()
+    )
 
 
 def _remove_mere_records(folder: Path) -> None:
     """Delete the records of a run that failed before it made anything."""
-    if _holds_results(folder):
+    if _is_used(folder):
         return
     if folder.name == UNFINISHED:
         shutil.rmtree(folder, ignore_errors=True)
     for place, _, _ in os.walk(folder, topdown=False):
-        parent = Path(place)
-        if is_ours(parent):
-            (parent / RUN_RECORD).unlink()
-            (parent / MANIFEST).unlink(missing_ok=True)
-            with suppress(OSError):  # the folder of a run, with its lock
-                parent.rmdir()
+        for name in (RUN_RECORD, MANIFEST):
+            (Path(place) / name).unlink(missing_ok=True)
+        with suppress(OSError):  # the folder of a run, with its lock
+            Path(place).rmdir()
 
 
 @contextmanager
@@ -291,5 +240,5 @@ def _written_for(out: Path, work: Path) -> Iterator[None]:
         if work == out or str(work) not in str(error):
             raise
         text = str(error).replace(str(work), str(out))
-        kept = f" What was begun is in '{work}'." if _holds_results(work) else ""
+        kept = f" What was begun is in '{work}'." if _is_used(work) else ""
         raise DigsError(f"{text}{kept}") from error

@@ -24,7 +24,6 @@ from digs_warp.words import counted, did_you_mean, format_facts
 
 PROGRAM = "digs-warp"
 HELP = ("-h", "--help")
-CONFIG = (tyro.conf.DisallowNone,)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -103,9 +102,21 @@ def read_command(words: Sequence[str], common: CommonFlags) -> Command:
         default = read_defaults(kind, common.config)
     _check_flags(kind, rest, program)
     is_help = any(word in HELP for word in rest)
-    rules = _rules(kind, is_help, is_short=not common.help_all)
+    shown: tuple[str, ...] = ()
+    if is_help and not common.help_all and issubclass(kind, SettingsCommand):
+        shown = (*kind.main_flags, *COMMON_FLAGS)
+    rules = FlagRules(shown, _useless(kind), describes_groups=is_help)
+    line = _line(kind)
     try:
-        return _read_flags(kind, default, rest, rules, program, about(node))
+        return tyro.cli(
+            line,
+            prog=program,
+            description=about(node),
+            args=rest,
+            default=tyro.MISSING_NONPROP if default is None else line(command=default),
+            config=(tyro.conf.DisallowNone,),
+            registry=rules,
+        ).command
     except RefusedSettings as error:
         raise DigsError(str(error)) from error
     except SystemExit as stop:
@@ -171,36 +182,9 @@ def _check_flags(kind: type[Command], words: Sequence[str], program: str) -> Non
             raise DigsError(f"'{program}' has no flag '{word}'{did_you_mean(flag, flags)}")
 
 
-def _rules(kind: type[Command], is_help: bool, is_short: bool) -> FlagRules:
-    shown: tuple[str, ...] = ()
-    if is_help and is_short and issubclass(kind, SettingsCommand):
-        shown = (*kind.main_flags, *COMMON_FLAGS)
-    return FlagRules(shown, _useless(kind), describes_groups=is_help)
-
-
 def _useless(kind: type[Command]) -> tuple[str, ...]:
     """Return the common flags that make no sense for a command."""
     return ("version",) if issubclass(kind, SettingsCommand) else ("version", "config", "help_all")
-
-
-def _read_flags(
-    kind: type[Command],
-    default: Command | None,
-    words: Sequence[str],
-    rules: FlagRules,
-    program: str,
-    text: str,
-) -> Command:
-    line = _line(kind)
-    return tyro.cli(
-        line,
-        prog=program,
-        description=text,
-        args=words,
-        default=tyro.MISSING_NONPROP if default is None else line(command=default),
-        config=CONFIG,
-        registry=rules,
-    ).command
 
 
 def _line(kind: type[Command]) -> Any:

@@ -11,7 +11,7 @@ import tyro
 from digs_warp.checks import DigsError
 from digs_warp.commands.command import SettingsCommand
 from digs_warp.commands.many_captures import find_jobs, is_data_set, make_many, reconstruct_many
-from digs_warp.commands.output import ANY_FOLDER, OUTPUT_FLAGS, OutputFolder, reconstruction_files
+from digs_warp.commands.output import ANY_FOLDER, OUTPUT_FLAGS, OutputFolder
 from digs_warp.commands.precompile import compile_kernels
 from digs_warp.commands.reconstruction_options import (
     ReconstructionOptions,
@@ -119,7 +119,7 @@ class Reconstruct(ReconstructionOptions, _Output):
         config = self.reconstruct_config(self.seed, capture)
         check_machine(config)  # a wrong flag is named first
         with (
-            self.output.opened([source], reconstruction_files()) as folder,
+            self.output.opened([source]) as folder,
             watched_training(self.view) as hooks,
         ):
             compile_kernels()
@@ -132,8 +132,6 @@ class Reconstruct(ReconstructionOptions, _Output):
         if self.view:
             raise DigsError("--view shows one training; give it one capture")
         jobs = find_jobs(self.captures)
-        names = (*reconstruction_files(), layout.RUN_RECORD, layout.MANIFEST)
-        writes = [RESULTS, *(f"{job.name}/{name}" for job in jobs for name in names)]
         options = self._options()
         if self.on.address is None:
             check_machine(options.reconstruct_config(self.seed))  # a wrong flag is named first
@@ -147,7 +145,7 @@ class Reconstruct(ReconstructionOptions, _Output):
             }
 
         inputs = [job.capture for job in jobs]
-        return make_many(self.output, log, self.on, inputs, writes, make, "capture", RESULTS)
+        return make_many(self.output, log, self.on, inputs, make, "capture", RESULTS)
 
     def _options(self) -> ReconstructionOptions:
         """Return the settings of all captures, without the flags of the command."""

@@ -3,7 +3,7 @@
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field, fields, replace
 from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeVar
 
 import tyro
@@ -23,20 +23,6 @@ if TYPE_CHECKING:
     from digs_warp.train.session import Hooks
 
 T = TypeVar("T")
-
-
-@dataclass(frozen=True, kw_only=True)
-class _SfmOptions(SfmConfig):
-    """Where camera poses and sparse points come from.
-
-    Images are matched only with --poses sfm, or for a strategy that starts from sparse points.
-    """
-
-    poses: str = "capture"
-    """Camera poses. capture: those of the recording; sfm: estimated from the images, with the scale from the
-    depth maps; rgbd: from color and depth of a film, frame by frame, where there is too little texture for
-    sfm; auto: sfm, but rgbd where that fails or where depth contradicts it; board:FILE: from a printed board
-    of AprilTags or ChArUco markers that the file describes (docs/poses.md), in metres."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -77,8 +63,8 @@ class ReconstructionOptions(Settings):
     One seed serves all stages: `reconstruct_config` takes it.
     """
 
-    sfm: Annotated[_SfmOptions, tyro.conf.OmitArgPrefixes, tyro.conf.arg(name="poses")] = field(
-        default_factory=_SfmOptions
+    sfm: Annotated[SfmConfig, tyro.conf.OmitArgPrefixes, tyro.conf.arg(name="poses")] = field(
+        default_factory=lambda: SfmConfig(poses="capture")
     )
     segment: Annotated[SegmentConfig, tyro.conf.OmitArgPrefixes, tyro.conf.arg(name="masks")] = (
         field(default_factory=SegmentConfig)
@@ -115,7 +101,7 @@ class ReconstructionOptions(Settings):
             strategy = STRATEGIES[start].density
         density = _plain(self.train.density, Density, strategy=strategy)
         return ReconstructConfig(
-            sfm=_plain(self.sfm, SfmConfig, sfm_seed=seed),
+            sfm=replace(self.sfm, sfm_seed=seed),
             segment=self.segment,
             init=_plain(self.init, InitConfig, strategy=start),
             train=_plain(self.train, TrainConfig, seed=seed, density=density),

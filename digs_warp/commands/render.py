@@ -10,10 +10,8 @@ import tyro
 
 from digs_warp.checks import DigsError
 from digs_warp.commands.command import Command, SplatOptions
-from digs_warp.commands.output import OutputFolder, check_output_file
-from digs_warp.record.layout import RUN_RECORD
+from digs_warp.commands.output import check_output_file
 from digs_warp.record.progress import progress
-from digs_warp.record.run_log import RunLog
 from digs_warp.settings import FIELD_OF_VIEW, FRAME_RATE, SIDE, Range
 from digs_warp.words import counted
 
@@ -22,12 +20,8 @@ if TYPE_CHECKING:
 
     from digs_warp.geometry.camera import Camera
     from digs_warp.show.film.camera_path import Subject
-    from digs_warp.show.film.video import Clock
 
 ORBIT_FOV_DEG = 45.0
-
-# Names that cannot be meant as folders.
-OTHER_FILES = (".avi", ".mov", ".mkv", ".webm", ".m4v", ".apng", ".webp", ".png", ".jpg", ".jpeg")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -41,10 +35,10 @@ class Render(Command):
     """A folder of 'digs-warp reconstruct' or 'run', or Gaussians as .npz, .ply, .spz, .splat or USD."""
 
     out: Path
-    """What to write: a video (.mp4, H.264), an animated .gif, or a folder of PNG frames."""
+    """What to write: a video (.mp4, H.264) or an animated .gif."""
 
     overwrite: tyro.conf.FlagCreatePairsOff[bool] = False
-    """Replace the file, or the frames of an earlier run in the folder, if they exist."""
+    """Replace the file if it exists."""
 
     follow: Path | None = None
     """Move along the camera path of this capture folder instead of around the object."""
@@ -77,14 +71,11 @@ class Render(Command):
         from digs_warp.show.film.camera_path import find_framed_subject
         from digs_warp.show.film.video import SUFFIXES, Clock, shoot, write_video
 
-        is_file = self.out.suffix.lower() in SUFFIXES
-        if self.out.suffix.lower() in OTHER_FILES:
+        if self.out.suffix.lower() not in SUFFIXES:
             raise DigsError(
-                f"--out '{self.out}': suffix '{self.out.suffix}', expected {', '.join(SUFFIXES)}, or a "
-                "folder for frames"
+                f"--out '{self.out}': suffix '{self.out.suffix}', expected {' or '.join(SUFFIXES)}"
             )
-        if is_file:
-            check_output_file(self.out, self.overwrite, [self.source, self.follow])
+        check_output_file(self.out, self.overwrite, [self.source, self.follow])
         gaussians = self.scene.read(self.source).gaussians
         subject = find_framed_subject(gaussians)
         cameras = self._cameras(subject)
@@ -100,10 +91,7 @@ class Render(Command):
             len(cameras),
         )
         start = perf_counter()
-        if is_file:
-            count = write_video(self.out, frames, self.fps)
-        else:
-            count = self._write_folder(frames, clock)
+        count = write_video(self.out, frames, self.fps)
         written = perf_counter() - start - sum(clock.seconds)
         return (
             f"{self.out}: {counted(count, 'frame')} of {self.width}x{self.height} px, "
@@ -111,17 +99,6 @@ class Render(Command):
             f"rendered {clock.frame_rate:.1f} frames/s ({clock.milliseconds:.0f} ms each), "
             f"written in {1e3 * written / count:.0f} ms each"
         )
-
-    def _write_folder(self, frames: "Iterator[np.ndarray]", clock: "Clock") -> int:
-        from digs_warp.show.film.video import write_frames
-
-        output = OutputFolder(out=self.out, overwrite=self.overwrite)
-        log = RunLog("render", self)
-        with output.opened([self.source, self.follow], can_resume=False) as folder:
-            count = write_frames(folder, frames)
-            log.seconds["render"] = sum(clock.seconds)
-            log.save(folder / RUN_RECORD)
-        return count
 
     def _cameras(self, subject: "Subject") -> "list[Camera]":
         from digs_warp.data.capture import read_capture

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Self
 import tyro
 
 from digs_warp.commands.command import SettingsCommand
-from digs_warp.commands.output import ANY_FOLDER, OUTPUT_FLAGS, OutputFolder, run_files
+from digs_warp.commands.output import ANY_FOLDER, OUTPUT_FLAGS, OutputFolder
 from digs_warp.commands.precompile import compile_kernels
 from digs_warp.commands.reconstruction_options import (
     ReconstructionOptions,
@@ -79,8 +79,7 @@ class Run(ReconstructionOptions, _Recording):
         check_machine(config)  # now, not after the recording
         check_source(config.segment)
         log = RunLog("run", {"recording": self.recording, "reconstruction": config})
-        inputs = self.recording.input_files
-        with self.output.opened(inputs, run_files()) as folder:
+        with self.output.opened(self.recording.input_files) as folder:
             what, verdict = self._run_stages(folder, config, log)
         return _summary(self.output.out, log, what, verdict)
 

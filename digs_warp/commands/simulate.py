@@ -12,10 +12,10 @@ import tyro
 from digs_warp.checks import DigsError
 from digs_warp.commands.command import SettingsCommand
 from digs_warp.commands.many_captures import make_many
-from digs_warp.commands.output import ANY_FOLDER, OUTPUT_FLAGS, OutputFolder, capture_files
+from digs_warp.commands.output import ANY_FOLDER, OUTPUT_FLAGS, OutputFolder
 from digs_warp.commands.precompile import compile_kernels
 from digs_warp.engines.config import EngineConfig
-from digs_warp.record.layout import DATA_SET, MANIFEST, RUN_RECORD
+from digs_warp.record.layout import DATA_SET
 from digs_warp.record.run_log import RunLog
 from digs_warp.record.typed import from_json
 from digs_warp.settings import Range, Settings
@@ -151,8 +151,7 @@ class Simulate(SettingsCommand):
         from digs_warp.sim.record.record import simulate
 
         start = time.perf_counter()
-        inputs = self.recording.input_files
-        with self.output.opened(inputs, capture_files()) as folder:
+        with self.output.opened(self.recording.input_files) as folder:
             compile_kernels()
             capture = simulate(self.recording, folder, resume=self.output.resume)
         k = capture.frames[0].camera.intrinsics
@@ -165,15 +164,12 @@ class Simulate(SettingsCommand):
         )
 
     def _record_many(self) -> str:
-        from digs_warp.engines.task import RESULTS
         from digs_warp.sim.record.data_set import simulate_many
         from digs_warp.sim.record.sensor_plan import check_effects
 
         check_effects(self.recording)
         meshes, environments = self.many.find()
         jobs = self._jobs(meshes, environments)
-        names = (*capture_files(), RUN_RECORD, MANIFEST)
-        writes = [DATA_SET, RESULTS, *(f"{job.name}/{name}" for job in jobs for name in names)]
         log = RunLog("simulate", {"recording": self.recording, "scenes": self.many})
 
         def make(folder: Path) -> dict[str, str | DigsError]:
@@ -181,7 +177,7 @@ class Simulate(SettingsCommand):
             return {r.name: DigsError(str(r)) if r.error else str(r) for r in results}
 
         inputs = [*self.recording.input_files, *meshes, *environments]
-        return make_many(self.output, log, self.on, inputs, writes, make, "scene", DATA_SET)
+        return make_many(self.output, log, self.on, inputs, make, "scene", DATA_SET)
 
     def _jobs(self, meshes: Sequence[Path], environments: Sequence[Path]) -> "tuple[SceneJob, ...]":
         from digs_warp.sim.record.data_set import plan_jobs

@@ -1,6 +1,5 @@
 """Writes a capture frame by frame, to a folder that `digs_warp.data.capture` reads or to memory."""
 
-import hashlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -22,7 +21,7 @@ from digs_warp.geometry.camera import Camera, Intrinsics
 from digs_warp.geometry.rigid import OPENCV_FROM_OPENGL
 from digs_warp.record import typed
 from digs_warp.record.files import to_json, write_atomically
-from digs_warp.record.manifest import Manifest, is_kept
+from digs_warp.record.manifest import is_kept
 
 POINTS = "sparse_pc.ply"  # the name that nerfstudio's own programs give it
 
@@ -199,10 +198,3 @@ def size_keys(k: Intrinsics) -> dict[str, int]:
 def camera_keys(k: Intrinsics) -> dict[str, float]:
     """Return the keys of transforms.json that give focal lengths and principal point [px]."""
     return {"fl_x": k.fx, "fl_y": k.fy, "cx": k.cx, "cy": k.cy}
-
-
-def recorded_hash(folder: Path) -> str | None:
-    """Return one hash over the files of a capture as its manifest lists them; None without a manifest."""
-    files = {name: found[-1].sha256 for name, found in Manifest.read(folder).files.items() if found}
-    lines = "".join(f"{files[name]}  {name}\n" for name in sorted(files))
-    return hashlib.sha256(lines.encode()).hexdigest() if files else None

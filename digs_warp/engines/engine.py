@@ -32,9 +32,7 @@ class FailureClass(StrEnum):
 
     ERROR = "error"  # it raised an exception
     OUT_OF_MEMORY = "out of memory"  # it raised MemoryError, or a batch system says so
-    KILLED = "killed"  # SIGKILL: the system was out of memory, or somebody ended it
-    CRASHED = "crashed"  # another signal, such as SIGSEGV
-    EXITED = "exited"  # it left the process with an exit code
+    DIED = "died"  # its process ended, by a signal or with an exit code
     TIME_LIMIT = "time limit"  # it took longer than it may
     WORKER_LOST = "worker lost"  # the engine's worker ended, or its machine cannot be reached
 
@@ -42,14 +40,7 @@ class FailureClass(StrEnum):
 ONE_THREAD = Needs()
 
 # What can go well the second time. An exception and a time limit come back.
-RETRIED = frozenset(
-    {
-        FailureClass.KILLED,
-        FailureClass.CRASHED,
-        FailureClass.EXITED,
-        FailureClass.WORKER_LOST,
-    }
-)
+RETRIED = (FailureClass.DIED, FailureClass.WORKER_LOST)
 
 
 class CallFailed(Exception):

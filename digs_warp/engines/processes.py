@@ -8,6 +8,7 @@ import json
 import logging
 import os
 import pickle
+import select
 import signal
 import subprocess
 import sys
@@ -17,14 +18,10 @@ from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import suppress
 from multiprocessing.connection import Connection
-from queue import Empty, Queue
 from typing import Any
 
 from digs_warp.checks import DigsError
 from digs_warp.engines.engine import ONE_THREAD, CallFailed, Engine, FailureClass, Needs
-
-# A child without a call for this long ends.
-IDLE_SECONDS = 60.0
 
 # argv: the search path of the parent, where this file is found; the descriptor for the answer.
 _START = """
@@ -105,30 +102,24 @@ class Child:
 
 
 def answer(descriptor: int) -> None:
-    """Make the calls that come from standard input and answer each: what the child does.
-
-    It ends when there was none for `IDLE_SECONDS`: a worker of a cluster keeps its children.
-    """
+    """Make the calls that come from standard input and answer each: what the child does."""
     # Ctrl-C and a closed terminal reach the whole process group; the parent stops its children.
     for number in (signal.SIGINT, signal.SIGHUP):
         signal.signal(number, signal.SIG_IGN)
     os.set_inheritable(descriptor, False)  # what a call starts may outlive it
-    waiting: Queue[bytes] = Queue()
-    reader = threading.Thread(target=_read, args=(waiting,), daemon=True)
-    reader.start()
-    with Connection(descriptor, readable=False) as parent, suppress(Empty):
-        while True:
-            parent.send(_outcome(waiting.get(timeout=IDLE_SECONDS)))
-
-
-def _read(waiting: "Queue[bytes]") -> None:
-    """Read calls. End this process when its parent is gone: a killed parent cannot stop its children."""
+    threading.Thread(target=_end_with_parent, daemon=True).start()
     calls = Connection(os.dup(0), writable=False)
-    try:
+    with Connection(descriptor, readable=False) as parent, suppress(EOFError, OSError):
         while True:
-            waiting.put(calls.recv_bytes())
-    except (EOFError, OSError):
-        os._exit(1)
+            parent.send(_outcome(calls.recv_bytes()))
+
+
+def _end_with_parent() -> None:
+    """End this process when nobody can send calls any more: a killed parent cannot stop its children."""
+    standard_input = select.poll()
+    standard_input.register(0, 0)
+    standard_input.poll()
+    os._exit(1)
 
 
 def _outcome(call: bytes) -> tuple[tuple[FailureClass, str] | None, Any]:
@@ -163,14 +154,9 @@ def _log_levels() -> dict[str, int]:
 
 
 def _cause_of_death(code: int) -> CallFailed:
-    if code >= 0:
-        return CallFailed(FailureClass.EXITED, f"its process ended with exit code {code}")
-    name = signal.Signals(-code).name
-    if -code == signal.SIGKILL:
-        return CallFailed(
-            FailureClass.KILLED, f"its process ended with signal {name} (out of memory?)"
-        )
-    return CallFailed(FailureClass.CRASHED, f"its process ended with signal {name}")
+    how = f"signal {signal.Signals(-code).name}" if code < 0 else f"exit code {code}"
+    guess = " (out of memory?)" if -code == signal.SIGKILL else ""
+    return CallFailed(FailureClass.DIED, f"its process ended with {how}{guess}")
 
 
 class Children:

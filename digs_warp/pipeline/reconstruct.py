@@ -76,7 +76,7 @@ def reconstruct(
     with sole_writer(folder):
         before = log.continue_from(folder / RUN_RECORD) if resume else None
         with recorded_files(folder, resume) as manifest:
-            _drop_what_follows(manifest.drop_damaged(), folder)
+            _drop_what_follows(manifest.drop_missing(), folder)
             return _reconstruct(capture, config, folder, log, before, hooks)
 
 

@@ -208,5 +208,5 @@ def _frames(folder: Path, capture: Capture) -> PosedFrames:
 
 
 def is_finished(folder: Path) -> bool:
-    """Whether a folder holds a whole reconstruction, all its files as they were written; reads them all."""
-    return (folder / EVALUATION).is_file() and Manifest.read(folder).all_whole()
+    """Whether a folder holds a whole reconstruction: no file that was written is missing."""
+    return (folder / EVALUATION).is_file() and Manifest.read(folder).is_complete()

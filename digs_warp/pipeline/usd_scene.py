@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Any
 
 from digs_warp.checks import DigsError
 from digs_warp.data.capture import Capture
-from digs_warp.data.capture_writer import recorded_hash
 from digs_warp.data.gaussians import Gaussians
 from digs_warp.data.posed_frames import PosedFrames
 from digs_warp.measure.scores import Scores
@@ -93,17 +92,15 @@ def scene_metadata(
 
 
 def _origin(capture: Capture, instance: int | None) -> dict[str, Any]:
-    """Return the hash of the recording and the pose of the mesh file in the world."""
-    capture_hash = recorded_hash(capture.stored_in) if capture.stored_in else None
+    """Return the pose of the mesh file in the world."""
     world_from_mesh = capture.about.world_from_mesh
     if instance is not None:
         placed = capture.about.instance(instance)
         world_from_mesh = placed.world_from_mesh if placed and placed.mesh else None
-    origin: dict[str, Any] = {"capture_sha256": capture_hash} if capture_hash else {}
-    if world_from_mesh is not None:
-        # Flat: USD dictionaries hold no nested lists.
-        origin["world_from_mesh"] = [value for row in world_from_mesh for value in row]
-    return origin
+    if world_from_mesh is None:
+        return {}
+    # Flat: USD dictionaries hold no nested lists.
+    return {"world_from_mesh": [value for row in world_from_mesh for value in row]}
 
 
 def variant_labels(names: Sequence[str]) -> list[str]:

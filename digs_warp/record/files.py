@@ -4,7 +4,7 @@ import hashlib
 import json
 import re
 import shutil
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import asdict, is_dataclass
 from functools import cache
@@ -17,7 +17,7 @@ from digs_warp.bounds import JSON, SETTINGS, TEXT, Bound
 from digs_warp.checks import DigsError, require_regular
 from digs_warp.record.disk import append, put, rename, reported, sync, temporary_beside
 from digs_warp.record.fields import parse_json
-from digs_warp.record.manifest import Content, manifest_of
+from digs_warp.record.manifest import manifest_of
 
 # A number with an exponent, as other programs and Python write it. Longer exponents are no number's.
 _EXPONENT = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)[eE][-+]?\d{1,3}$")
@@ -34,7 +34,8 @@ def write_atomically(path: Path, data: bytes) -> None:
             space free. A file that was there before is unchanged.
     """
     path = Path(path)
-    with reported(path, len(data)), _listed(path, lambda: Content.of(data)):
+    with reported(path, len(data)):
+        claim(path)
         put(path, data)
 
 
@@ -57,8 +58,8 @@ def new_file(path: Path) -> Iterator[Path]:
             folder.mkdir(parents=True, exist_ok=True)
             yield unfinished
             sync(unfinished)
-            with _listed(path, lambda: Content.of_file(unfinished)):
-                rename(unfinished, path)
+            claim(path)
+            rename(unfinished, path)
     finally:
         shutil.rmtree(folder, ignore_errors=True)
 
@@ -105,20 +106,10 @@ def remove_folder(folder: Path) -> None:
 
 
 def claim(path: Path) -> None:
-    """List a file that a library makes and changes in place, such as a database."""
+    """List a file that is about to appear, also one that a library makes and changes, such as a database."""
     manifest = manifest_of(path)
     if manifest is not None:
-        manifest.claim(path)
-
-
-@contextmanager
-def _listed(path: Path, content: Callable[[], Content]) -> Iterator[None]:
-    manifest = manifest_of(path)
-    if manifest is None:
-        yield
-        return
-    with manifest.replacing(path, content()):
-        yield
+        manifest.add(path)
 
 
 def to_json(value: Any) -> str:

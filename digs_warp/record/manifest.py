@@ -1,14 +1,12 @@
-"""The manifest: which files a run wrote into its folder, with the size and SHA-256 of each.
+"""The manifest: which files runs of ours wrote into a folder, so that nobody else's are kept or replaced.
 
-``files.jsonl`` has one JSON object per line: the path relative to the folder, ``bytes`` and ``sha256``; both
-are null for a file that the run deleted, and missing for one that a library changes in place. While a run
-goes on, a line is appended *before* the file appears, so after a kill every file of ours is listed. At the
-end, the lines are sorted and each file has one.
+``files.jsonl`` has a JSON object per line: the path relative to the folder, and ``gone`` for a file that was
+deleted. While a run goes on, a line is appended *before* the file appears, so after a kill every file of ours
+is listed; at the end, the lines are sorted and each file has one.
 
 run.json and the manifest itself are not listed: every folder of ours may have both.
 """
 
-import hashlib
 import json
 import logging
 import threading
@@ -25,47 +23,14 @@ from digs_warp.words import first_few
 
 logger = logging.getLogger(__name__)
 
-NOT_LISTED = (MANIFEST, RUN_RECORD)
-
-
-@dataclass(frozen=True)
-class Content:
-    """What identifies the content of a file."""
-
-    size: int
-    sha256: str
-
-    @staticmethod
-    def of(data: bytes) -> "Content":
-        """Return the identity of ``data``."""
-        return Content(len(data), hashlib.sha256(data).hexdigest())
-
-    @staticmethod
-    def of_file(path: Path) -> "Content":
-        """Return the identity of what is in a file now.
-
-        Raises:
-            OSError: it cannot be read.
-        """
-        with path.open("rb") as file:
-            digest = hashlib.file_digest(file, "sha256").hexdigest()
-            return Content(file.tell(), digest)
-
 
 @dataclass(eq=False)
 class Manifest:
-    """The files that runs of ours wrote into ``folder``.
-
-    Attributes:
-        folder: an absolute path.
-        files: path relative to the folder, with "/" -> what it holds. Of a file that was being replaced when
-            the process was killed, the old and the new content are both listed; of one that changes in place,
-            none.
-    """
+    """The files that runs of ours wrote into ``folder``, an absolute path; ``names`` are relative."""
 
     folder: Path
-    files: dict[str, tuple[Content, ...]] = field(default_factory=dict)
-    _lock: threading.RLock = field(default_factory=threading.RLock, repr=False)
+    names: set[str] = field(default_factory=set)
+    _lock: threading.Lock = field(default_factory=threading.Lock, repr=False)
 
     @staticmethod
     def read(folder: Path) -> "Manifest":
@@ -77,137 +42,74 @@ class Manifest:
             return manifest
         for line in lines.splitlines():
             with suppress(ValueError, KeyError, TypeError):
-                manifest._take(parse_json(line))
+                entry = parse_json(line)
+                path = PurePosixPath(entry["path"])
+                if entry.get("gone"):
+                    manifest.names.discard(str(path))
+                elif not path.is_absolute() and ".." not in path.parts:
+                    manifest.names.add(str(path))
         return manifest
 
     def lists(self, path: Path) -> bool:
         """Whether a run of ours wrote the file at ``path``, which need not be there."""
-        return self._name(path) in self.files
+        return self._name(path) in self.names
 
-    def is_whole(self, path: Path) -> bool:
-        """Whether a run of ours wrote the file at ``path``, and it is as it was written. Reads the file.
+    def is_complete(self) -> bool:
+        """Whether files are listed, and all of them are there."""
+        return bool(self.names) and not self._missing()
 
-        Of a file that changes in place, this is not known: it counts as whole.
-        """
-        expected = self.files.get(self._name(path))
-        if not expected:
-            return expected is not None
-        try:
-            size = path.stat().st_size
-            return size in {content.size for content in expected} and (
-                Content.of_file(path) in expected
-            )
-        except OSError:
-            return False
-
-    def all_whole(self) -> bool:
-        """Whether files are listed, and all of them are as they were written. Reads them all."""
-        return bool(self.files) and all(self.is_whole(self.folder / name) for name in self.files)
-
-    def drop_damaged(self) -> list[str]:
-        """Delete the listed files that are not as they were written, and say so in the log.
-
-        Returns:
-            The names of those, and of listed files that are missing; they have to be made again.
-        """
-        lost = [name for name in sorted(self.files) if not self.is_whole(self.folder / name)]
+    def drop_missing(self) -> list[str]:
+        """Take files that are gone off the list, and say so in the log; return their names."""
+        lost = self._missing()
         for name in lost:
-            (self.folder / name).unlink(missing_ok=True)
             self.forget(self.folder / name)
         if lost:
             logger.warning(
-                "'%s': %s damaged or missing and made again: %s",
+                "'%s': %s missing and made again: %s",
                 *(self.folder, "1 file is" if len(lost) == 1 else f"{len(lost)} files are"),
                 first_few(lost),
             )
         return lost
 
-    def claim(self, path: Path) -> None:
-        """List the file at ``path`` without its content, which changes."""
+    def add(self, path: Path) -> None:
+        """List the file at ``path``, which is about to appear."""
         name = self._name(path)
         with self._lock:
-            if self.files.get(name) != ():
+            if name not in (*self.names, MANIFEST, RUN_RECORD):
                 self._append({"path": name})
-                self.files[name] = ()
-
-    @contextmanager
-    def replacing(self, path: Path, content: Content) -> Iterator[None]:
-        """List what the file at ``path`` holds after the block, which puts it there."""
-        name = self._name(path)
-        if name in NOT_LISTED:
-            yield
-            return
-        with self._lock:
-            before = self.files.get(name)
-            self._append(_line(name, content))
-            self.files[name] = (*(before or ())[-1:], content)
-        try:
-            yield
-        except BaseException:
-            with self._lock:
-                if before is None:
-                    del self.files[name]
-                else:
-                    self.files[name] = before
-            raise
-        with self._lock:
-            self.files[name] = (content,)
+                self.names.add(name)
 
     def forget(self, path: Path) -> None:
         """Take a file that is about to be deleted off the list."""
         name = self._name(path)
         with self._lock:
-            if self.files.pop(name, None) is not None:
-                self._append({"path": name, "bytes": None, "sha256": None})
+            if name in self.names:
+                self._append({"path": name, "gone": True})
+                self.names.remove(name)
 
     def save(self) -> None:
         """Write the manifest with one line per file, sorted."""
-        lines = [
-            json.dumps(_line(name, content)) + "\n"
-            for name in sorted(self.files)
-            for content in self.files[name] or (None,)
-        ]
+        data = "".join(json.dumps({"path": name}) + "\n" for name in sorted(self.names)).encode()
         path = self.folder / MANIFEST
-        data = "".join(lines).encode()
         with self._lock:
-            if lines or path.exists():
+            if data or path.exists():
                 with reported(path, len(data)):
                     put(path, data)
+
+    def _missing(self) -> list[str]:
+        return [name for name in sorted(self.names) if not (self.folder / name).is_file()]
+
+    def _append(self, entry: dict[str, str | bool]) -> None:
+        path = self.folder / MANIFEST
+        line = json.dumps(entry).encode() + b"\n"
+        with reported(path, len(line)):
+            append(path, line)
 
     def _name(self, path: Path) -> str:
         place = _absolute(path)
         if not place.is_relative_to(self.folder):  # behind a link to a folder elsewhere
             place = path
         return place.relative_to(self.folder).as_posix()
-
-    def _take(self, line: dict[str, str | int | None]) -> None:
-        name = line["path"]
-        if not isinstance(name, str) or not _is_below(name):
-            raise ValueError(name)
-        size, digest = line.get("bytes"), line.get("sha256")
-        if "bytes" not in line:
-            self.files[name] = ()
-        elif isinstance(size, int) and isinstance(digest, str):
-            self.files[name] = (*self.files.get(name, ())[-1:], Content(size, digest))
-        else:
-            self.files.pop(name, None)
-
-    def _append(self, entry: dict[str, str | int | None]) -> None:
-        path = self.folder / MANIFEST
-        line = json.dumps(entry).encode() + b"\n"
-        with reported(path, len(line)):
-            append(path, line)
-
-
-def _line(name: str, content: Content | None) -> dict[str, str | int | None]:
-    if content is None:
-        return {"path": name}
-    return {"path": name, "bytes": content.size, "sha256": content.sha256}
-
-
-def _is_below(name: str) -> bool:
-    path = PurePosixPath(name)
-    return not path.is_absolute() and ".." not in path.parts
 
 
 # Manifests that are being written, by folder.

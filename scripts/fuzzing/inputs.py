@@ -8,7 +8,6 @@ import tempfile
 from dataclasses import dataclass
 from pathlib import Path
 
-from digs_warp.record.manifest import Content, Manifest
 from fuzzing.damage import damaged
 from fuzzing.originals import Originals
 from fuzzing.worker import Job, Outcome
@@ -77,8 +76,6 @@ class Inputs:
         folder = self._place(chosen, self.folder / f"{slug(kind)}-{number}" / rng.choice(FOLDERS))
         file = folder / chosen.damaged
         file.write_bytes(damaged(file.read_bytes(), file.name, rng))
-        if rng.random() < 0.7:
-            _list_again(file)
         return Job(kind.name, folder, chosen.lines)
 
     def remove(self, job: Job) -> None:
@@ -106,14 +103,6 @@ class Inputs:
             copy.parent.mkdir(parents=True, exist_ok=True)
             (shutil.copytree if path.is_dir() else shutil.copyfile)(path, copy)
         return target
-
-
-def _list_again(file: Path) -> None:
-    """Give a damaged file its own sum in the manifest of its folder, so that the readers get to see it."""
-    manifest = Manifest.read(file.parent)
-    if manifest.lists(file):
-        with manifest.replacing(file, Content.of_file(file)):
-            pass
 
 
 def slug(kind: Kind) -> str:

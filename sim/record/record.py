@@ -79,7 +79,7 @@ def _simulate(
             prepare = partial(replace, session, config=config)
     log.save(record)  # from here on the folder belongs to these settings
     with recorded_files(folder, resume) as manifest, log.saved(record):
-        manifest.drop_damaged()
+        manifest.drop_missing()
         with log.stage("prepare"):
             session = prepare()
         with log.stage("plan"):
@@ -127,9 +127,9 @@ def _claim_folder(folder: Path, config: SimulateConfig, resume: bool) -> RunLog:
 
 
 def is_finished(folder: Path, config: SimulateConfig) -> bool:
-    """Whether nothing is left to do for a recording: all its files are there, and whole."""
+    """Whether nothing is left to do for a recording: all its files are there."""
     record = RunRecord.find(folder)
-    if record is None or not record.results or not Manifest.read(folder).all_whole():
+    if record is None or not record.results or not Manifest.read(folder).is_complete():
         return False
     try:
         frames = read_capture(folder).frames

@@ -17,7 +17,7 @@ from digs_warp.data.layers import Layer
 from digs_warp.data.viewpoints import evenly
 from digs_warp.geometry.camera import Intrinsics
 from digs_warp.record.fields import is_number
-from digs_warp.record.manifest import Content, recorded_files
+from digs_warp.record.manifest import recorded_files
 from digs_warp.record.progress import progress
 from digs_warp.settings import FRAMES, SEED, Settings
 from digs_warp.sim.camera.profiles import DEFAULT_PROFILE, RIG_FIGURES, load_profile
@@ -167,7 +167,7 @@ def write_noisy(recording: OwnRecording, strength: float, folder: Path) -> Captu
     capture = recording.capture
     writer = CaptureWriter(folder, capture.frames[0].camera.intrinsics, capture.rig)
     with recorded_files(folder, resume=True) as manifest:
-        manifest.drop_damaged()
+        manifest.drop_missing()
         with progress(len(capture), "Adding noise", "frame") as bar:
             for number, frame in enumerate(capture.frames):
                 _write(writer, number, frame, recording, strength)
@@ -184,7 +184,7 @@ def content_of(capture: Capture) -> str:
         files.append(capture.points)
     digest = hashlib.sha256()
     for path in (capture.folder / INDEX_NAME, *files):
-        digest.update(Content.of_file(path).sha256.encode())
+        digest.update(hashlib.sha256(path.read_bytes()).digest())
     return digest.hexdigest()
 
 

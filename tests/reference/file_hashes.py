@@ -4,7 +4,6 @@ import hashlib
 from pathlib import Path
 
 from digs_warp.record.layout import MANIFEST, RUN_RECORD
-from digs_warp.record.manifest import Manifest
 
 
 def file_hashes(folder: Path) -> dict[str, str]:
@@ -14,10 +13,3 @@ def file_hashes(folder: Path) -> dict[str, str]:
         for path in sorted(folder.rglob("*"))
         if path.is_file() and path.name not in (RUN_RECORD, MANIFEST)
     }
-
-
-def listed_hashes(folder: Path) -> dict[str, str]:
-    """Return the same as `file_hashes`, as the manifest of ``folder`` says it."""
-    files = Manifest.read(folder).files
-    assert all(len(contents) == 1 for contents in files.values())
-    return {name: content.sha256 for name, (content,) in files.items()}

@@ -58,11 +58,7 @@ NO_BOX = [-1, -1, -1, -1]  # BOP's own sign for an object out of view
 
 
 def read_bop(folder: Path) -> Recording:
-    """Read one scene: the folder with scene_camera.json, or a data set that holds exactly one.
-
-    Raises:
-        CaptureError: no or several scenes, no images, or entries without a camera.
-    """
+    """Read one scene: the folder with scene_camera.json, or a data set that holds exactly one."""
     scene = _the_scene(folder)
     files = NumberedFiles.find(scene, "rgb/", "depth/")
     all_cameras = _fields(scene / CAMERAS, "cameras")
@@ -115,11 +111,7 @@ def _inverse(pose: Fields, rotation: str, translation: str) -> np.ndarray | None
 
 
 def write_bop(capture: Capture, folder: Path) -> None:
-    """Write the capture as a BOP data set of one scene.
-
-    Raises:
-        CaptureError: no depth or no masks.
-    """
+    """Write the capture as a BOP data set of one scene."""
     ids = model_ids(capture)
 
     def write_frame(number: int, frame: Frame) -> tuple[dict[str, Any], list[Any], int]:
@@ -169,11 +161,7 @@ def visible_masks(frame: Frame, count: int) -> list[np.ndarray]:
 
 
 def whole_masks(frame: Frame, visible: list[np.ndarray]) -> list[np.ndarray]:
-    """Return the silhouettes that the objects would have if nothing hid them, each (height, width), bool.
-
-    Raises:
-        CaptureError: the capture does not tell how each of several objects appears.
-    """
+    """Return the silhouettes that the objects would have if nothing hid them, each (height, width), bool."""
     if len(visible) == 1:
         return visible
     if len(frame.objects) != len(visible):

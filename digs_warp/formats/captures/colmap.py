@@ -5,8 +5,7 @@
     sparse/0/cameras.bin  images.bin  points3D.bin      or .txt
 
 Pixel centers are at +0.5, as here; poses are camera from world, quaternions wxyz. The points are a start for
-splat trainers, not matches: they come from the sensed depth, and their tracks list the training images whose
-depth confirms them, at their projections.
+splat trainers, not matches: they come from the sensed depth, and have no tracks.
 """
 
 from pathlib import Path
@@ -22,7 +21,6 @@ from digs_warp.data.layers import Layer
 from digs_warp.formats.captures.frames import (
     copy_image,
     for_each_frame,
-    sightings,
     start_points,
     write_mask,
 )
@@ -69,21 +67,12 @@ def _images_and_model(capture: Capture, folder: Path) -> Any:
         params = [k.fx, k.fy, k.cx, k.cy]
         camera = {"model": "PINHOLE", "width": k.width, "height": k.height, "params": params}
         model.add_camera_with_trivial_rig(pycolmap.Camera(camera_id=number, **camera))
-    start = start_points(capture)
-    points_world = start.cloud.points_world.astype(np.float64)
-    tracks = [pycolmap.Track() for _ in points_world]
-    shown = zip(capture.frames, names, sightings(capture, start), strict=True)
-    for number, (frame, name, seen) in enumerate(shown, start=1):
-        image = pycolmap.Image(
-            name=name,
-            keypoints=frame.camera.project(points_world[seen])[0],
-            camera_id=cameras.index(frame.camera.intrinsics) + 1,
-            image_id=number,
-        )
+    start = start_points(capture).cloud
+    for number, (frame, name) in enumerate(zip(capture.frames, names, strict=True), start=1):
+        camera = cameras.index(frame.camera.intrinsics) + 1
+        image = pycolmap.Image(name=name, camera_id=camera, image_id=number)
         pose = pycolmap.Rigid3d(frame.camera.cam_from_world[:3])
         model.add_image_with_trivial_frame(image, pose)
-        for index, point in enumerate(seen.tolist()):
-            tracks[point].add_element(number, index)
-    for place, track, color in zip(points_world, tracks, to_uint8(start.cloud.colors), strict=True):
-        model.add_point3D(place, track, color)
+    for place, color in zip(start.points_world, to_uint8(start.colors), strict=True):
+        model.add_point3D(place.astype(np.float64), pycolmap.Track(), color)
     return model

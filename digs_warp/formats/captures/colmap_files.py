@@ -90,11 +90,7 @@ def is_model(folder: Path) -> bool:
 
 
 def read_model_files(folder: Path) -> ColmapFiles:
-    """Read the model in a folder: the binary files, else the text files; points3D may be missing.
-
-    Raises:
-        CaptureError: a file is broken, or names a camera model that COLMAP does not have.
-    """
+    """Read the model in a folder: the binary files, else the text files; points3D may be missing."""
     is_binary = (folder / "cameras.bin").is_file() and (folder / "images.bin").is_file()
     end = "bin" if is_binary else "txt"
     cameras = folder / f"cameras.{end}"

@@ -48,11 +48,7 @@ BROWN, FISHEYE = ("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6"), ("k1", "k2", 
 
 
 def read_colmap(folder: Path) -> Recording:
-    """Read a workspace of COLMAP: its images, the poses and the points of its largest model.
-
-    Raises:
-        CaptureError: no model, none of its images, or a camera model that we cannot undistort.
-    """
+    """Read a workspace of COLMAP: its images, the poses and the points of its largest model."""
     place, model = _largest_model(folder)
     images = _image_folder(folder, place, model.images)
     rows = sorted(model.images, key=lambda image: image.name)
@@ -133,11 +129,7 @@ def _frame(
 
 
 def pinhole_and_lens(camera: ModelCamera, where: str) -> tuple[Intrinsics, Lens | None]:
-    """Return a camera of COLMAP as a pinhole camera and what bends its light.
-
-    Raises:
-        CaptureError: a model without a formula here, or parameters that are no camera.
-    """
+    """Return a camera of COLMAP as a pinhole camera and what bends its light."""
     names = PARAMETERS[camera.model]
     if isinstance(names, int):
         known = ", ".join(name for name, each in PARAMETERS.items() if isinstance(each, str))

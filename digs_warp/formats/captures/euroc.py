@@ -54,11 +54,7 @@ BROWN_NAMES = ("radial-tangential", "radtan", "plumb_bob", "brown", "none")
 
 
 def read_euroc(folder: Path) -> Recording:
-    """Read a sequence: the folder with mav0, or mav0 itself. Without cam1, its left images alone.
-
-    Raises:
-        CaptureError: no images, no usable sensor.yaml, or eyes that are no stereo pair.
-    """
+    """Read a sequence: the folder with mav0, or mav0 itself. Without cam1, its left images alone."""
     base = folder / "mav0" if (folder / "mav0").is_dir() else folder
     times, images = _images(base, "cam0")
     if not images:

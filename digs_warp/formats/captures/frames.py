@@ -21,8 +21,6 @@ from digs_warp.data.point_cloud import PointCloud
 from digs_warp.geometry.camera import Intrinsics
 from digs_warp.init.config import InitConfig
 from digs_warp.init.depth_points import NoPointsError, depth_points
-from digs_warp.init.visibility import DepthViews, confirmed
-from digs_warp.measure.thumbnails import front_points
 from digs_warp.record.files import copy_file
 from digs_warp.record.progress import progress
 
@@ -147,16 +145,11 @@ class StartPoints:
 
     Attributes:
         cloud: the points; of a capture without depth its sparse ones, if it has some.
-        voxel_size: edge length of their grid, the finest one of a scene [m].
         training: the frames that they come from, and that a trainer may see.
     """
 
     cloud: PointCloud
-    voxel_size: float
     training: Sequence[Frame]
-
-    def __len__(self) -> int:
-        return len(self.cloud)
 
 
 def start_points(capture: Capture) -> StartPoints:
@@ -164,41 +157,18 @@ def start_points(capture: Capture) -> StartPoints:
 
     They are the object's if the capture has masks, else the scene's; of photographs those that came with
     them. Held-out frames do not contribute.
-
-    Raises:
-        DigsError: a file of the capture cannot be read.
     """
     training = capture.split()[0] or list(capture.frames)
     with_depth = [frame for frame in training if frame.has(Layer.DEPTH)]
     with_mask = [frame for frame in with_depth if frame.has(Layer.MASK)]
-    cloud, report = _NO_POINTS, None
+    cloud = _NO_POINTS
     try:
         if with_mask:
-            cloud, report = depth_points(with_mask, InitConfig())
+            cloud, _ = depth_points(with_mask, InitConfig())
         elif with_depth:
-            cloud, report = depth_points(with_depth, InitConfig(), subject="scene")
+            cloud, _ = depth_points(with_depth, InitConfig(), subject="scene")
         else:
             cloud = capture.load_points() or cloud
     except NoPointsError as error:
         logger.warning("%s: exported without points to start from: %s", capture, error)
-    return StartPoints(cloud, report.voxel_size if report else 0.0, training)
-
-
-def sightings(capture: Capture, start: StartPoints) -> list[np.ndarray]:
-    """Return for each frame the indices of the points that it shows, ascending.
-
-    A frame shows a point if its depth there is that of the point; without depth, if no other point hides it.
-    Held-out frames have none.
-    """
-    training = set(start.training)
-
-    def work(_: int, frame: Frame) -> np.ndarray:
-        if not len(start) or frame not in training:
-            return np.zeros(0, dtype=np.int64)
-        if not frame.has(Layer.DEPTH):
-            seen = front_points(frame.camera, start.cloud.points_world)
-            return seen[0][seen[2]]
-        view = DepthViews.of([(frame.camera, frame.load_depth())])
-        return np.flatnonzero(confirmed(start.cloud.points_world, view, start.voxel_size))
-
-    return for_each_frame(capture.frames, "Finding points in images", work)
+    return StartPoints(cloud, training)

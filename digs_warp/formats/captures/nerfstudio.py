@@ -83,7 +83,7 @@ def write_nerfstudio(capture: Capture, folder: Path) -> None:
     lost = sum(for_each_frame(capture.frames, "Writing nerfstudio", write_frame))
     warn_of_lost_depth(lost, MM_PER_METRE, "nerfstudio")
     start = start_points(capture)
-    if len(start):
+    if len(start.cloud):
         write_points(folder / POINTS, start.cloud)
     index = _index(capture, layers, start)
     write_atomically(folder / INDEX_NAME, to_json(index).encode())
@@ -109,7 +109,7 @@ def _index(capture: Capture, layers: set[Layer], start: StartPoints) -> dict[str
     index: dict[str, Any] = {"camera_model": "PINHOLE"}
     if len(cameras) == 1:
         index |= _all_camera_keys(cameras.pop())
-    if len(start):
+    if len(start.cloud):
         index[POINTS_KEY] = POINTS
     return index | _split(capture, names, start) | {"frames": frames}
 
@@ -139,12 +139,7 @@ OTHER_INDICES = ("transforms_train.json", "transforms_test.json", "transforms_va
 
 
 def read_nerfstudio(folder: Path) -> Recording:
-    """Read a folder with transforms.json, or with transforms_train.json.
-
-    Raises:
-        CaptureError: no usable index, a missing image, another unit of depth than its images have, or a lens
-            that needs more coefficients than we know.
-    """
+    """Read a folder with transforms.json, or with transforms_train.json."""
     names = [name for name in (INDEX_NAME, *OTHER_INDICES) if (folder / name).is_file()]
     name = (names or [INDEX_NAME])[0]
     index = read_json(folder / name, "nerfstudio index")

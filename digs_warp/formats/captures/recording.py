@@ -200,11 +200,7 @@ class Recording:
         return replace(self, frames=tuple(self.frames[number] for number in kept))
 
     def with_field_of_view(self, degrees: float) -> "Recording":
-        """Return the recording with another horizontal field of view of its undistorted images.
-
-        Raises:
-            CaptureError: no image is undistorted; the field of view of the others is as recorded.
-        """
+        """Return the recording with another horizontal field of view of its undistorted images."""
         if all(frame.view is None for frame in self.frames):
             raise CaptureError(
                 f"recording '{self.folder}': its images have no lens distortion, so that --fov-deg has "
@@ -230,11 +226,7 @@ class NumberedFiles:
 
     @staticmethod
     def find(folder: Path, images: str, depths: str) -> "NumberedFiles":
-        """Find the files; ``images`` and ``depths`` are what precedes the number, such as "rgb/" or "left".
-
-        Raises:
-            CaptureError: no images.
-        """
+        """Find the files; ``images`` and ``depths`` precede the number, such as "rgb/" or "left"."""
         found = numbered_files(folder, images, IMAGE_SUFFIXES)
         if not found:
             raise CaptureError(
@@ -332,11 +324,7 @@ def placed(quat_xyzw: np.ndarray, place: np.ndarray) -> np.ndarray | None:
 
 
 def read_numbers(path: Path, shape: tuple[int, ...], what: str) -> np.ndarray:
-    """Return the numbers of a text file, separated by blanks or commas, without lines that begin with #.
-
-    Raises:
-        CaptureError: missing, no numbers, or a count that does not fit ``shape``.
-    """
+    """Return the numbers of a text file, separated by blanks or commas, without lines that begin with #."""
     lines = read_text(path, what, errors="replace").splitlines()
     words = re.split(
         r"[\s,]+", " ".join(line for line in lines if not line.startswith("#")).strip()

@@ -35,11 +35,7 @@ TRAJECTORY = "trajectory.log"
 
 
 def read_redwood(folder: Path) -> Recording:
-    """Read a data set of Open3D's reconstruction system; trajectory.log may be missing.
-
-    Raises:
-        CaptureError: no images or camera, or a trajectory that does not fit them.
-    """
+    """Read a data set of Open3D's reconstruction system; trajectory.log may be missing."""
     files = NumberedFiles.find(folder, "color/", "depth/")
     camera = Fields(read_json(folder / CAMERA, "camera"), f"'{folder / CAMERA}'", CaptureError)
     matrix = camera.array("intrinsic_matrix", (3, 3)).T
@@ -60,11 +56,7 @@ def _read_log(path: Path) -> list[np.ndarray | None]:
 
 
 def write_redwood(capture: Capture, folder: Path) -> None:
-    """Write the capture as a data set for Open3D.
-
-    Raises:
-        CaptureError: no depth, or cameras that differ.
-    """
+    """Write the capture as a data set for Open3D."""
     k = integer_centered(the_one_camera(capture, "Redwood"))
 
     def paths(number: int) -> tuple[Path, Path]:

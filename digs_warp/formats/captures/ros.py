@@ -50,9 +50,6 @@ def read_ros(path: Path, scratch: Path, count: int) -> Recording:
         path: a .bag or .mcap file, or the folder of a ROS 2 bag.
         scratch: a folder that has to live as long as the recording.
         count: the most frames to take.
-
-    Raises:
-        CaptureError: rosbags is missing, no bag, or one without color images and their camera_info.
     """
     bag = _Bag(path)
     color, depth = bag.color, bag.depth

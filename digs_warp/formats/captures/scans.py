@@ -67,11 +67,7 @@ METADATA = "metadata.json"
 
 
 def read_record3d(folder: Path) -> Recording:
-    """Read an export "EXR + RGB" of Record3D.
-
-    Raises:
-        CaptureError: no images or metadata, or metadata without a camera.
-    """
+    """Read an export "EXR + RGB" of Record3D."""
     base = "EXR_RGBD/" if (folder / "EXR_RGBD").is_dir() else ""
     files = NumberedFiles.find(folder, f"{base}rgb/", f"{base}depth/")
     path = folder / METADATA if (folder / METADATA).is_file() else folder / base / METADATA
@@ -91,9 +87,6 @@ def read_r3d(path: Path, scratch: Path, count: int) -> Recording:
         path: the file.
         scratch: a folder that has to live as long as the recording.
         count: the most frames to take.
-
-    Raises:
-        CaptureError: pyliblzfse is missing, or the file is damaged.
     """
     require_file(path, "recording of Record3D", "Name a .r3d file, or the folder of an export.")
     try:
@@ -159,11 +152,7 @@ def _turned(row: np.ndarray, size: tuple[int, int]) -> list[float]:
 
 
 def read_scannet(folder: Path) -> Recording:
-    """Read a scene exported by ScanNet's SensReader, or another folder with the same layout.
-
-    Raises:
-        CaptureError: no images, or broken matrices.
-    """
+    """Read a scene exported by ScanNet's SensReader, or another folder with the same layout."""
     files = NumberedFiles.find(folder, "color/", "depth/")
     color_k = read_numbers(folder / "intrinsic/intrinsic_color.txt", (4, 4), "camera")
     depth_camera = None
@@ -186,11 +175,7 @@ WIDEST = 2.0
 
 
 def read_zed(folder: Path) -> Recording:
-    """Read left images and depth as the ZED SDK's export samples write them.
-
-    Raises:
-        CaptureError: no left images, or no usable calibration.json.
-    """
+    """Read left images and depth as the ZED SDK's export samples write them."""
     files = NumberedFiles.find(folder, "left", "depth")
     path = folder / CALIBRATION
     content = read_json(path, "calibration of the rectified left camera")
@@ -217,11 +202,7 @@ _PER_SECOND = 1e6
 
 
 def read_polycam(folder: Path) -> Recording:
-    """Read raw data of Polycam.
-
-    Raises:
-        CaptureError: no images, or a camera is missing or broken.
-    """
+    """Read raw data of Polycam."""
     corrected = (folder / "keyframes/corrected_images").is_dir()
     prefix = "corrected_" if corrected else ""
     files = NumberedFiles.find(folder, f"keyframes/{prefix}images/", "keyframes/depth/")
@@ -244,9 +225,6 @@ def read_stray(folder: Path, scratch: Path, count: int) -> Recording:
         folder: of Stray Scanner.
         scratch: a folder that has to live as long as the recording.
         count: the most frames to take.
-
-    Raises:
-        CaptureError: a file is missing or broken.
     """
     require_folder(folder, "recording", "Name the folder with rgb.mp4, odometry.csv and depth/.")
     path = folder / "odometry.csv"

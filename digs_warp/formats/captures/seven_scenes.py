@@ -52,11 +52,7 @@ COLOR_FROM_DEPTH = np.array(
 
 
 def read_seven_scenes(folder: Path) -> Recording:
-    """Read one sequence, such as chess/seq-01.
-
-    Raises:
-        CaptureError: no frames, no calibration for images of another size, or broken poses.
-    """
+    """Read one sequence, such as chess/seq-01."""
     images = numbered_files(folder, "frame-", IMAGE_SUFFIXES, ".color")
     if not images:
         sequences = sorted(path.name for path in folder.glob("seq-*") if path.is_dir())

@@ -90,11 +90,7 @@ class StereoExport:
 
     @staticmethod
     def of(capture: Capture, form: str) -> "StereoExport":
-        """Return the capture as stereo pairs for the format ``form``.
-
-        Raises:
-            CaptureError: one eye only, or no true disparity.
-        """
+        """Return the capture as stereo pairs for the format ``form``."""
         if capture.rig is None:
             raise CaptureError(
                 f"{capture}: recorded with one eye, but {form} holds stereo pairs; record it with "
@@ -147,11 +143,7 @@ SEEN, OCCLUDED, UNKNOWN = 255, 128, 0
 
 
 def write_middlebury(capture: Capture, folder: Path) -> None:
-    """Write every frame as a scene of Middlebury's.
-
-    Raises:
-        CaptureError: no stereo pairs, or no true disparity.
-    """
+    """Write every frame as a scene of Middlebury's."""
     pairs = StereoExport.of(capture, "Middlebury")
 
     def write_scene(number: int, frame: Frame) -> None:
@@ -205,11 +197,7 @@ UNKNOWN_FLOW, UNKNOWN_DISPARITY = 1e10, 0.0
 
 
 def write_sceneflow(capture: Capture, folder: Path) -> None:
-    """Write the capture as a sequence of FlyingThings3D.
-
-    Raises:
-        CaptureError: no stereo pairs, or no true disparity.
-    """
+    """Write the capture as a sequence of FlyingThings3D."""
     pairs = StereoExport.of(capture, "Scene Flow")
     root = folder / ROOT
 
@@ -250,11 +238,7 @@ UNITS_PER_FLOW, ZERO_FLOW = 64.0, 1 << 15
 
 
 def write_kitti_stereo(capture: Capture, folder: Path) -> None:
-    """Write the capture in the layout of KITTI's training data of 2015.
-
-    Raises:
-        CaptureError: no stereo pairs, or no true disparity.
-    """
+    """Write the capture in the layout of KITTI's training data of 2015."""
     pairs = StereoExport.of(capture, "KITTI")
     frames = capture.frames[:-1] if pairs.has_flow else capture.frames
     split = folder / SPLIT

@@ -153,11 +153,7 @@ def load_frame(frame: RecordedFrame, recording: Recording) -> FrameImages:
 
 
 def load_color(path: Path, what: str, k: Intrinsics) -> tuple[np.ndarray, np.ndarray | None]:
-    """Return sRGB, (height, width, 3), uint8, and the alpha channel, (height, width), if it hides anything.
-
-    Raises:
-        CaptureError: more than 8 bits, or another size than that of the camera ``k``.
-    """
+    """Return sRGB, (height, width, 3), uint8, and alpha, (height, width), if it hides anything."""
     image = read_image(path, what)
     _check_size(path, image, k)
     if image.dtype != np.uint8:
@@ -198,11 +194,7 @@ def _registered(depth: np.ndarray, frame: RecordedFrame, recording: Recording) -
 
 
 def nearly_rigid(matrix: np.ndarray, where: str) -> np.ndarray:
-    """Return a (4, 4) pose with its rotation made exact.
-
-    Raises:
-        CaptureError: not finite, or not a rotation, even if few digits are allowed for.
-    """
+    """Return a (4, 4) pose with its rotation made exact."""
     matrix = np.asarray(matrix, dtype=np.float64)
     if matrix.shape not in ((4, 4), (3, 4)) or not np.isfinite(matrix).all():
         raise CaptureError(f"{where}: expected 4 x 4 finite numbers, found shape {matrix.shape}")
@@ -252,11 +244,7 @@ def _is_identity(frame: RecordedFrame) -> bool:
 
 
 def _with_sound_poses(folder: Path, posed: Sequence[RecordedFrame]) -> list[RecordedFrame]:
-    """Return the frames with exact rotations, without a few that have none; more are a mistake in all.
-
-    Raises:
-        CaptureError: the first broken pose, if a quarter of them is broken.
-    """
+    """Return the frames with exact rotations, without a few that have none; more are a mistake in all."""
     sound, broken = [], []
     for frame in posed:
         try:

@@ -31,11 +31,7 @@ FRAMES_PER_SHARD = 64
 
 
 def write_hdf5(capture: Capture, folder: Path) -> None:
-    """Write a file of HDF5 for each frame.
-
-    Raises:
-        MissingLibraryError: h5py is not installed.
-    """
+    """Write a file of HDF5 for each frame."""
     try:
         import h5py  # pyright: ignore[reportMissingImports]
     except ModuleNotFoundError as error:

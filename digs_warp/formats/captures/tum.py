@@ -54,11 +54,7 @@ KNOWN_CAMERAS = {
 
 
 def read_tum(folder: Path) -> Recording:
-    """Read the folder of a TUM RGB-D sequence; groundtruth.txt may be missing.
-
-    Raises:
-        CaptureError: lists are missing or broken, their times do not match, or no camera is known.
-    """
+    """Read the folder of a TUM RGB-D sequence; groundtruth.txt may be missing."""
     files = FileNames(folder)
     times, images = _read_list(files, "rgb.txt")
     depth_times, depths = _read_list(files, "depth.txt")
@@ -90,11 +86,7 @@ def read_tum(folder: Path) -> Recording:
 def at_the_moments(
     times: np.ndarray, others: np.ndarray, source: Path, what: str, gap: float = LARGEST_GAP
 ) -> list[int | None]:
-    """Return for each image the number of what was taken at its moment; None: nothing within ``gap`` [s].
-
-    Raises:
-        CaptureError: nothing is near enough to any image; it names ``source`` and ``what``.
-    """
+    """Return for each image the number of what was taken at its moment; None: nothing within ``gap`` [s]."""
     nearest = [int(np.argmin(np.abs(others - time))) for time in times]
     gaps = np.abs(times - others[nearest])
     if gaps.min() > gap:
@@ -147,11 +139,7 @@ def _intrinsics(folder: Path, size: tuple[int, int]) -> Intrinsics:
 
 
 def write_tum(capture: Capture, folder: Path) -> None:
-    """Write the capture in the format of the TUM RGB-D benchmark.
-
-    Raises:
-        CaptureError: no depth, two frames of the same microsecond, or cameras that differ.
-    """
+    """Write the capture in the format of the TUM RGB-D benchmark."""
     k = integer_centered(the_one_camera(capture, "TUM RGB-D"))
     stamps = [f"{frame.time:.6f}" for frame in capture.frames]
     if len(set(stamps)) < len(stamps):

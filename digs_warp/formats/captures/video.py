@@ -66,9 +66,6 @@ def read_film(path: Path, scratch: Path, count: int, fov_deg: float | None) -> R
         scratch: a folder that has to live as long as the recording.
         count: the most frames to take.
         fov_deg: horizontal field of view of the camera; None: unknown.
-
-    Raises:
-        CaptureError: no film, or one without frames.
     """
     images, size, rate = chosen_frames(path, scratch, count)
     k = _camera(path, size, fov_deg)
@@ -85,9 +82,6 @@ def chosen_frames(
         scratch: the folder.
         count: the most frames to take.
         length: frames of which more is known; those behind are not taken. None: all.
-
-    Raises:
-        CaptureError: no film, or one without frames.
     """
     require_file(path, "film", "Name a film such as walk.mp4.")
     sharpness, rate = _measure(path)

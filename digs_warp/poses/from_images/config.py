@@ -21,9 +21,9 @@ class SfmConfig(Settings):
     """Where camera poses and sparse points come from."""
 
     poses: str = "sfm"
-    """Camera poses. sfm: estimated from the images; rgbd: from color and depth; auto: sfm, but rgbd where
-    that fails or depth contradicts it; board:FILE: from a printed board that the file describes, see
-    `digs_warp.poses.board`; capture: those of the recording, points are only triangulated."""
+    """Camera poses. capture: those of the recording; sfm: from the images, the scale from the depth maps;
+    rgbd: from color and depth of a film, where there is too little texture for sfm; auto: sfm, but rgbd where
+    that fails or depth contradicts it; board:FILE: from a printed board (docs/poses.md), in metres."""
 
     feature_size: Annotated[int, Range(32, 16_384)] = 1200
     """Longest side [px] of the images used for feature detection; larger images are reduced to it. Smaller

@@ -1,4 +1,4 @@
-"""Renders a camera path frame by frame, and writes the film: a video, a GIF, or a folder of PNG files."""
+"""Renders a camera path frame by frame, and writes the film: a video or a GIF."""
 
 import time
 from collections.abc import Iterable, Iterator, Sequence
@@ -11,7 +11,7 @@ import numpy as np
 
 from digs_warp.checks import DigsError
 from digs_warp.data.gaussians import Gaussians
-from digs_warp.data.images import to_uint8, write_image
+from digs_warp.data.images import to_uint8
 from digs_warp.geometry.camera import Camera
 from digs_warp.record.files import write_atomically
 from digs_warp.splat.device import DeviceGaussians
@@ -108,15 +108,6 @@ def write_video(path: Path, frames: Iterable[np.ndarray], frame_rate: float) -> 
         raise DigsError(f"video '{path}': suffix '{path.suffix}', expected {' or '.join(SUFFIXES)}")
     frames = _at_least_one(frames, path)
     return (_write_mp4 if suffix == ".mp4" else _write_gif)(path, frames, frame_rate)
-
-
-def write_frames(folder: Path, frames: Iterable[np.ndarray]) -> int:
-    """Write frames as ``0000.png``, ``0001.png``, ... into a folder and return their number."""
-    count = 0
-    for frame in frames:
-        write_image(folder / f"{count:04d}.png", frame)
-        count += 1
-    return count
 
 
 def _at_least_one(frames: Iterable[np.ndarray], path: Path) -> Iterator[np.ndarray]:

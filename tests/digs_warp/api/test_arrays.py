@@ -143,7 +143,7 @@ def test_results_are_saved_by_suffix_replaced_on_request_and_short(
         result.save(tmp_path / "a.obj")
     again = dw.reconstruct(recorded, out=tmp_path / "out", iterations=1, overwrite=True)
     assert again.folder == tmp_path / "out" and again.training.iterations == 1
-    with pytest.raises(dw.DigsError, match="overwrite=True"):
+    with pytest.raises(dw.DigsError, match="--overwrite"):
         dw.reconstruct(recorded, out=tmp_path / "out", iterations=1)
     for each in (recorded, result, again, result.gaussians):
         assert len(repr(each)) < 130 + len(str(tmp_path)) and each._repr_html_().startswith(

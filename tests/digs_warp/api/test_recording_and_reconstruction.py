@@ -72,12 +72,6 @@ def test_structure_from_motion_reads_images_in_memory(tmp_path: Path) -> None:
     assert len(list((out / "sfm" / "images").iterdir())) == len(capture)
 
 
-def test_a_folder_with_results_is_left_alone(recording: dw.Capture, tmp_path: Path) -> None:
-    (tmp_path / "run.json").write_text("{}")
-    with pytest.raises(dw.DigsError, match="already holds results; go on with resume=True"):
-        dw.reconstruct(recording, out=tmp_path, iterations=1)
-
-
 def test_the_stream_is_the_recording(recording: dw.Capture) -> None:
     frames = dw.stream(**RECORDING)
     for _, stored in zip(range(2), recording.frames, strict=False):

@@ -2,6 +2,7 @@
 
 import json
 import re
+import zipfile
 from pathlib import Path
 
 import pytest
@@ -9,7 +10,6 @@ import pytest
 from digs_warp import cli
 from digs_warp.masks.masks import SETTINGS
 from digs_warp.record.layout import MANIFEST, MASKS, RUN_RECORD
-from digs_warp.record.manifest import Manifest
 from reference.full_disk import largest_file
 
 SIMULATE = "simulate --frames 4 --width 64 --samples-per-pixel 1 --ground none"
@@ -17,7 +17,6 @@ COMMANDS = (
     f"{SIMULATE} --out OUT/a --resume",
     "reconstruct IN/capture --iterations 12 --test-every 3 --masks depth --out OUT/a --resume",
     "render IN/result --seconds 0.4 --width 256 --height 144 --out OUT/film.mp4",
-    "render IN/result --seconds 0.4 --width 256 --height 144 --out OUT/film",
     "convert IN/result --out OUT/scene.spz",
     "convert IN/capture --to colmap --out OUT/a",
     "export-usd IN/result --capture IN/capture --out OUT/scene.usdz",
@@ -58,11 +57,9 @@ def is_whole(path: Path, content: bytes, expected: bytes | None) -> bool:
         return True
     if path.suffix == ".json":
         return bool(json.loads(content))  # half an object is no JSON
-    return any(
-        Manifest.read(folder).is_whole(path)
-        for folder in path.parents
-        if (folder / MANIFEST).is_file()
-    )
+    if path.suffix == ".npz":  # a checkpoint of an earlier step
+        return zipfile.ZipFile(path).testzip() is None
+    return False
 
 
 @pytest.mark.parametrize("command", COMMANDS, ids=lambda text: " ".join(text.split()[:2]))

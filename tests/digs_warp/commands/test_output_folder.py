@@ -165,17 +165,6 @@ def test_an_error_names_the_folder_that_the_user_named(tmp_path: Path) -> None:
     )
 
 
-def test_a_foreign_file_in_the_way_is_an_error_before_the_run(tmp_path: Path) -> None:
-    folder = our_folder(tmp_path / "out")
-    (folder / "images").mkdir()
-    (folder / "images" / "0001.png").write_text("precious")
-    before = state(tmp_path)
-    with pytest.raises(DigsError, match=r"needs the names images/0001\.png"):
-        with OutputFolder(out=folder, overwrite=True).opened(writes=["images/*.png"]):
-            raise AssertionError
-    assert state(tmp_path) == before
-
-
 def test_resume_goes_on_with_an_interrupted_overwrite_and_says_so(
     tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:

@@ -1,4 +1,4 @@
-"""A resumed reconstruction makes what is damaged or missing again, with the same result."""
+"""A resumed reconstruction makes what is missing again, with the same result."""
 
 import json
 import shutil
@@ -50,39 +50,27 @@ def without_times(value: Any) -> Any:
 
 
 @pytest.mark.parametrize(
-    ("pattern", "damage"),
+    "pattern",
     [
-        ("masks/*.png", "emptied"),
-        ("cameras.json", "flipped"),
-        ("initial_points.npz", "deleted"),
-        ("gaussians.npz", "flipped"),
-        ("training.jsonl", "emptied"),
-        ("course/*6.npz", "flipped"),
-        ("evaluation.json", "deleted"),
-        ("renders/*.png", "flipped"),
+        *("masks/*.png", "cameras.json", "initial_points.npz", "gaussians.npz", "training.jsonl"),
+        *("course/*6.npz", "evaluation.json", "renders/*.png"),
     ],
 )
-def test_what_is_damaged_is_made_again(
+def test_what_is_missing_is_made_again(
     tiny_capture: Capture,
     result: Path,
     tmp_path: Path,
     caplog: pytest.LogCaptureFixture,
     pattern: str,
-    damage: str,
 ) -> None:
     folder = Path(shutil.copytree(result, tmp_path / "copy"))
     victim = sorted(folder.glob(pattern))[0]
-    content = bytearray(victim.read_bytes())
-    content[-20] ^= 1
-    if damage == "deleted":
-        victim.unlink()
-    else:
-        victim.write_bytes(content if damage == "flipped" else b"")
+    victim.unlink()
     reconstruct(tiny_capture, CONFIG, folder, resume=True)
     name = victim.relative_to(folder).as_posix()
-    assert f"1 file is damaged or missing and made again: {name}" in caplog.text
+    assert f"1 file is missing and made again: {name}" in caplog.text
     assert files(folder) == files(result)
-    assert Manifest.read(folder).all_whole()
+    assert Manifest.read(folder).is_complete()
 
 
 def test_nothing_is_made_again_without_need(
@@ -93,5 +81,5 @@ def test_nothing_is_made_again_without_need(
     before = [(folder / name).stat().st_mtime_ns for name in kept]
     reconstruct(tiny_capture, CONFIG, folder, resume=True)
     assert [(folder / name).stat().st_mtime_ns for name in kept] == before
-    assert "damaged" not in caplog.text
+    assert "missing" not in caplog.text
     assert files(folder) == files(result)

@@ -61,7 +61,7 @@ def test_failed_and_killed_cases_stop_no_other_and_what_dies_is_tried_again(tmp_
     thirteen, dead, fine = Store(tmp_path).records.values()
     assert (thirteen["failure"], thirteen["attempts"]) == ("error", 1)
     assert thirteen["error"] == "ValueError: thirteen"
-    assert (dead["failure"], dead["attempts"]) == ("killed", 2) and "SIGKILL" in dead["error"]
+    assert (dead["failure"], dead["attempts"]) == ("died", 2) and "SIGKILL" in dead["error"]
     assert "error" not in fine
     (tmp_path / "lucky").touch()
     assert run_cases(cases(13), tmp_path, measure=measure).done == 1
