@@ -8,8 +8,8 @@ import numpy as np
 from digs_warp.data.frame import Frame
 from digs_warp.data.sfm_model import SfmModel
 from digs_warp.geometry.camera import Camera
-from digs_warp.geometry.rigid import turn_degrees
-from digs_warp.poses.from_images.similarity import umeyama
+from digs_warp.geometry.rigid import laid_over, turn_degrees
+from digs_warp.poses.from_images.similarity import check_spread
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,11 +46,15 @@ def camera_errors(cameras: Mapping[str, Camera], frames: Sequence[Frame]) -> Pos
     truths = [true[name] for name in cameras]
     found = np.array([camera.center_world for camera in cameras.values()])
     expected = np.array([camera.center_world for camera in truths])
-    alignment = umeyama(found, expected)
-    turned = np.array([alignment.rotation @ c.world_from_cam[:3, :3] for c in cameras.values()])
+    check_spread(found, expected)
+    rotation = laid_over(found, expected)[:3, :3]
+    a, b = found - found.mean(axis=0), expected - expected.mean(axis=0)
+    # Umeyama, IEEE PAMI 1991, eq. 42.
+    scale = float((b * (a @ rotation.T)).sum() / (a**2).sum())
+    turned = np.array([rotation @ c.world_from_cam[:3, :3] for c in cameras.values()])
     rotations = np.array([c.world_from_cam[:3, :3] for c in truths])
     return PoseErrors(
-        centers_m=np.linalg.norm(alignment.apply(found) - expected, axis=1),
+        centers_m=np.linalg.norm(scale * a @ rotation.T - b, axis=1),
         rotations_deg=turn_degrees(turned, rotations),
-        sfm_per_metre=1.0 / alignment.scale,
+        sfm_per_metre=1.0 / scale,
     )

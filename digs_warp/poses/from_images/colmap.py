@@ -4,8 +4,8 @@ What COLMAP is told here decides the result, so every option that is not its def
 """
 
 import os
-import threading
 from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor, wait
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -43,29 +43,18 @@ def run_interruptible(
             what it writes is then whole.
         watch: called several times a second meanwhile, and once at the end.
     """
-    results: list[Result] = []
-    errors: list[BaseException] = []
-
-    def work() -> None:
+    with ThreadPoolExecutor(
+        1, thread_name_prefix="colmap"
+    ) as pool:  # waits for the call at its end
+        running = pool.submit(call)
         try:
-            results.append(call())
-        except BaseException as error:  # raised again below, on the caller's thread
-            errors.append(error)
-
-    thread = threading.Thread(target=work, name="colmap")
-    thread.start()
-    try:
-        while thread.is_alive():
-            thread.join(POLL_SECONDS)
-            watch()
-    except BaseException:
-        cancel()
-        thread.join()
-        raise
+            while not wait([running], POLL_SECONDS).done:
+                watch()
+        except BaseException:
+            cancel()
+            raise
     watch()
-    if errors:
-        raise errors[0]
-    return results[0]
+    return running.result()
 
 
 # Most matches of neighboring photographs are right, and RANSAC's own confidence tells when it may stop.

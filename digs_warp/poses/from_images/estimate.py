@@ -2,6 +2,7 @@
 
 import logging
 import shutil
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -36,7 +37,7 @@ from digs_warp.poses.from_images.workspace import (
     IMAGES,
     MASKS,
     Workspace,
-    stage_keys,
+    key_of,
     with_image_files,
     with_scene_masks,
 )
@@ -67,8 +68,8 @@ def structure_from_motion(frames: Sequence[Frame], config: SfmConfig, workspace:
     """Return cameras and sparse points of a recording (paper section 3.2).
 
     Features are sought in the whole image, background included: it is what holds the views together.
-    What is finished stays in the workspace: with the same images and settings it is not done again, and an
-    interrupted run goes on where it stopped.
+    With the same images and settings, what is finished in the workspace is not done again, and an interrupted
+    run goes on where it stopped.
 
     Args:
         frames: at least three, in the order of the recording; their intrinsics are taken as known. Their
@@ -88,9 +89,8 @@ def structure_from_motion(frames: Sequence[Frame], config: SfmConfig, workspace:
     _check_names_differ(frames)
     frames = with_image_files(frames, workspace / IMAGES)
     log = RunLog("sfm", config)
-    images, place = ImageSet.of(frames), Workspace(workspace, stage_keys(frames, config))
-    place.prepare()
-    notes = place.finished_model()
+    images, place = ImageSet.of(frames), Workspace(workspace, key_of(frames, config))
+    notes = place.prepare()
     if notes is None:
         masks = with_scene_masks(frames, images.names, workspace / MASKS)
         _find_and_match(images, config, place, masks, log)
@@ -111,14 +111,12 @@ def structure_from_motion(frames: Sequence[Frame], config: SfmConfig, workspace:
 
 
 def _check_names_differ(frames: Sequence[Frame]) -> None:
-    seen: set[str] = set()
-    for frame in frames:
-        if frame.name in seen:
+    for name, count in Counter(frame.name for frame in frames).items():
+        if count > 1:
             raise DigsError(
-                f"structure from motion: two images share the name '{frame.name}', by which their cameras "
-                "are found again; rename one of the files"
+                f"structure from motion: {count} images share the name '{name}', by which their cameras are "
+                "found again; rename the files"
             )
-        seen.add(frame.name)
 
 
 def _find_and_match(

@@ -1,51 +1,14 @@
-"""The similarity that structure from motion leaves open, and the axes of its world."""
+"""The world of found poses: that of the recording, of a turntable, or an upright one."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
-from digs_warp.checks import DigsError, check_shape
+from digs_warp.checks import DigsError
 from digs_warp.data.viewpoints import upward
 from digs_warp.geometry.camera import Camera
 from digs_warp.geometry.rigid import laid_over, rigid, turn_degrees
 from digs_warp.poses import thresholds
-
-
-@dataclass(frozen=True, eq=False)
-class Similarity:
-    """``target = scale * rotation @ source + translation``."""
-
-    scale: float
-    rotation: np.ndarray
-    translation: np.ndarray
-
-    def apply(self, points: np.ndarray) -> np.ndarray:
-        """Return the points (..., 3) in the target frame."""
-        return self.scale * points @ self.rotation.T + self.translation
-
-
-def umeyama(source: np.ndarray, target: np.ndarray) -> Similarity:
-    """Return the similarity that maps ``source`` onto ``target``, (n, 3) each, with least squares.
-
-    Umeyama, "Least-squares estimation of transformation parameters between two point patterns",
-    IEEE PAMI 1991, eq. 40 to 42; never a reflection.
-
-    Raises:
-        DigsError: fewer than three points, or points on one line: the rotation is not determined.
-    """
-    check_shape("umeyama source", source, (None, 3))
-    check_shape("umeyama target", target, (len(source), 3))
-    a, b = source - source.mean(axis=0), target - target.mean(axis=0)
-    singular = np.linalg.svd(b.T @ a, compute_uv=False)
-    if len(source) < 3 or singular[1] <= 1e-9 * max(singular[0], 1e-300):
-        raise DigsError(
-            f"alignment: {len(source)} points on one line or in one place leave the rotation undetermined; "
-            "expected at least 3 in a plane"
-        )
-    rotation = laid_over(source, target)[:3, :3]
-    scale = float((b * (a @ rotation.T)).sum() / (a**2).sum())
-    return Similarity(scale, rotation, target.mean(axis=0) - scale * rotation @ source.mean(axis=0))
 
 
 def world_as_recorded(cameras: Sequence[Camera], recorded: Sequence[Camera]) -> np.ndarray:
@@ -56,10 +19,20 @@ def world_as_recorded(cameras: Sequence[Camera], recorded: Sequence[Camera]) -> 
     Raises:
         DigsError: fewer than three cameras, or cameras on one line.
     """
-    found = np.array([camera.center_world for camera in cameras])
-    expected = np.array([camera.center_world for camera in recorded])
-    rotation = umeyama(found, expected).rotation
-    return rigid(rotation, expected.mean(axis=0) - rotation @ found.mean(axis=0))
+    found, expected = (np.array([c.center_world for c in some]) for some in (cameras, recorded))
+    check_spread(found, expected)
+    return laid_over(found, expected)
+
+
+def check_spread(source: np.ndarray, target: np.ndarray) -> None:
+    """Raise a `DigsError` if points (n, 3) that are to be laid over others lie on one line."""
+    a, b = source - source.mean(axis=0), target - target.mean(axis=0)
+    singular = np.linalg.svd(b.T @ a, compute_uv=False)
+    if len(source) < 3 or singular[1] <= 1e-9 * max(singular[0], 1e-300):
+        raise DigsError(
+            f"alignment: {len(source)} points on one line or in one place leave the rotation undetermined; "
+            "expected at least 3 in a plane"
+        )
 
 
 def on_one_axis(poses: np.ndarray) -> np.ndarray:

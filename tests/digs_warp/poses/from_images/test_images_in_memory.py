@@ -7,7 +7,7 @@ import numpy as np
 
 from digs_warp.data.layers import Layer
 from digs_warp.poses.from_images.config import SfmConfig
-from digs_warp.poses.from_images.workspace import stage_keys, with_image_files
+from digs_warp.poses.from_images.workspace import key_of, with_image_files
 from reference.noise_capture import write_capture
 
 
@@ -18,7 +18,7 @@ def test_images_in_memory_get_files_with_the_same_bytes(tmp_path: Path) -> None:
     assert {frame.path(Layer.IMAGE).parent for frame in written} == {tmp_path / "images"}
     for frame, there in zip(written, stored, strict=True):
         np.testing.assert_array_equal(frame.load_image(), there.load_image())
-    assert stage_keys(written, SfmConfig()) == stage_keys(stored, SfmConfig())
+    assert key_of(written, SfmConfig()) == key_of(stored, SfmConfig())
 
 
 def test_images_with_files_stay_where_they_are(tmp_path: Path) -> None:

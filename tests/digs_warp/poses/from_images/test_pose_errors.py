@@ -1,4 +1,6 @@
-"""Alignment and pose errors against similarities that are known."""
+"""Alignment and pose errors against what is known."""
+
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -10,17 +12,11 @@ from digs_warp.data.point_cloud import PointCloud
 from digs_warp.data.sfm_model import Observations, SfmModel
 from digs_warp.geometry.camera import Camera, Intrinsics
 from digs_warp.geometry.rigid import look_at, matrix_from_rotation_vector, rigid
-from digs_warp.poses.from_images.similarity import Similarity, on_one_axis, umeyama
+from digs_warp.poses.from_images.similarity import on_one_axis, world_as_recorded
 from digs_warp.poses.refine.photometric_alignment import in_place
 from studies.pose_errors import pose_errors
 
 INTRINSICS = Intrinsics.from_fov(64, 48, 60.0)
-
-
-def a_similarity(seed: int) -> Similarity:
-    rng = np.random.default_rng(seed)
-    rotation = Rotation.from_rotvec(rng.normal(size=3)).as_matrix()
-    return Similarity(float(rng.uniform(0.1, 10.0)), rotation, rng.normal(size=3))
 
 
 def orbit(count: int = 12) -> list[np.ndarray]:
@@ -41,36 +37,36 @@ def model_of(poses: list[np.ndarray], names: list[str]) -> SfmModel:
     )
 
 
-def seen_from_elsewhere(world_from_sfm: Similarity, pose: np.ndarray) -> np.ndarray:
-    """The pose in a frame that ``world_from_sfm`` turns, scales and moves into the world."""
-    center = (pose[:3, 3] - world_from_sfm.translation) @ world_from_sfm.rotation
-    return rigid(world_from_sfm.rotation.T @ pose[:3, :3], center / world_from_sfm.scale)
-
-
-def test_umeyama_finds_the_similarity(seed: int = 1) -> None:
-    truth = a_similarity(seed)
-    points = np.random.default_rng(seed + 100).normal(size=(20, 3))
-    found = umeyama(points, truth.apply(points))
-    assert found.scale == pytest.approx(truth.scale, rel=1e-12)
-    np.testing.assert_allclose(found.rotation, truth.rotation, atol=1e-12)
-    np.testing.assert_allclose(found.translation, truth.translation, atol=1e-11)
+def seen_from_elsewhere(scale: float, motion: np.ndarray, pose: np.ndarray) -> np.ndarray:
+    """The pose in a frame that is turned, scaled and moved into the world."""
+    elsewhere = np.linalg.inv(motion) @ pose
+    elsewhere[:3, 3] /= scale
+    return elsewhere
 
 
 @pytest.mark.parametrize("points", [np.zeros((5, 3)), np.outer(np.arange(5.0), [1.0, 2.0, 3.0])])
 def test_points_on_a_line_are_refused(points: np.ndarray) -> None:
     with pytest.raises(DigsError, match="on one line"):
-        umeyama(points, points)
+        world_as_recorded(*[[Camera(INTRINSICS, rigid(np.eye(3), p)) for p in points]] * 2)
 
 
 def test_an_exact_model_has_no_errors_and_tells_the_scale() -> None:
-    poses, world_from_sfm = orbit(), a_similarity(7)
+    poses = orbit()
+    motion = rigid(matrix_from_rotation_vector(np.array([0.3, -1.2, 0.7])), np.array([1.0, 2, 3]))
     some = [7, 1, 4, 10]  # found by their names
-    elsewhere = [seen_from_elsewhere(world_from_sfm, poses[i]) for i in some]
+    elsewhere = [seen_from_elsewhere(0.3, motion, poses[i]) for i in some]
     model = model_of(elsewhere, [frames_of(poses)[i].name for i in some])
     errors = pose_errors(model, frames_of(poses))
     assert errors.centers_m.max() < 1e-12
     assert errors.rotations_deg.max() < 1e-6
-    assert errors.sfm_per_metre == pytest.approx(1.0 / world_from_sfm.scale)
+    assert errors.sfm_per_metre == pytest.approx(1.0 / 0.3)
+
+
+def test_metric_cameras_are_laid_over_the_recorded_ones() -> None:
+    motion = rigid(matrix_from_rotation_vector(np.array([0.3, -1.2, 0.7])), np.array([1.0, 2, 3]))
+    recorded = [frame.camera for frame in frames_of(orbit())]
+    found = [replace(c, world_from_cam=np.linalg.inv(motion) @ c.world_from_cam) for c in recorded]
+    np.testing.assert_allclose(world_as_recorded(found, recorded), motion, atol=1e-12)
 
 
 def test_errors_are_in_metres_and_degrees() -> None:

@@ -17,7 +17,7 @@ from digs_warp.geometry.camera import Camera
 from digs_warp.poses.from_images import colmap
 from digs_warp.poses.from_images.config import SfmConfig
 from digs_warp.poses.from_images.estimate import SfmResult, structure_from_motion
-from digs_warp.poses.from_images.workspace import stage_keys, with_scene_masks
+from digs_warp.poses.from_images.workspace import key_of, with_scene_masks
 from reference.perturbed_poses import perturbed_poses
 from reference.sfm_views import INTRINSICS, arc, photograph, turns_on_the_spot
 from studies.pose_errors import pose_errors
@@ -101,18 +101,6 @@ def test_a_finished_workspace_is_used_again(
     np.testing.assert_array_equal(
         again.model.points.points_world, estimated.model.points.points_world
     )
-
-
-def test_other_settings_redo_only_what_they_touch(own_workspace: Path, views: list[Frame]) -> None:
-    database = own_workspace / "database.db"
-    with colmap.quiet_pycolmap().Database.open(database) as db:
-        before = db.num_keypoints(), db.num_matched_image_pairs()
-    config = replace(CONFIG, overlap=1, loop_images=0, poses="capture")
-    result = structure_from_motion(views, config, own_workspace)
-    with colmap.quiet_pycolmap().Database.open(database) as db:
-        assert db.num_keypoints() == before[0]
-        assert db.num_matched_image_pairs() < before[1]
-    assert result.quality.registered == 12
 
 
 def test_another_image_begins_anew(views: list[Frame], tmp_path: Path) -> None:
@@ -256,8 +244,7 @@ def test_no_feature_is_sought_where_an_image_is_no_scene(
     unknown = np.zeros((INTRINSICS.height, INTRINSICS.width), np.uint8)
     unknown[:, :half] = 255
     marked = [frames[0].with_layer(Layer.UNKNOWN, unknown), *frames[1:]]
-    keys = [stage_keys(each, SfmConfig()) for each in (frames, marked)]
-    assert keys[0].features != keys[1].features
+    assert key_of(frames, SfmConfig()) != key_of(marked, SfmConfig())
     images = colmap.ImageSet.of(marked)
     masks = with_scene_masks(marked, images.names, tmp_path / "masks")
     colmap.extract_features(images, SfmConfig(features=300), 1, tmp_path / "database.db", masks)
