@@ -69,10 +69,6 @@ MIN_STEP_INLIERS = 30
 # more, wrong ones that do not hold otherwise: up to 0.4, opposite sides of a cabinet: 0.58 | 0.07 and 0.11; a
 # texture that repeats has more, as it has inliers
 MIN_STEP_CORRELATION = 0.65
-# disagreement of a bridge over a broken step: of several wrong ones the best looks good | by hand
-MAX_BRIDGE_DISAGREEMENT = 1.0
-# degree between a step and the pose graph, from which on it is measured again | by hand
-MAX_STEP_RESIDUAL_DEG = 1.0
 # inliers with which no other start is tried | by hand
 MIN_CERTAIN_INLIERS = 40
 
@@ -80,8 +76,6 @@ MIN_CERTAIN_INLIERS = 40
 
 # degree, median residual of the loop edges | good recordings: 0.1 to 0.5, wrong edges: 1.2 and more | 0.2
 MAX_RESIDUAL_DEG = 1.0
-# degree, from which on loop edges are measured again from the poses | the same | 0
-MAX_SETTLED_RESIDUAL_DEG = 0.5
 # line process weight below which Open3D prunes an edge, 0 to 1 | Open3D's default
 MIN_EDGE_WEIGHT = 0.25
 

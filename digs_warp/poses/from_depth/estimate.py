@@ -16,11 +16,9 @@ from digs_warp.poses import thresholds
 from digs_warp.poses.agreement import got_worse
 from digs_warp.poses.from_depth.odometry_chain import (
     along,
-    bridged,
     edge_residuals,
     holds,
     loop_edges,
-    measured_again,
     measured_chain,
     optimized_poses,
 )
@@ -73,15 +71,12 @@ def track(frames: Sequence[Frame], readout_time: float) -> Tracked:
     _check_measured(frames, pictures)
     features = over_items(pictures, FrameFeatures.of)
     small = [each.picture for each in features]
-    chain = bridged(features, measured_chain(features))
+    chain = measured_chain(features)
     _check_whole(frames, chain)
     rough = along(chain)
     near = loop_edges(features, rough, 2, NEAR)
     placed = optimized_poses(rough, chain, near)
-    chain = measured_again(features, chain, placed)
     poses, loops = _closed(pictures, features, chain, near, placed)
-    if edge_residuals(poses, loops)[1] > thresholds.MAX_SETTLED_RESIDUAL_DEG:
-        poses, loops = _closed(pictures, features, chain, near, poses)
     poses = invert_rigid(poses[0]) @ poses
     tracking = _quality(poses, rough, loops)
     _check_agreement(tracking)

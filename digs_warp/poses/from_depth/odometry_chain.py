@@ -1,11 +1,10 @@
 """The motions from each frame to the next, loops between others, and the poses that fit all of them best.
 
-Broken steps are bridged. Loops and poses: Choi et al., "Robust reconstruction of indoor scenes", CVPR 2015;
+Loops and poses: Choi et al., "Robust reconstruction of indoor scenes", CVPR 2015;
 optimized by Open3D. Also whether given poses contradict the motions.
 """
 
 from collections.abc import Sequence
-from dataclasses import replace
 
 import numpy as np
 
@@ -17,11 +16,8 @@ from digs_warp.geometry.rigid import invert_rigid, turn_degrees
 from digs_warp.poses import thresholds
 from digs_warp.poses.agreement import disagreements
 from digs_warp.poses.covisibility import overlapping_pairs
-from digs_warp.poses.from_depth.pair_motion import Edge, FrameFeatures, FramePair, edge_between
+from digs_warp.poses.from_depth.pair_motion import Edge, FrameFeatures, FramePair
 from digs_warp.poses.views import load_pictures
-
-# Frames before and after a step that breaks, from which it is bridged.
-BRIDGE = 2
 
 
 def measured_chain(features: Sequence[FrameFeatures]) -> list[Edge]:
@@ -43,47 +39,6 @@ def measured_chain(features: Sequence[FrameFeatures]) -> list[Edge]:
     return edges
 
 
-def bridged(features: Sequence[FrameFeatures], chain: Sequence[Edge]) -> list[Edge]:
-    """Return the chain; where it breaks, the motion between other frames on both sides that holds best.
-
-    A bridge from frame a to frame b over one broken step tells that step: the others between a and b hold.
-    """
-    edges = list(chain)
-    for number, edge in enumerate(chain):
-        if holds(edge):
-            continue
-        first = range(max(0, number - BRIDGE), number + 1)
-        last = range(number + 1, min(len(features), number + 2 + BRIDGE))
-        for i, j in sorted(
-            ((i, j) for i in first for j in last), key=lambda pair: pair[1] - pair[0]
-        ):
-            before, after = edges[i:number], edges[number + 1 : j]
-            if j - i == 1 or not all(holds(each) for each in (*before, *after)):
-                continue
-            bridge = edge_between(features, i, j, _motion([*before, *after]))
-            if bridge.disagreement <= thresholds.MAX_BRIDGE_DISAGREEMENT or _certain(bridge):
-                edges[number] = _step(bridge, before, after)
-                break
-    return edges
-
-
-def _step(bridge: Edge, before: Sequence[Edge], after: Sequence[Edge]) -> Edge:
-    """Return the one step of a bridge that is neither before nor after it."""
-    motion = (
-        invert_rigid(_motion(after)) @ bridge.target_from_source @ invert_rigid(_motion(before))
-    )
-    source, target = bridge.source + len(before), bridge.target - len(after)
-    return replace(bridge, source=source, target=target, target_from_source=motion)
-
-
-def _motion(edges: Sequence[Edge]) -> np.ndarray:
-    """Return the motion of all edges one after the other, (4, 4)."""
-    motion = np.eye(4)
-    for edge in edges:
-        motion = edge.target_from_source @ motion
-    return motion
-
-
 def along(chain: Sequence[Edge]) -> np.ndarray:
     """Return ``world_from_cam`` of each frame from the motions one after the other, (n, 4, 4)."""
     poses = [np.eye(4)]
@@ -92,32 +47,11 @@ def along(chain: Sequence[Edge]) -> np.ndarray:
     return np.stack(poses)
 
 
-def measured_again(
-    features: Sequence[FrameFeatures], chain: Sequence[Edge], placed: np.ndarray
-) -> list[Edge]:
-    """Return the motions between neighbors; what all together contradict is measured from their poses."""
-
-    def again(edge: Edge) -> Edge:
-        likely = invert_rigid(placed[edge.target]) @ placed[edge.source]
-        if (
-            turn_deg(invert_rigid(edge.target_from_source) @ likely)
-            <= thresholds.MAX_STEP_RESIDUAL_DEG
-        ):
-            return edge
-        other = edge_between(features, edge.source, edge.target, likely, search=False)
-        return min((edge, other), key=lambda each: each.disagreement)
-
-    return over_items(chain, again)
-
-
 def holds(edge: Edge) -> bool:
     """Return whether the frames show the same under their motion."""
-    return edge.disagreement <= thresholds.MAX_STEP_DISAGREEMENT or _certain(edge)
-
-
-def _certain(edge: Edge) -> bool:
     return (
-        edge.matches >= thresholds.MIN_STEP_INLIERS
+        edge.disagreement <= thresholds.MAX_STEP_DISAGREEMENT
+        or edge.matches >= thresholds.MIN_STEP_INLIERS
         or edge.correlation >= thresholds.MIN_STEP_CORRELATION
     )
 
@@ -146,7 +80,7 @@ def contradicted_steps(frames: Sequence[Frame], readout_time: float) -> tuple[in
     def contradicted(number: int) -> bool:
         given = invert_rigid(poses[number + 1]) @ poses[number]
         features = [FrameFeatures.of(pictures[seen[each]]) for each in (number, number + 1)]
-        edge = edge_between(features, 0, 1, given)
+        edge = FramePair.of(features, 0, 1).edge(given)
         first, second = (each.picture for each in features)
         before, after = disagreements(first, second, [given, edge.target_from_source])
         other = (
@@ -181,7 +115,7 @@ def loop_edges(
 
     def measured(pair: tuple[int, int]) -> Edge:
         likely = invert_rigid(poses[pair[1]]) @ poses[pair[0]]
-        return edge_between(features, *pair, likely, search=False)
+        return FramePair.of(features, *pair).edge(likely, search=False)
 
     return [edge for edge in over_items(chosen, measured) if holds(edge)]
 

@@ -247,7 +247,13 @@ class FramePair:
         )
 
     def edge(self, before: np.ndarray, search: bool = True) -> Edge:
-        """Return the motion under which the frames agree best; see `edge_between`."""
+        """Return the motion under which the frames agree best.
+
+        It starts from the motion on which many matched features with depth agree. If they are few, it starts
+        from ``before``, a likely ``target_from_source``, as well and, with ``search``, from motions of a hand
+        or a head under which both frames agree best, and odometry goes on from there. `align_pair` has the
+        last word; it knows that the noise of depth grows with distance.
+        """
         if self.by_features is not None and self.is_certain:
             starts = [self.by_features]
         else:
@@ -295,26 +301,3 @@ class FramePair:
         """Return the disagreement of both frames, less what matched features speak for the motion."""
         agreeing = min(1.0, self.matches.agreeing(motion) / thresholds.MIN_CERTAIN_INLIERS)
         return disagreement(first, second, motion) - WORTH_OF_INLIERS * agreeing
-
-
-def edge_between(
-    features: Sequence[FrameFeatures],
-    source: int,
-    target: int,
-    before: np.ndarray,
-    search: bool = True,
-) -> Edge:
-    """Return the motion under which two frames agree best.
-
-    It starts from the motion on which many matched features with depth agree. If they are few, it starts from
-    ``before`` as well, and from motions of a hand or a head under which both frames agree best, and odometry
-    goes on from there. `align` has the last word; it knows that the noise of depth grows with distance.
-
-    Args:
-        features: of the recording; both frames have depth.
-        source: number of a frame.
-        target: number of another.
-        before: ``target_from_source`` that is likely, (4, 4).
-        search: whether to look for other starts.
-    """
-    return FramePair.of(features, source, target).edge(before, search)

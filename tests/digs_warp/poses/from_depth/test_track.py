@@ -14,7 +14,7 @@ from digs_warp.poses import thresholds
 from digs_warp.poses.agreement import disagreement
 from digs_warp.poses.from_depth.estimate import track
 from digs_warp.poses.from_depth.odometry_chain import holds
-from digs_warp.poses.from_depth.pair_motion import FrameFeatures, edge_between
+from digs_warp.poses.from_depth.pair_motion import FrameFeatures, FramePair
 from digs_warp.poses.outcome import check_depth
 from digs_warp.poses.refine.photometric_alignment import in_place
 from digs_warp.poses.views import Picture
@@ -114,7 +114,7 @@ def in_bad_light(seen: Picture, exposure: float, seed: int) -> Picture:
 def test_a_step_holds_where_the_light_changes_and_half_of_the_depth_is_missing(seed: int) -> None:
     open3d_or_skip()
     pair = [in_bad_light(PICTURES[0], 1.0, seed), in_bad_light(PICTURES[1], 0.5, seed + 10)]
-    edge = edge_between([FrameFeatures.of(each) for each in pair], 0, 1, np.eye(4))
+    edge = FramePair.of([FrameFeatures.of(each) for each in pair], 0, 1).edge(np.eye(4))
     # Neither of these tells the motion from a wrong one.
     assert (
         edge.disagreement > thresholds.MAX_STEP_DISAGREEMENT
@@ -134,7 +134,7 @@ def test_a_step_to_another_place_does_not_hold_in_any_light() -> None:
             in_bad_light(PICTURES[0], 1.0, seed),
             in_bad_light(ELSEWHERE[0], exposure, seed + 10),
         ]
-        edge = edge_between([FrameFeatures.of(each) for each in pair], 0, 1, np.eye(4))
+        edge = FramePair.of([FrameFeatures.of(each) for each in pair], 0, 1).edge(np.eye(4))
         assert edge.correlation < thresholds.MIN_STEP_CORRELATION - 0.2
         assert not holds(edge)
 
