@@ -35,7 +35,7 @@ FLOORS = {
 # The most lines of a room. A change that needs more says in its message what the weight buys.
 LINE_BUDGETS = {
     "api": 394,
-    "check": 1_735,
+    "check": 1_722,
     "commands": 3_086,
     "data": 3_266,
     "device": 906,
@@ -45,10 +45,10 @@ LINE_BUDGETS = {
     "geometry": 621,
     "init": 4_116,
     "losses": 732,
-    "masks": 1_165,
+    "masks": 806,
     "measure": 1_541,
     "pipeline": 2_360,
-    "poses": 4_839,
+    "poses": 4_649,
     "record": 1_856,
     "show": 3_211,
     "sim.camera": 1_394,
@@ -65,7 +65,7 @@ LINE_BUDGETS = {
     "train": 3_643,
     "usd": 2_748,
 }
-MOST_FILES = 495  # of the product; 65,000 lines in 500 files are the goal
+MOST_FILES = 492  # of the product; 65,000 lines in 500 files are the goal
 # A shorter file with a single client in its folder belongs into that client.
 CRUMB = 60
 

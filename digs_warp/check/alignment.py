@@ -1,4 +1,4 @@
-"""Depth that does not lie over the images, and masks that are empty, inverted or contradicted."""
+"""Depth that does not lie over the images, and masks that are empty or inverted."""
 
 from dataclasses import replace
 from typing import Any
@@ -10,8 +10,7 @@ from digs_warp.check.evidence import Evidence
 from digs_warp.check.registration import LOOKED_AT, registration
 from digs_warp.data.layers import Layer
 from digs_warp.data.viewpoints import evenly
-from digs_warp.measure.thumbnails import SmallFrame, small_depths, small_frames
-from digs_warp.words import counted
+from digs_warp.measure.thumbnails import SmallFrame, small_frames
 
 # The depth of a Kinect or its like is so much larger than its color image shows it, unless it is registered.
 KINECT_SCALE, KINECT_SPREAD = 525 / 585, 0.03
@@ -69,19 +68,3 @@ def _is_inverted(frame: SmallFrame) -> bool:
     if not (covers and marked.size and left_out.size):
         return False
     return bool(np.median(left_out) < np.median(marked))
-
-
-def masks_contradicted(evidence: Evidence, _: float) -> dict[str, Any] | None:
-    """Find single masks that most other views contradict; the limit is that of `digs_warp.masks.votes`."""
-    capture, needed = evidence.capture, (Layer.MASK, Layer.DEPTH)
-    numbers = [n for n, frame in enumerate(capture.frames) if all(map(frame.has, needed))]
-    if not (evidence.knows_poses and numbers):
-        return None
-    from digs_warp.masks.votes import contradicted, mask_votes  # loads Warp
-
-    votes = mask_votes([*small_depths(capture.frames, numbers).values()])
-    names = [capture.frames[numbers[outlier]].name for outlier in contradicted(votes)]
-    if not names:
-        return None
-    masks = counted(len(names), "mask")
-    return {"masks": masks, "count": len(numbers), "names": ", ".join(names)}

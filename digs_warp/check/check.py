@@ -105,5 +105,5 @@ def _not_checked(evidence: Evidence) -> tuple[str, ...]:
     if evidence.once(recording.median_sharpness) is None:
         missing.append("sharpness: the photographs show too little")
     if not has_masks:
-        missing.append("masks, and gaps in the way around the object: need masks")
+        missing.append("masks: the recording has none")
     return tuple(missing)

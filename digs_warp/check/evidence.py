@@ -154,6 +154,8 @@ class SharedPoints(NamedTuple):
         measured: what it measured at their pixels [m].
         here: brightness in the frame that measured the points.
         there: brightness in the one that is asked.
+        marked_here: whether they are in the mask of the frame that measured them; true without masks.
+        marked_there: the same of the other one.
         looked_at: number of points of the first frame; others of them lie outside or have no depth there.
     """
 
@@ -161,6 +163,8 @@ class SharedPoints(NamedTuple):
     measured: np.ndarray
     here: np.ndarray
     there: np.ndarray
+    marked_here: np.ndarray
+    marked_there: np.ndarray
     looked_at: int
 
     @property
@@ -178,8 +182,11 @@ def shared_points(first: SmallFrame, second: SmallFrame) -> SharedPoints:
     there = np.where(pixel >= 0, second.depth.reshape(-1)[pixel], np.nan)
     known = np.isfinite(there)
     pixel = pixel[known]
-    here, beyond = first.green[rows, columns][known], second.green.reshape(-1)[pixel]
-    return SharedPoints(depth[known], there[known], here, beyond, len(some))
+    green, marked = (
+        (each[rows, columns][known], other.reshape(-1)[pixel])
+        for each, other in ((first.green, second.green), (first.shown, second.shown))
+    )
+    return SharedPoints(depth[known], there[known], *green, *marked, len(some))
 
 
 def agreement(frames: Mapping[int, SmallFrame], pairs: Pairs) -> Agreement:

@@ -10,7 +10,6 @@ from typing import Any, Literal
 from digs_warp.check import alignment, conventions, motion, outliers, recording
 from digs_warp.check import thresholds as limits
 from digs_warp.check.evidence import Evidence
-from digs_warp.masks.config import AGREES
 
 # Who looks: `info` at a few pairs, `run` also at all frames of short recordings, `check` at everything.
 Asker = Literal["info", "run", "check"]
@@ -239,11 +238,12 @@ CHECKS = (
     ),
     Check(
         kind="masks disagree",
-        measure=alignment.masks_contradicted,
-        limit=AGREES,
-        message="{masks} of {count} contradict what most other views show: {names}.",
-        remedy="'reconstruct' mends them; the setting mask_agreement: off keeps them.",
-        asked_by="check",
+        measure=outliers.masks_contradicted,
+        limit=0.75,  # of the usual overlap; masks cut in half or with a neighboring object have 0.5
+        message="{masks} of {count} contradict those of the frames before and after: {names}.",
+        remedy="Make these masks again (all of them: --masks depth, or --masks isnet), or leave these frames "
+        "out.",
+        asked_by="run",
         unless=(ERRORS,),
     ),
     Check(
@@ -254,16 +254,6 @@ CHECKS = (
         remedy="Record 30 to 60 frames, from all sides and two heights.",
         asked_by="check",
         unless=(ERRORS,),
-    ),
-    Check(
-        kind="gap",
-        measure=recording.gap_in_views,
-        limit=120.0,  # degrees: walks around an object reach 40, half a circle has 180
-        message="No camera looks at the object within {gap:.0f} degrees of the circle around it: that side "
-        "is not seen.",
-        remedy="Record the missing side, or do not show the result from there.",
-        asked_by="check",
-        unless=(ERRORS, "few views"),
     ),
     Check(
         kind="blur",

@@ -1,16 +1,17 @@
-"""Outliers: frames whose depth or features contradict the others, and places where a recording breaks in two.
+"""Outliers: frames whose depth, mask or features contradict the others, and where a recording breaks in two.
 
 Depth of neighboring frames is compared at the recorded poses. A frame that none agrees with, between frames
 that agree with each other, has a broken pose, or depth of another moment. Where frames agree on either side
-but not across, two recordings are in one, or the poses jump: tracking was lost and found again.
+but not across, two recordings are in one, or the poses jump: tracking was lost and found again. Masks are
+compared where both frames measure the same surface.
 
 Without depth, matched features tell (`digs_warp.poses.photo_matches`). Where those of two neighbors agree on
 some motion, but not on the recorded one, and those of other neighbors do, the poses jump. Two photographs
 cannot tell how far the camera moved: a jump in just the direction of the step is not noticed.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -37,16 +38,12 @@ class Links:
     Attributes:
         names: of the frames.
         shares: 0 to 1; None: nothing in common.
+        typical: what neighboring frames usually have; 0 if there are none.
     """
 
     names: tuple[str, ...]
     shares: dict[tuple[int, int], float | None]
-
-    @cached_property
-    def typical(self) -> float:
-        """Median of neighboring frames; 0 if there are none."""
-        found = [s for (a, b), s in self.shares.items() if s is not None and b == a + 1]
-        return float(np.median(found)) if found else 0.0
+    typical: float
 
     def between(self, first: int, second: int) -> float | None:
         """Return the agreement of two frames."""
@@ -64,18 +61,40 @@ class Links:
 
 
 def links(evidence: Evidence) -> Links | None:
-    """Return how the frames agree; None without poses or depth, or where single frames are lost in noise."""
-    frames = evidence.capture.frames
-    if not evidence.knows_poses or len(frames) < 4:
-        return None
-    last = len(frames) - 1
-    numbers = np.unique(np.linspace(0, last, min(MOST_FRAMES, last + 1)).round().astype(int))
-    small = small_frames(frames, numbers.tolist())
-    thumbnails = [*small.values()]
+    """Return how depth agrees; None without poses or depth, or where single frames are lost in noise."""
+    return _links(evidence, _share, 0.5)
+
+
+def mask_links(evidence: Evidence) -> Links | None:
+    """Return how the masks of frames agree; None also without masks, or where most are wrong."""
+    has_masks = all(frame.has(Layer.MASK) for frame in evidence.capture.frames)
+    # Each wrong one spoils two pairs of neighbors: the better ones say what is usual.
+    return _links(evidence, _mask_share, 0.75) if has_masks and evidence.uses_masks else None
+
+
+def _links(
+    evidence: Evidence,
+    share: Callable[[SmallFrame, SmallFrame], float | None],
+    quantile: float,
+) -> Links | None:
+    small = evidence.once(_thinned)
     pairs = [(a, b) for b in range(len(small)) for a in range(max(0, b - REACH), b)]
-    shares = {(a, b): _share(thumbnails[a], thumbnails[b]) for a, b in pairs}
-    found = Links(tuple(frames[number].name for number in small), shares)
-    return found if found.typical >= limits.LEAST_TYPICAL_AGREEMENT else None
+    shares = {(a, b): share(small[a], small[b]) for a, b in pairs}
+    known = [each for (a, b), each in shares.items() if each is not None and b == a + 1]
+    typical = float(np.quantile(known, quantile)) if known else 0.0
+    if typical < limits.LEAST_TYPICAL_AGREEMENT:
+        return None
+    names = tuple(evidence.capture.frames[each.number].name for each in small)
+    return Links(names, shares, typical)
+
+
+def _thinned(evidence: Evidence) -> list[SmallFrame]:
+    """Return thumbnails of frames with depth; none without poses."""
+    frames, last = evidence.capture.frames, len(evidence.capture) - 1
+    if not evidence.knows_poses or last < 3:
+        return []
+    numbers = np.unique(np.linspace(0, last, min(MOST_FRAMES, last + 1)).round().astype(int))
+    return [*small_frames(frames, numbers.tolist()).values()]
 
 
 def _share(first: SmallFrame, second: SmallFrame) -> float | None:
@@ -85,6 +104,24 @@ def _share(first: SmallFrame, second: SmallFrame) -> float | None:
     if sum(len(each.depth) for each in seen) < max(limits.LEAST_POINTS_IN_COMMON, overlap):
         return None
     return same_depth_share(seen)
+
+
+def _mask_share(first: SmallFrame, second: SmallFrame) -> float | None:
+    """Return the overlap of two masks on surfaces that both frames measure; None: hardly any in common."""
+    seen = [shared_points(first, second), shared_points(second, first)]
+    marks = [(s.marked_here[s.same_surface], s.marked_there[s.same_surface]) for s in seen]
+    here, there = map(np.concatenate, zip(*marks, strict=True))
+    either = np.count_nonzero(here | there)
+    return np.count_nonzero(here & there) / either if either >= limits.FEWEST_MARKED else None
+
+
+def masks_contradicted(evidence: Evidence, below: float) -> dict[str, Any] | None:
+    """Find masks that contradict those of all frames around them, where those agree with each other."""
+    found = evidence.once(mask_links)
+    if found is None or not (odd := alone(found, below)):
+        return None
+    names = first_few([found.names[i] for i in odd])
+    return {"masks": counted(len(odd), "mask"), "count": len(found.names), "names": names}
 
 
 def outlier_frames(evidence: Evidence, below: float) -> dict[str, Any] | None:

@@ -1,4 +1,4 @@
-"""How it was recorded: too few views, sides that nobody looked at, repeated frames, blur and exposure."""
+"""How it was recorded: too few views, repeated frames, blur and exposure."""
 
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
@@ -9,12 +9,10 @@ import numpy as np
 
 from digs_warp.check import thresholds as limits
 from digs_warp.check.evidence import Evidence, brightness_ratio, exposure_change, ratio_of
-from digs_warp.checks import DigsError
 from digs_warp.data.frame import Frame
 from digs_warp.data.layers import Layer
-from digs_warp.data.viewpoints import evenly, looked_at, upward
+from digs_warp.data.viewpoints import evenly
 from digs_warp.device.threads import default_threads
-from digs_warp.geometry.camera import Camera
 from digs_warp.geometry.rigid import turn_degrees
 from digs_warp.measure.thumbnails import green_means, small_frames, thumbnail_step, thumbnails
 from digs_warp.poses.photo_matches import PhotoMatches, matches_of_steps
@@ -129,36 +127,6 @@ def few_views(evidence: Evidence, least: float) -> dict[str, Any] | None:
     """Find recordings of fewer frames."""
     count = len(evidence.capture)
     return {"views": counted(count, "frame")} if count < least else None
-
-
-def gap_in_views(evidence: Evidence, widest: float) -> dict[str, Any] | None:
-    """Find a wider angle around the object without a camera; nothing without poses or masks."""
-    frames = evidence.capture.frames
-    if not evidence.knows_poses or not any(frame.has(Layer.MASK) for frame in frames):
-        return None
-    gap = widest_gap([frame.camera for frame in frames])
-    return None if gap is None or gap <= widest else {"gap": gap}
-
-
-def widest_gap(cameras: Sequence[Camera]) -> float | None:
-    """Return the widest angle around the object in which no camera stands [degrees], 0 to 360.
-
-    Angles are measured about the vertical axis through the point that the cameras look at. None if they all
-    look in the same direction, or if the images have no common up.
-    """
-    up = upward(cameras)
-    try:
-        center = looked_at(cameras)
-    except DigsError:
-        return None
-    if up is None:
-        return None
-    away = np.stack([camera.center_world for camera in cameras]) - center
-    sideways = away - np.outer(away @ up, up)
-    ahead = sideways[0]
-    beside = np.cross(up, ahead)
-    angles = np.sort(np.rad2deg(np.arctan2(sideways @ beside, sideways @ ahead)))
-    return float(np.diff(angles, append=angles[0] + 360.0).max())
 
 
 def repeats(evidence: Evidence, share: float) -> dict[str, Any] | None:

@@ -5,12 +5,7 @@ from pathlib import Path
 from typing import Annotated, Literal
 
 from digs_warp.checks import DigsError
-from digs_warp.settings import NO_FLAG, Range, Settings
-
-# A mask that overlaps with the votes of other views by less is contradicted. Good masks of nine simulated
-# objects do not fall below it, even where 10 of 24 are empty, cut in half or hold a neighboring object; of
-# those, 9 do.
-AGREES = 0.65
+from digs_warp.settings import Range, Settings
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -20,10 +15,6 @@ class SegmentConfig(Settings):
     masks: Literal["capture", "folder", "isnet", "depth"] = "capture"
     """Object masks. capture: those of the recording; folder: those in --mask-folder; isnet: the network
     isnet-general-use; depth: the foreground of the depth maps, without a network."""
-
-    mask_agreement: Annotated[Literal["on", "off"], NO_FLAG] = "on"
-    """Mend masks that most other views contradict: with 'on', a point that most of them call surround is
-    surround. Needs depth."""
 
     instance: Annotated[int | None, Range(1, 65_535)] = None
     """For capture: the number of one object of a recording of several ('digs-warp info' lists them). Default:
@@ -51,11 +42,6 @@ class SegmentConfig(Settings):
             raise DigsError(f"--instance {self.instance}: needs --masks capture")
         if self.mask_model is not None and self.masks != "isnet":
             raise DigsError("--mask-model needs --masks isnet")
-
-    @property
-    def mends_masks(self) -> bool:
-        """Whether masks that other views contradict are mended; not those of one of several objects."""
-        return self.mask_agreement == "on" and self.instance is None
 
     @property
     def source(self) -> str:

@@ -24,7 +24,6 @@ from digs_warp.data.posed_frames import CAMERAS, PosedFrames
 from digs_warp.init.recipes import initialize
 from digs_warp.init.recorded_points import recorded_points
 from digs_warp.init.start import Start, Subject
-from digs_warp.masks.agreed import agreed_masks
 from digs_warp.masks.config import SegmentConfig
 from digs_warp.masks.masks import masked
 from digs_warp.masks.no_scene import without_no_scene
@@ -55,8 +54,6 @@ if TYPE_CHECKING:
 logger = logging.getLogger(__name__)
 
 SFM = "sfm"
-# Inside the folder of masks: those that other views contradicted.
-MENDED = "mended"
 
 # Recordings of at most this many frames are looked at frame by frame, which takes a second.
 SHORT = 60
@@ -158,8 +155,7 @@ def _alone_if_still(
         split = PosedFrames.split(capture, config.test_every)
         frames = [frame for frame, _ in masked(split, config.segment, folder / MASKS).by_time]
         capture = replace(capture, frames=tuple(frames))
-        mended = config.segment.mask_agreement if config.segment.mends_masks else "off"
-        config = replace(config, segment=SegmentConfig(mask_agreement=mended))
+        config = replace(config, segment=SegmentConfig())
     if not all(frame.has(Layer.MASK) for frame in capture.frames):
         return capture, config
     logger.info("%s: of the poses, only what lies inside the masks tells", capture)
@@ -205,12 +201,6 @@ def _poses_and_start(
         frames, refinement = refined(frames, capture, config.sfm)
         frames = with_held_out(frames, capture, config.test_every)
     frames = frames.changed(lambda frame: replace(frame, alone=False))
-    # A frame in a wrong place would contradict the masks of others, and they its own.
-    if subject == "object" and config.segment.mends_masks:
-        with log.stage("mask agreement"):
-            training, finding = agreed_masks(frames.training, folder / MASKS / MENDED)
-        frames = replace(frames, training=tuple(training))
-        findings += (finding,) if finding else ()
     with log.stage("check"):
         found = check.result()  # before the initialization, which counts its CPU time
     with log.stage("initialize"):

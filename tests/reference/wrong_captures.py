@@ -10,7 +10,6 @@ from digs_warp.data.capture import Capture
 from digs_warp.data.frame import Frame
 from digs_warp.data.layers import Layer
 from digs_warp.data.point_cloud import PointCloud, write_points
-from digs_warp.data.viewpoints import looked_at
 from digs_warp.geometry.camera import Intrinsics, pixel_centers
 from digs_warp.geometry.rigid import (
     OPENCV_FROM_OPENGL,
@@ -148,12 +147,6 @@ def with_passing_balls(capture: Capture, radius: float) -> Capture:
         return frame.with_layer(Layer.IMAGE, image).with_layer(Layer.DEPTH, depth)
 
     return each_frame(capture, change)
-
-
-def without_half_of_the_circle(capture: Capture) -> Capture:
-    center = looked_at([frame.camera for frame in capture.frames])
-    kept = [f for f in capture.frames if f.camera.center_world[0] > center[0]]
-    return replace(capture, frames=tuple(kept))
 
 
 def with_a_jump(

@@ -73,6 +73,20 @@ def test_a_camera_that_comes_back_does_not_break(good: Capture) -> None:
     assert look_for(there_and_back, *OUTLIERS) == []
 
 
+def spoilt(mask: np.ndarray, how: str) -> np.ndarray:
+    """The mask as a segmentation may fail: nothing, half of the object, or something beside it, too."""
+    mask = mask.copy()
+    rows, columns = np.nonzero(mask > 127)
+    if how == "empty":
+        mask[:] = 0
+    elif how == "cut":
+        mask[:, : int(np.median(columns))] = 0
+    else:
+        top, right = int(np.median(rows)), columns.max() - 2
+        mask[top : rows.max() + 1, right : right + np.ptp(columns)] = 255
+    return mask
+
+
 @pytest.mark.parametrize("noise", [0.0, 3.0])
 def test_a_camera_at_rest_and_doubled_frames_are_told(good: Capture, noise: float) -> None:
     rng = np.random.default_rng(0)
@@ -91,13 +105,33 @@ def test_a_camera_at_rest_and_doubled_frames_are_told(good: Capture, noise: floa
 
 
 @pytest.fixture(scope="module")
-def photographs() -> Capture:
-    """An arc around the built-in object in its room, without depth and masks."""
+def arc() -> Capture:
+    """An arc around the built-in object in its room."""
     walk = WalkSettings(path="arc", elevations=(30.0,))
     config = SimulateConfig(
         profile="bare-matcher", frames=STEPS, width=320, height=180, samples_per_pixel=1, walk=walk
     )
-    return bare(simulate_in_memory(config))
+    return simulate_in_memory(config)
+
+
+def test_masks_that_those_around_contradict_are_named(good: Capture, arc: Capture) -> None:
+    odd = {2: "empty", 5: "cut", 8: "neighbor"}
+
+    def with_wrong_mask(frame: Frame) -> Frame:
+        how = odd.get(int(frame.name))
+        return frame.with_layer(Layer.MASK, spoilt(frame.load_mask(), how)) if how else frame
+
+    assert look_for(good, "masks disagree") == look_for(arc, "masks disagree") == []
+    (found,) = look_for(each_frame(arc, with_wrong_mask), "masks disagree", *OUTLIERS)
+    assert found.kind == "masks disagree" and not found.is_error
+    assert "3 masks of 12" in found.what
+    assert all(arc.frames[number].name in found.what for number in odd)
+
+
+@pytest.fixture(scope="module")
+def photographs(arc: Capture) -> Capture:
+    """The same without depth and masks."""
+    return bare(arc)
 
 
 def bare(capture: Capture) -> Capture:

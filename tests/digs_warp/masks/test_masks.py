@@ -68,7 +68,7 @@ def test_masks_of_other_settings_or_files_are_made_anew(
     paths = segment(mine, config, tmp_path / "masks")
     write_image(paths[0], mark)
     if change == "settings":
-        config = replace(config, mask_agreement="off")
+        config = replace(config, ignore_mask=tmp_path / "x.png")
     elif change == "memory":
         mine[0] = mine[0].with_layer(
             Layer.DEPTH, np.where(np.arange(WIDTH) < 40, mine[0].load_depth(), np.nan)
