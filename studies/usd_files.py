@@ -19,7 +19,7 @@ from digs_warp.record.progress import progress
 from digs_warp.splat.render import render
 from digs_warp.usd.convert import Precision
 from digs_warp.usd.reader import read_gaussians
-from digs_warp.usd.writer import WriteOptions, write_gaussians
+from digs_warp.usd.writer import write_gaussians
 from studies.results import Result
 
 SPLATS = 1_000_000
@@ -41,7 +41,7 @@ def bench_usd(splats: int = SPLATS, pictured: int = PICTURED_SPLATS) -> list[Res
     ):
         path = Path(folder) / "scene.usdz"
         for precision in precisions:
-            write_gaussians(path, small, options=WriteOptions(precision=precision))
+            write_gaussians(path, small, precision=precision)
             psnr = _psnr(pictures, _views_of(read_gaussians(path)))
             labels = {"precision": precision, "splats": splats, "degree": DEGREE}
             results.append(Result(labels, _measure(large, path, precision) | {"PSNR [dB]": psnr}))
@@ -51,8 +51,7 @@ def bench_usd(splats: int = SPLATS, pictured: int = PICTURED_SPLATS) -> list[Res
 
 def _measure(gaussians: Gaussians, path: Path, precision: Precision) -> dict[str, float]:
     """Return times and size of one file."""
-    options = WriteOptions(precision=precision)
-    write = _least_seconds(lambda: write_gaussians(path, gaussians, options=options))
+    write = _least_seconds(lambda: write_gaussians(path, gaussians, precision=precision))
     read = _least_seconds(lambda: read_gaussians(path))
     return {"write [s]": write, "read [s]": read, "size [MB]": path.stat().st_size / 1e6}
 

@@ -1,5 +1,6 @@
 """The parts of every scene that we write: a Y-up asset in metres with provenance, and fields of splats."""
 
+import json
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -8,7 +9,7 @@ from digs_warp import __version__
 from digs_warp.usd import names
 from digs_warp.usd.convert import SplatArrays, display_color
 from digs_warp.usd.frames import ASSET_FROM_WORLD
-from digs_warp.usd.metadata import portable_json, usd_from_json
+from digs_warp.usd.metadata import portable_json
 
 if TYPE_CHECKING:
     from pxr import Sdf, Usd
@@ -84,10 +85,9 @@ def begin_asset(metadata: dict[str, Any], layer: "Sdf.Layer | None" = None) -> "
     """
     from pxr import Gf, Kind, Usd, UsdGeom
 
-    plain = portable_json(metadata)
+    plain = portable_json(metadata) | {names.VERSION_KEY: __version__}
     stage = begin_stage(layer)
-    data = usd_from_json(plain) | {names.VERSION_KEY: __version__}
-    stage.SetMetadata("customLayerData", {names.METADATA_KEY: data})
+    stage.SetMetadata("customLayerData", {names.METADATA_KEY: json.dumps(plain)})
     asset = UsdGeom.Xform.Define(stage, names.ASSET_PATH).GetPrim()
     if names.OFFSET_KEY in plain:  # in double precision, which the positions below it do not have
         place = ASSET_FROM_WORLD[:3, :3] @ plain[names.OFFSET_KEY]

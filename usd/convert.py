@@ -11,7 +11,6 @@ from digs_warp.data.gaussians import Gaussians
 from digs_warp.data.images import linear_from_srgb, srgb_from_linear
 from digs_warp.geometry.rigid import quat_multiply, quat_xyzw_from_matrix
 from digs_warp.geometry.sh import (
-    coefficient_count,
     degree_from_count,
     rgb_from_sh,
     rotate_sh,
@@ -32,24 +31,12 @@ MAX_OPACITY = 1.0 - 2.0**-24
 # Opacities in a file may be outside 0..1 by this much (rounding); beyond it, they are probably logits.
 OPACITY_SLACK = 1e-3
 
-# How the arrays are stored: all float32; positions float32 and the rest float16; all float16.
-Precision = Literal["float", "mixed", "half"]
+# How the arrays are stored: all in float32, or all but the positions in float16, which halves the file at no
+# visible loss.
+Precision = Literal["float", "mixed"]
 
 # The smallest positive half: a scale below half of it would become 0.
 MIN_HALF_SCALE = 2.0**-24
-
-
-@dataclass(frozen=True, kw_only=True)
-class WriteOptions:
-    """How Gaussians are stored in a USD scene."""
-
-    precision: Precision = "float"
-    """float keeps every digit; mixed halves all but the positions, which halves the file at no visible
-    loss; half also rounds positions (to 0.5 mm at 1 m), and some importers do not read it."""
-
-    sh_degree: Literal[0, 1, 2, 3] | None = None
-    """Degree of the spherical harmonics in the file: higher bands are left out, missing ones are zero.
-    Without it the file has the degree of the training."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,19 +66,14 @@ class SplatArrays:
         return SplatArrays(*(part.astype(np.float32, copy=False) for part in parts))
 
 
-def asset_arrays(
-    gaussians: Gaussians, options: WriteOptions, what: str = "Gaussians"
-) -> SplatArrays:
+def asset_arrays(gaussians: Gaussians, precision: Precision) -> SplatArrays:
     """Return Gaussians as they are stored: activated, in the asset's frame, in the chosen precision.
 
     Raises:
-        UsdError: NaN or infinite values, or values beyond the chosen precision; names ``what``.
+        UsdError: NaN or infinite values, or values beyond the chosen precision.
     """
-    arrays = arrays_from_gaussians(gaussians, what)
-    if options.sh_degree is not None:
-        arrays = with_sh_degree(arrays, options.sh_degree)
-    arrays = transformed(arrays, _ASSET_FROM_WORLD)
-    return with_precision(arrays, options.precision, what)
+    arrays = transformed(arrays_from_gaussians(gaussians), _ASSET_FROM_WORLD)
+    return arrays if precision == "float" else _with_halves(arrays)
 
 
 def arrays_from_gaussians(gaussians: Gaussians, what: str = "Gaussians") -> SplatArrays:
@@ -112,35 +94,22 @@ def arrays_from_gaussians(gaussians: Gaussians, what: str = "Gaussians") -> Spla
     return arrays
 
 
-def with_sh_degree(arrays: SplatArrays, degree: int) -> SplatArrays:
-    """Return the splats with spherical harmonics of ``degree`` (0..3): bands cut off, or zeros added."""
-    count = coefficient_count(degree)
-    missing = max(0, count - arrays.sh.shape[1])
-    sh = np.pad(arrays.sh[:, :count], ((0, 0), (0, missing), (0, 0)))
-    return replace(arrays, sh=sh)
-
-
-def with_precision(arrays: SplatArrays, precision: Precision, what: str) -> SplatArrays:
-    """Return the splats as they are stored: float16 where ``precision`` says so.
+def _with_halves(arrays: SplatArrays) -> SplatArrays:
+    """Return the splats with all but the positions in float16.
 
     Scales are kept off the zero that halves below 6e-8 would round to: it makes covariances singular.
 
     Raises:
         UsdError: a value is beyond the largest half (65504).
     """
-    if precision == "float":
-        return arrays
-    halves = ["orientations", "scales", "opacities", "sh"]
-    if precision == "half":
-        halves.append("positions")
     floored = replace(arrays, scales=np.maximum(arrays.scales, np.float32(MIN_HALF_SCALE)))
-    with np.errstate(over="ignore"):  # reported below, by name
-        stored = {name: getattr(floored, name).astype(np.float16) for name in halves}
-    for name, values in stored.items():
-        if not is_finite(values):
+    stored = {}
+    for name in ("orientations", "scales", "opacities", "sh"):
+        with np.errstate(over="ignore"):
+            stored[name] = getattr(floored, name).astype(np.float16)
+        if not is_finite(stored[name]):
             raise UsdError(
-                f"{what}: {name} beyond 65504 do not fit half precision; write them with precision "
-                f"'{'mixed' if name == 'positions' else 'float'}'"
+                f"Gaussians: {name} beyond 65504 do not fit half precision; write them with precision 'float'"
             )
     return replace(floored, **stored)
 

@@ -12,7 +12,7 @@ import numpy as np
 
 from digs_warp.checks import UsdError
 from digs_warp.usd import names
-from digs_warp.usd.metadata import json_from_usd
+from digs_warp.usd.metadata import read_metadata
 
 if TYPE_CHECKING:
     from pxr import Usd
@@ -112,8 +112,7 @@ def metres_per_unit(stage: "Usd.Stage", what: str) -> float:
 
 def stage_offset(stage: "Usd.Stage") -> tuple[float, float, float] | None:
     """Return what was taken off the places of a scene of ours [m]; None: nothing."""
-    data = (stage.GetMetadata("customLayerData") or {}).get(names.METADATA_KEY)
-    offset: Any = json_from_usd(data).get(names.OFFSET_KEY) if isinstance(data, dict) else None
+    offset: Any = read_metadata(stage).get(names.OFFSET_KEY)
     try:
         if np.shape(offset) != (3,) or not np.isfinite(offset).all():
             return None

@@ -1,22 +1,20 @@
-"""JSON-like metadata <-> dictionaries of a USD layer.
-
-Booleans, numbers, text, dictionaries and lists of fractions are stored as they are. Other lists, None and
-huge integers become JSON text after ``json:`` and come back as they were.
-"""
+"""What a scene says of itself: JSON text in the layer's ``customLayerData["digs_warp"]``."""
 
 import json
 import logging
 from pathlib import PurePosixPath, PureWindowsPath
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from digs_warp.checks import UsdError
 from digs_warp.data.gaussians import MOST_DILATION, NO_FILTER, ScreenFilter
 from digs_warp.record.fields import Fields, parse_json
 from digs_warp.record.files import to_json
+from digs_warp.usd import names
+
+if TYPE_CHECKING:
+    from pxr import Usd
 
 logger = logging.getLogger(__name__)
-
-JSON_MARK = "json:"
 
 _KERNEL, _DILATION, _ANTIALIAS = "kernel", "dilation_px2", "antialias"
 
@@ -63,20 +61,9 @@ def portable_json(metadata: dict[str, Any]) -> dict[str, Any]:
         UsdError: a value has no JSON form, or a number is NaN or infinite.
     """
     try:
-        plain = json.loads(to_json(metadata))
+        return _portable(json.loads(to_json(metadata)))
     except (TypeError, ValueError) as error:
         raise UsdError(f"metadata of a USD scene: {error}; expected JSON-like values") from error
-    return {key: _portable(value) for key, value in plain.items()}
-
-
-def usd_from_json(plain: dict[str, Any]) -> dict[str, Any]:
-    """Return a dictionary that USD can hold, from the plain JSON types of `portable_json`."""
-    return {key: _to_usd(value) for key, value in plain.items()}
-
-
-def json_from_usd(metadata: dict[str, Any]) -> dict[str, Any]:
-    """Return the input of `usd_from_json`, in plain Python types."""
-    return {str(key): _to_json(value) for key, value in metadata.items()}
 
 
 def _portable(value: Any) -> Any:
@@ -92,32 +79,11 @@ def _portable(value: Any) -> Any:
     return value
 
 
-def _to_usd(value: Any) -> Any:
-    from pxr import Vt
-
-    if isinstance(value, dict):
-        return usd_from_json(value)
-    if isinstance(value, list) and {type(item) for item in value} == {float}:
-        return Vt.DoubleArray(value)
-    if isinstance(value, bool | str | float) or (isinstance(value, int) and _fits_int64(value)):
-        return value
-    return JSON_MARK + json.dumps(value)
-
-
-def _fits_int64(value: int) -> bool:
-    return -(2**63) <= value < 2**63
-
-
-def _to_json(value: Any) -> Any:
-    if isinstance(value, dict):
-        return json_from_usd(value)
-    if isinstance(value, str) and value.startswith(JSON_MARK):
-        try:
-            return parse_json(value.removeprefix(JSON_MARK))
-        except ValueError:
-            return value
-    if isinstance(value, bool | int | float | str):
-        return value
-    if hasattr(value, "__len__"):  # an array, ours or another program's
-        return [_to_json(item) for item in value]
-    return str(value)  # a type of USD that JSON does not know, such as an asset path
+def read_metadata(stage: "Usd.Stage") -> dict[str, Any]:
+    """Return our provenance dictionary of a scene, empty when it has none."""
+    text = (stage.GetMetadata("customLayerData") or {}).get(names.METADATA_KEY)
+    try:
+        found = parse_json(text) if isinstance(text, str) else None
+    except ValueError:
+        found = None
+    return found if isinstance(found, dict) else {}

@@ -15,11 +15,9 @@ GAUSSIANS_PATH = "/Asset/Gaussians"
 RIG_PATH = "/Asset/Rig"
 RENDER_PATH = "/Render"
 SOURCE_PATH = "/Asset/Source"
-POINTS_PATH = "/Asset/Source/InitialPoints"
 MESH_PATH = "/Asset/Source/Mesh"
 SURFACE_PATH = "/Asset/Source/Surface"
-# Variant sets of the asset: which reconstruction, and how much of it.
-INIT_SET = "init"
+# The variant set of the asset: how many of the Gaussians.
 LOD_SET = "lod"
 # Importers take the package member with this stem for the scene (3dgrut does).
 PACKAGE_ROOT = "default.usdc"
@@ -57,7 +55,7 @@ COLOR_SPACE_INSTANCE = "display"
 # For viewers that do not draw splats; linear, as USD expects displayColor to be.
 DISPLAY_COLOR_SPACE = "lin_rec709_scene"
 
-# Our metadata: a dictionary of the layer, and one of the asset prim.
+# Our metadata: of the layer, and of the asset prim.
 METADATA_KEY = "digs_warp"
 VERSION_KEY = "version"
 SOURCE_TO_ASSET_KEY = "digs_warp:sourceToAsset"

@@ -14,7 +14,6 @@ from digs_warp.device.threads import over_rows
 from digs_warp.geometry.rigid import far_offset
 from digs_warp.usd import names
 from digs_warp.usd.convert import (
-    Precision,
     SplatArrays,
     check_activated,
     check_rows,
@@ -40,7 +39,7 @@ from digs_warp.usd.frames import (
     stage_offset,
     world_from_prim,
 )
-from digs_warp.usd.metadata import filter_of, json_from_usd
+from digs_warp.usd.metadata import filter_of, read_metadata
 from digs_warp.words import quoted
 
 if TYPE_CHECKING:
@@ -101,13 +100,6 @@ def read_scene(
     with opened_stage(path) as stage:
         select_variants(stage, variants or {}, path)
         return _read(stage, find_field(stage, path, prim_path), path)
-
-
-def read_metadata(stage: "Usd.Stage") -> dict[str, Any]:
-    """Return our provenance dictionary of the scene, empty when it has none."""
-    data = stage.GetMetadata("customLayerData") or {}
-    ours = data.get(names.METADATA_KEY, {})
-    return json_from_usd(ours) if isinstance(ours, dict) else {}
 
 
 def _read(stage: "Usd.Stage", prim: "Usd.Prim", path: Path) -> UsdScene:
@@ -205,10 +197,13 @@ def _facts(stage: "Usd.Stage", path: Path, prim_path: str | None) -> dict[str, A
     prim = find_field(stage, path, prim_path)
     count = splat_count(prim)
     extent = extent_of(prim)
+    twins = {name: prim.GetAttribute(name + names.HALF_SUFFIX) for name in names.WIDTHS}
+    halves = [name for name, twin in twins.items() if twin and twin.HasAuthoredValue()]
+    views = 1 + round(stage.GetEndTimeCode() - stage.GetStartTimeCode())
     return {
         "splats": count,
         "sh_degree": stored_sh_degree(prim, count, f"USD scene '{path}'") or 0,
-        "precision": _precision(prim),
+        "precision": "float" if not halves else "half" if names.POSITIONS in halves else "mixed",
         "extent": extent.tolist() if extent is not None and count else None,
         "up_axis": str(UsdGeom.GetStageUpAxis(stage)),
         "meters_per_unit": metres_per_unit(stage, f"USD scene '{path}'"),
@@ -217,24 +212,6 @@ def _facts(stage: "Usd.Stage", path: Path, prim_path: str | None) -> dict[str, A
         "prim_path": str(prim.GetPath()),
         "variants": {name: variants for (_, name), variants in variant_sets(stage).items()},
         "cameras": [str(each.GetPath()) for each in stage.Traverse() if each.IsA(UsdGeom.Camera)],
-        "views": _time_codes(stage),
+        "views": views if stage.HasAuthoredTimeCodeRange() else 0,
         "metadata": read_metadata(stage),
     }
-
-
-def _precision(prim: "Usd.Prim") -> Precision:
-    """Return the precision, from the types of the positions and the coefficients."""
-    stored = {
-        name: attribute.HasAuthoredValue()
-        for name in (names.POSITIONS, names.SH_COEFFICIENTS)
-        if (attribute := prim.GetAttribute(name + names.HALF_SUFFIX))
-    }
-    if stored.get(names.POSITIONS):
-        return "half"
-    return "mixed" if stored.get(names.SH_COEFFICIENTS) else "float"
-
-
-def _time_codes(stage: "Usd.Stage") -> int:
-    if not stage.HasAuthoredTimeCodeRange():
-        return 0
-    return 1 + round(stage.GetEndTimeCode() - stage.GetStartTimeCode())

@@ -16,7 +16,6 @@ from digs_warp.commands.precompile import compile_kernels
 from digs_warp.commands.reconstruction_options import (
     ReconstructionOptions,
     reconstruction_words,
-    watched_training,
 )
 from digs_warp.device.libraries import loading
 from digs_warp.engines.config import EngineConfig
@@ -51,9 +50,6 @@ class Reconstruct(ReconstructionOptions, _Output):
 
     seed: Annotated[int, SEED] = 0
     """Decides everything random: matching of images, order of the views, backgrounds."""
-
-    view: tyro.conf.FlagCreatePairsOff[bool] = False
-    """Show the training in the browser while it runs; prints the page's address."""
 
     on: Annotated[EngineConfig, tyro.conf.OmitArgPrefixes, tyro.conf.arg(name="engine")] = field(
         default_factory=EngineConfig
@@ -118,19 +114,14 @@ class Reconstruct(ReconstructionOptions, _Output):
 
         config = self.reconstruct_config(self.seed, capture)
         check_machine(config)  # a wrong flag is named first
-        with (
-            self.output.opened([source]) as folder,
-            watched_training(self.view) as hooks,
-        ):
+        with self.output.opened([source]) as folder:
             compile_kernels()
-            return reconstruct(capture, config, folder, self.output.resume, hooks)
+            return reconstruct(capture, config, folder, self.output.resume)
 
     def _reconstruct_many(self) -> str:
         from digs_warp.engines.task import RESULTS
         from digs_warp.pipeline.reconstruct import check_machine
 
-        if self.view:
-            raise DigsError("--view shows one training; give it one capture")
         jobs = find_jobs(self.captures)
         options = self._options()
         if self.on.address is None:

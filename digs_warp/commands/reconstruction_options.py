@@ -1,8 +1,5 @@
-"""What `digs-warp run` and `digs-warp reconstruct` share: flags, a page to watch, words of results."""
+"""What `digs-warp run` and `digs-warp reconstruct` share: flags, and words of results."""
 
-import sys
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import dataclass, field, fields, replace
 from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeVar
 
@@ -20,7 +17,6 @@ if TYPE_CHECKING:
     from digs_warp.data.capture import Capture
     from digs_warp.pipeline.reconstruct import ReconstructConfig
     from digs_warp.pipeline.reconstruction import Reconstruction
-    from digs_warp.train.session import Hooks
 
 T = TypeVar("T")
 
@@ -114,25 +110,6 @@ def _plain(options: Any, kind: type[T], **changes: Any) -> T:
     """Return the settings behind flags, with ``changes`` such as the common seed."""
     values = {f.name: getattr(options, f.name) for f in fields(kind)}  # pyright: ignore[reportArgumentType]
     return kind(**(values | changes))
-
-
-@contextmanager
-def watched_training(view: bool) -> "Iterator[Hooks]":
-    """Yield what the training calls every few iterations; nothing without ``view``."""
-    from digs_warp.train.session import NO_HOOKS, Hooks
-
-    if not view:
-        yield NO_HOOKS
-        return
-    from digs_warp.show.view.server import live_page
-
-    with live_page(_say) as watch:
-        yield Hooks(watch)
-
-
-def _say(address: str) -> None:
-    sys.stderr.write(f"the training, until it ends: {address}\n")
-    sys.stderr.flush()
 
 
 def reconstruction_words(result: "Reconstruction", frames: int) -> str:

@@ -10,17 +10,12 @@ import tyro
 from digs_warp.commands.command import SettingsCommand
 from digs_warp.commands.output import ANY_FOLDER, OUTPUT_FLAGS, OutputFolder
 from digs_warp.commands.precompile import compile_kernels
-from digs_warp.commands.reconstruction_options import (
-    ReconstructionOptions,
-    reconstruction_words,
-    watched_training,
-)
+from digs_warp.commands.reconstruction_options import ReconstructionOptions, reconstruction_words
 from digs_warp.commands.simulate import RECORDING_FLAGS
 from digs_warp.record import layout
 from digs_warp.record.run_log import RunLog
 from digs_warp.record.typed import from_json, to_json
 from digs_warp.sim.config import SimulateConfig
-from digs_warp.usd.convert import WriteOptions
 from digs_warp.words import format_facts
 
 if TYPE_CHECKING:
@@ -51,9 +46,6 @@ class Run(ReconstructionOptions, _Recording):
 
     Without --mesh and --environment it takes the built-in object in the built-in room.
     """
-
-    view: tyro.conf.FlagCreatePairsOff[bool] = False
-    """Show the training in the browser while it runs; prints the page's address."""
 
     can_resume: ClassVar[bool] = True
     recorded_as: ClassVar[str] = "run"
@@ -101,12 +93,8 @@ class Run(ReconstructionOptions, _Recording):
         log.save(record)
         with log.saved(record), log.stage("simulate"):
             capture = simulate(self.recording, folder / layout.CAPTURE, self.output.resume)
-        with (
-            log.saved(record),
-            log.stage("reconstruct"),
-            watched_training(self.view) as hooks,
-        ):
-            result = reconstruct(capture, config, reconstruction, self.output.resume, hooks)
+        with log.saved(record), log.stage("reconstruct"):
+            result = reconstruct(capture, config, reconstruction, self.output.resume)
         other_sizes = result.scores.other_sizes
         log.results = {
             "gaussians": len(result.gaussians),
@@ -116,7 +104,7 @@ class Run(ReconstructionOptions, _Recording):
         }
         with log.saved(record), log.stage("export"):
             scene = folder / layout.SCENE
-            write_capture_package(capture, [result], scene, WriteOptions())
+            write_capture_package(capture, result, scene)
             write_scene_file(folder / layout.SPLATS, result, reconstruction)
         with log.saved(record), log.stage("report"):
             write_report(capture, result, folder / layout.REPORT)

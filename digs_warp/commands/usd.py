@@ -1,6 +1,6 @@
-"""`digs-warp export-usd` and `digs-warp usd`: write, inspect and validate USD scenes."""
+"""`digs-warp export-usd` and `digs-warp usd`: write and validate USD scenes."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
@@ -9,17 +9,15 @@ import tyro
 from digs_warp.checks import DigsError, UsdError
 from digs_warp.commands.command import Command, Group
 from digs_warp.commands.output import JsonFile, check_output_file
-from digs_warp.record.files import to_json
-from digs_warp.usd.convert import WriteOptions
-from digs_warp.words import counted, format_facts
+from digs_warp.usd.convert import Precision
+from digs_warp.words import counted
 
 
 @dataclass(frozen=True, kw_only=True)
 class ExportUsd(Command):
     """Write reconstructed Gaussians as a USD scene, for USD viewers and simulators.
 
-    With --capture the scene also holds the cameras, the initial points, the recorded object and levels of
-    detail; with --also it holds several reconstructions of that capture as variants.
+    With --capture the scene also holds the cameras, the recorded object and levels of detail.
     """
 
     source: Annotated[Path, tyro.conf.Positional]
@@ -34,21 +32,15 @@ class ExportUsd(Command):
     capture: Path | None = None
     """The capture that was reconstructed: its cameras and sources go into the scene (.usdz only)."""
 
-    also: tuple[Path, ...] = ()
-    """More reconstructions of that capture: each becomes a variant, named after its initialization."""
-
     surface: tyro.conf.FlagCreatePairsOff[bool] = False
     """With --capture, also put a colored mesh of the Gaussians into the scene, as 'digs-warp mesh' does."""
 
-    storage: Annotated[WriteOptions, tyro.conf.OmitArgPrefixes] = field(
-        default_factory=WriteOptions
-    )
+    precision: Precision = "float"
+    """float keeps every digit; mixed halves all but the positions, and the file, at no visible loss."""
 
     def __post_init__(self) -> None:
         if self.surface and self.capture is None:
             raise DigsError("--surface needs --capture: its cameras see the surface")
-        if self.also and self.capture is None:
-            raise DigsError("--also needs --capture: the variants show one recording")
 
     def execute(self) -> str:
         """Read, write, say what was written."""
@@ -57,41 +49,16 @@ class ExportUsd(Command):
         from digs_warp.pipeline.usd_scene import write_capture_package
         from digs_warp.usd.writer import write_gaussians
 
-        inputs = [self.source, self.capture, *self.also]
-        check_output_file(self.out, self.overwrite, inputs)
+        check_output_file(self.out, self.overwrite, [self.source, self.capture])
         capture = read_capture(self.capture) if self.capture else None
-        results = [read_scene(path, capture=capture) for path in (self.source, *self.also)]
+        result = read_scene(self.source, capture=capture)
         if capture is not None:
-            write_capture_package(capture, results, self.out, self.storage, self.surface)
+            write_capture_package(capture, result, self.out, self.precision, self.surface)
         else:
-            first = results[0]
-            write_gaussians(self.out, first.gaussians, first.scene_metadata, self.storage)
+            metadata = result.scene_metadata
+            write_gaussians(self.out, result.gaussians, metadata, self.precision)
         size = self.out.stat().st_size / 1e6
-        return f"{self.out}: {counted(len(results[0].gaussians), 'Gaussian')}, {size:.1f} MB"
-
-
-Scene = Annotated[Path, tyro.conf.Positional]
-
-
-@dataclass(frozen=True, kw_only=True)
-class UsdInfo(JsonFile, Command):
-    """Say what a USD scene holds."""
-
-    scene: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="SCENE")]
-    """A .usdz, .usdc or .usda file."""
-
-    prim: str | None = None
-    """Path of the splats, such as /Asset/Gaussians; needed where a scene holds several fields of splats."""
-
-    def execute(self) -> str:
-        """Look and return the facts, one per line."""
-        from digs_warp.show.report.facts import facts_of_usd
-        from digs_warp.usd.reader import describe
-
-        self.check(self.scene)
-        scene = describe(self.scene, self.prim)
-        self.write(to_json(scene))
-        return format_facts(facts_of_usd(scene))
+        return f"{self.out}: {counted(len(result.gaussians), 'Gaussian')}, {size:.1f} MB"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -99,7 +66,7 @@ class UsdValidate(JsonFile, Command):
     """Check a USD scene; the exit code is 1 if there is an error.
 
     Checks values, sizes, color space, extents and the package, in every variant.
-    Uses the rules of this program, those of OpenUSD, and NVIDIA's if usd-validation-nvidia is installed.
+    Uses the rules of this program and those of OpenUSD.
     """
 
     scene: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="SCENE")]
@@ -118,6 +85,6 @@ class UsdValidate(JsonFile, Command):
 
 
 USD = Group(
-    "Inspect USD scenes of Gaussian splats, written by this or another program.",
-    {"info": UsdInfo, "validate": UsdValidate},
+    "Check USD scenes of Gaussian splats, written by this or another program.",
+    {"validate": UsdValidate},
 )

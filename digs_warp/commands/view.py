@@ -15,15 +15,15 @@ from digs_warp.settings import Range
 
 @dataclass(frozen=True, kw_only=True)
 class View(Command):
-    """Look at captures, reconstructions, Gaussians and meshes in the browser.
+    """Look at captures, reconstructions and Gaussians in the browser.
 
     Opens a page and serves it until Ctrl-C: Gaussians along the training, cameras with their pictures,
-    measured depth, the start, the true surface. The page can show depth and normals, crop and save.
+    measured depth, the start. The page can show depth and normals, and crop.
     """
 
     paths: Annotated[tuple[Path, ...], tyro.conf.Positional, tyro.conf.arg(metavar="PATH...")]
-    """Captures, folders of 'digs-warp reconstruct' or 'run', Gaussians (.npz, .ply, .spz, .splat, USD) or
-    meshes (.glb, .gltf, .obj, .stl). Several stand side by side."""
+    """Captures, folders of 'digs-warp reconstruct' or 'run', or Gaussians (.npz, .ply, .spz, .splat, .sog,
+    .glb, USD). Several stand side by side."""
 
     host: str = "127.0.0.1"
     """The address to listen on. 0.0.0.0 lets everyone in the network look; there is no password."""
@@ -39,7 +39,7 @@ class View(Command):
     def __post_init__(self) -> None:
         super().__post_init__()
         if not self.paths:
-            raise DigsError("view: no PATH; name a capture, a reconstruction, Gaussians or a mesh")
+            raise DigsError("view: no PATH; name a capture, a reconstruction or Gaussians")
 
     def execute(self) -> str:
         """Read, serve, and end with Ctrl-C."""
@@ -48,7 +48,7 @@ class View(Command):
 
         contents = [read_contents(path, self.scene.read) for path in self.paths]
         try:
-            with started(contents, self.host, self.port) as (_, address):
+            with started(contents, self.host, self.port) as address:
                 sys.stdout.write(f"{address}  (Ctrl-C ends it)\n")
                 sys.stdout.flush()
                 if self.browser:

@@ -158,7 +158,7 @@ class Reconstruction:
 
         Args:
             path: the file; its suffix decides: .usdz (package), .usdc (binary), .usda (text).
-            capture: the recording: its cameras and the initial points go into the scene (.usdz only).
+            capture: the recording: its cameras and meshes go into the scene (.usdz only).
 
         Raises:
             DigsError: another suffix, or the scene cannot be written.
@@ -169,7 +169,7 @@ class Reconstruction:
         if capture is None:
             write_gaussians(Path(path), self.gaussians, self.scene_metadata)
         else:
-            write_capture_package(capture, [self], Path(path))
+            write_capture_package(capture, self, Path(path))
 
     @property
     def scene_metadata(self) -> dict[str, Any]:

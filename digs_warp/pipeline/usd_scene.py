@@ -1,7 +1,6 @@
 """From a reconstruction to its USD scene, alone or in the package of its capture."""
 
 import logging
-from collections.abc import Sequence
 from dataclasses import asdict, replace
 from itertools import pairwise
 from pathlib import Path
@@ -19,44 +18,42 @@ if TYPE_CHECKING:
     from digs_warp.data.triangle_mesh import TriangleMesh
     from digs_warp.pipeline.reconstruction import Reconstruction
     from digs_warp.usd.cameras import CameraPath
-    from digs_warp.usd.capture_scene import SceneVariant
-    from digs_warp.usd.writer import WriteOptions
+    from digs_warp.usd.convert import Precision
 
 logger = logging.getLogger(__name__)
 
 
 def write_capture_package(
     capture: Capture,
-    results: Sequence["Reconstruction"],
+    result: "Reconstruction",
     path: Path,
-    options: "WriteOptions | None" = None,
+    precision: "Precision" = "float",
     surface: bool = False,
 ) -> None:
-    """Write one scene of all reconstructions of a capture, with its cameras.
+    """Write the scene of a reconstruction of a capture, with its cameras.
 
     Args:
         capture: the recording.
-        results: its reconstructions; the first is shown by default, and the cameras are its.
+        result: its reconstruction.
         path: the ``.usdz`` file.
-        options: precision and degree.
-        surface: also extract a mesh from the first reconstruction, for the scene.
+        precision: see `digs_warp.usd.convert.Precision`.
+        surface: also extract a mesh from the Gaussians, for the scene.
 
     Raises:
         DigsError: there is no surface to extract, or the scene cannot be written.
     """
     from digs_warp.usd.capture_scene import CaptureScene, write_capture_scene
 
-    shown = results[0]
-    posed = shown.poses.frames or PosedFrames.as_recorded(capture)
-    poses = replace(shown.poses, frames=posed)
+    posed = result.poses.frames or PosedFrames.as_recorded(capture)
+    poses = replace(result.poses, frames=posed)
     scene = CaptureScene(
-        variants=tuple(map(_variant, results, variant_labels([*map(_name, results)]))),
+        gaussians=result.gaussians,
         cameras=_camera_path(capture, posed),
-        source_mesh=_source_mesh(capture, shown.instance),
-        surface=_surface(shown.gaussians, poses) if surface else None,
-        metadata=shown.scene_metadata | _origin(capture, shown.instance),
+        source_mesh=_source_mesh(capture, result.instance),
+        surface=_surface(result.gaussians, poses) if surface else None,
+        metadata=result.scene_metadata | _origin(capture, result.instance),
     )
-    write_capture_scene(path, scene, options)
+    write_capture_scene(path, scene, precision)
 
 
 def _surface(gaussians: Gaussians, poses: Poses) -> "TriangleMesh":
@@ -99,29 +96,7 @@ def _origin(capture: Capture, instance: int | None) -> dict[str, Any]:
         world_from_mesh = placed.world_from_mesh if placed and placed.mesh else None
     if world_from_mesh is None:
         return {}
-    # Flat: USD dictionaries hold no nested lists.
     return {"world_from_mesh": [value for row in world_from_mesh for value in row]}
-
-
-def variant_labels(names: Sequence[str]) -> list[str]:
-    """Return the names, numbered where they repeat."""
-    return [
-        f"{name} {names[: i + 1].count(name)}" if names.count(name) > 1 else name
-        for i, name in enumerate(names)
-    ]
-
-
-def _name(result: "Reconstruction") -> str:
-    """Return the name of its initialization or folder."""
-    return result.strategy or (result.folder.resolve().name if result.folder else "gaussians")
-
-
-def _variant(result: "Reconstruction", name: str) -> "SceneVariant":
-    from digs_warp.usd.capture_scene import SceneVariant
-
-    known = result.scene_metadata.items()
-    own = {key: value for key, value in known if key in ("settings", "held_out")}
-    return SceneVariant(name, result.gaussians, result.start and result.start.points, own)
 
 
 def _camera_path(capture: Capture, posed: PosedFrames) -> "CameraPath | None":

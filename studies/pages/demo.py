@@ -138,7 +138,7 @@ def shown(tab: Browser) -> np.ndarray:
 def photograph_view(run: Path) -> None:
     """Open the page of `digs-warp view`, wait, and keep what the browser shows."""
     with (
-        started([read_contents(run)], "127.0.0.1", 8080) as (_, address),
+        started([read_contents(run)], "127.0.0.1", 8080) as address,
         tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as folder,
         browser(Path(folder), DESK) as tab,
     ):

@@ -83,7 +83,7 @@ CHECKED = {
     ".sog": "splat-transform, both ways (scripts/peers/splat_transform.py)",
     ".glb": "the rules of Khronos; trimesh (points); files of splat-transform",
     ".gltf": "the rules of Khronos",
-    ".usda, .usdc, .usdz": "OpenUSD and NVIDIA's rules; usd-convert-gsplat (scripts/peers/usd_writers.py)",
+    ".usda, .usdc, .usdz": "OpenUSD's rules; usd-convert-gsplat (scripts/peers/usd_writers.py)",
     "colmap": "pycolmap, the rules of OpenSplat",
     "colmap-text": "pycolmap",
     "nerfstudio": "the rules of its data parser; Open3D (points)",

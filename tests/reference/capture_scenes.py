@@ -3,12 +3,11 @@
 import numpy as np
 
 from digs_warp.data.gaussians import Gaussians
-from digs_warp.data.point_cloud import PointCloud
 from digs_warp.data.triangle_mesh import TriangleMesh
 from digs_warp.geometry.camera import Camera, Intrinsics
 from digs_warp.geometry.rigid import look_at
 from digs_warp.usd.cameras import CameraPath
-from digs_warp.usd.capture_scene import CaptureScene, SceneVariant
+from digs_warp.usd.capture_scene import CaptureScene
 
 BASELINE = 0.05
 KERNEL = {"dilation_px2": 0.0, "min_alpha": 1 / 255, "max_alpha": 0.99}
@@ -26,7 +25,7 @@ def splats(count: int, seed: int = 0, degree: int = 3) -> Gaussians:
     )
 
 
-def camera_path(views: int = 9, zoom: float = 0.0, baseline: float | None = BASELINE) -> CameraPath:
+def camera_path(views: int = 9, zoom: float = 0.0) -> CameraPath:
     """Views around the origin; off-center, non-square pixels; ``zoom`` lengthens fx from view to view."""
     cameras = []
     for i in range(views):
@@ -39,13 +38,8 @@ def camera_path(views: int = 9, zoom: float = 0.0, baseline: float | None = BASE
         times=tuple(0.25 * i for i in range(views)),
         names=tuple(f"{i:04d}" for i in range(views)),
         held_out=tuple(i % 8 == 0 for i in range(views)),
-        baseline=baseline,
+        baseline=BASELINE,
     )
-
-
-def cloud(count: int, seed: int = 0) -> PointCloud:
-    rng = np.random.default_rng(seed)
-    return PointCloud(rng.normal(size=(count, 3)) * 0.1, rng.random((count, 3)))
 
 
 def tetrahedron() -> TriangleMesh:
@@ -58,11 +52,7 @@ def tetrahedron() -> TriangleMesh:
 
 def full_scene(count: int = 40) -> CaptureScene:
     return CaptureScene(
-        variants=(
-            SceneVariant("depth", splats(count, 1), cloud(30), {"psnr": 31.5}),
-            SceneVariant("random points", splats(count // 2, 2), cloud(20), {"psnr": 24.0}),
-            SceneVariant("sfm", splats(1, 3)),
-        ),
+        gaussians=splats(count, 1),
         cameras=camera_path(),
         source_mesh=tetrahedron(),
         surface=tetrahedron(),

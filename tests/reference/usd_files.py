@@ -1,4 +1,4 @@
-"""What the tests of USD files share: the asset's frame, covariances, programs in fresh processes."""
+"""What the tests of USD files share: the asset's frame, arrays of a field, programs in fresh processes."""
 
 import os
 import subprocess
@@ -7,8 +7,6 @@ import sys
 import numpy as np
 
 from digs_warp.geometry.rigid import matrix_from_quat_xyzw
-
-SUFFIXES = (".usda", ".usdc", ".usdz")
 
 # Y-up from z-up, written out by hand: x stays, up is y, what came towards the viewer goes to -z.
 Y_UP = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])
@@ -35,18 +33,29 @@ def run_fresh(
     return done
 
 
-def error_of_a_full_disk(imports: str, write: str) -> str:
-    """Run ``write`` in a fresh process that the system refuses files above 100 kB; return its UsdError."""
-    lines = [
-        "import resource, signal, sys",
-        "from pathlib import Path",
-        "from digs_warp.checks import UsdError",
-        imports,
-        "signal.signal(signal.SIGXFSZ, signal.SIG_IGN)",
-        "resource.setrlimit(resource.RLIMIT_FSIZE, (100_000, 100_000))",
-        "try:",
-        f"    {write}",
-        "except UsdError as error:",
-        "    print(error)",
-    ]
-    return run_fresh("\n".join(lines)).stdout
+SH = "radiance:sphericalHarmonicsCoefficients"
+# The arrays of a field with the types of their values, whole and halved.
+KINDS = {
+    "positions": ("Vec3fArray", "Vec3hArray"),
+    "orientations": ("QuatfArray", "QuathArray"),
+    "scales": ("Vec3fArray", "Vec3hArray"),
+    "opacities": ("FloatArray", "HalfArray"),
+    SH: ("Vec3fArray", "Vec3hArray"),
+    "extent": ("Vec3fArray", "Vec3hArray"),
+}
+
+
+def arrays_of(prim) -> dict[str, np.ndarray]:
+    """The arrays of a field, as NumPy."""
+    return {name: np.array(prim.GetAttribute(name).Get()) for name in KINDS}
+
+
+def set_arrays(prim, arrays: dict[str, np.ndarray], half: tuple[str, ...] = ()) -> None:
+    """Author arrays; those named in ``half`` under their half-precision names."""
+    from pxr import Vt
+
+    for name, values in arrays.items():
+        is_half = name in half
+        kind = getattr(Vt, KINDS[name][is_half])
+        stored = kind.FromNumpy(np.ascontiguousarray(values, np.float16 if is_half else np.float32))
+        prim.GetAttribute(name + "h" * is_half).Set(stored)

@@ -6,6 +6,7 @@ drawn as OpenUSD's reference renderer draws particle fields (front to back by pl
 at 0.99, color 0.5 + SH), nothing is added to them, and alpha is cut where the file's metadata says.
 """
 
+import json
 from math import factorial, pi, sqrt
 from pathlib import Path
 
@@ -79,7 +80,7 @@ def render_usd(path: Path, camera_path: str, time: float, background: np.ndarray
 
     stage = Usd.Stage.Open(str(path))
     prim = next(p for p in stage.Traverse() if p.GetTypeName() == "ParticleField3DGaussianSplat")
-    kernel = stage.GetRootLayer().customLayerData["digs_warp"]["kernel"]
+    kernel = json.loads(stage.GetRootLayer().customLayerData["digs_warp"])["kernel"]
     product = next(
         UsdRender.Product(p)
         for p in stage.Traverse()

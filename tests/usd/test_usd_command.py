@@ -1,65 +1,79 @@
+"""From the folder of a reconstruction to the package of its capture, by the commands that people use."""
+
 import json
 from pathlib import Path
 
+import numpy as np
 import pytest
+from numpy.testing import assert_allclose
 
 from digs_warp.cli import EXIT_BAD_INPUT, EXIT_OK, EXIT_WRONG_USAGE, main
-from digs_warp.usd.capture_scene import write_capture_scene
-from digs_warp.usd.writer import WriteOptions, write_gaussians
-from reference.capture_scenes import full_scene, splats
+from digs_warp.data.posed_frames import PosedFrames
+from digs_warp.record.files import read_json, to_json
+from digs_warp.record.run_log import RunLog
+from digs_warp.usd.reader import read_scene
+from digs_warp.usd.writer import write_gaussians
+from reference.capture_scenes import splats
+from reference.tiny_capture import write_tiny_capture
+from reference.usd_files import Y_UP
+from reference.usd_renderer import frustum_pixels
 
 
-@pytest.fixture(scope="module")
-def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    path = tmp_path_factory.mktemp("scenes")
-    write_capture_scene(path / "capture.usdz", full_scene())
-    write_gaussians(path / "a.usdc", splats(20), {"settings": {"iterations": 100}})
-    half = WriteOptions(precision="half", sh_degree=1)
-    write_gaussians(path / "b.usda", splats(20), {"settings": {"iterations": 200}}, half)
-    text = (
-        (path / "b.usda").read_text().replace("half[] opacitiesh = [", "half[] opacitiesh = [7, ")
-    )
-    (path / "broken.usda").write_text(text)
-    return path
+def test_a_reconstruction_becomes_a_scene_with_its_cameras(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+):
+    from pxr import Usd, UsdGeom
 
+    capture = write_tiny_capture(tmp_path / "capture", frames=9)
+    placement = ((0.0, 2.0, 0.0, 1.0), (-2.0, 0.0, 0.0, 2.0), (0.0, 0.0, 2.0, 3.0), (0, 0, 0, 1.0))
+    index = read_json(capture.folder / "transforms.json", "index")
+    index["digs_warp"]["world_from_mesh"] = placement
+    (capture.folder / "transforms.json").write_text(to_json(index))
+    folder, path = tmp_path / "reconstruction", tmp_path / "scene.usdz"
+    training, held_out = capture.split(4)
+    PosedFrames(tuple(training), tuple(held_out)).save(folder)
+    splats(30).save(folder / "gaussians.npz")
+    RunLog("reconstruct", {"init": {"strategy": "depth"}}).save(folder / "run.json")
+    arguments = ["export-usd", folder, "--capture", capture.folder, "--out", path]
+    assert main([*map(str, arguments), "--precision", "mixed"]) == EXIT_OK
 
-def run(capsys: pytest.CaptureFixture[str], *arguments: object) -> tuple[int, str, str]:
-    code = main(["usd", *map(str, arguments)])
-    captured = capsys.readouterr()
-    return code, captured.out, captured.err
-
-
-def test_info_says_what_a_scene_holds(folder: Path, capsys: pytest.CaptureFixture[str]):
-    assert main(["info", str(folder / "capture.usdz")]) == EXIT_OK
+    scene = read_scene(path)
+    assert (len(scene.gaussians), scene.metadata["kernel"]["dilation_px2"]) == (30, 0)
+    assert_allclose(np.reshape(scene.metadata["world_from_mesh"], (4, 4)), placement)
+    capsys.readouterr()
+    assert main(["usd", "validate", str(path)]) == EXIT_OK
+    assert "0 errors, 0 warnings in 3 combinations" in capsys.readouterr().out
+    assert main(["info", str(path)]) == EXIT_OK
     out = capsys.readouterr().out
     for words in (
-        *("40 at /Asset/Gaussians", "depth, random_points, sfm", "full, half, preview", "float"),
-        *("/Asset/Rig/left, /Asset/Rig/right; 9 views", "Y up, 1 m per unit"),
+        *("30 at /Asset/Gaussians", "full, half, preview", "mixed", "degree 3"),
+        *("/Asset/Rig/mono; 9 views", "Y up, 1 m per unit"),
     ):
         assert words in out
-    assert main(["info", str(folder / "b.usda")]) == EXIT_OK
-    out = capsys.readouterr().out
-    assert "half" in out and "degree 1" in out and "cameras" not in out
+    stage = Usd.Stage.Open(str(path))
+    rig = stage.GetPrimAtPath("/Asset/Rig")
+    assert list(rig.GetCustomDataByKey("digs_warp:viewNames")) == [f.name for f in capture.frames]
+    assert list(rig.GetCustomDataByKey("digs_warp:heldOut")) == [i in (1, 4, 7) for i in range(9)]
+    camera = UsdGeom.Camera(stage.GetPrimAtPath("/Asset/Rig/mono"))
+    points = np.random.default_rng(0).normal(size=(20, 3)) * 0.1
+    for i, frame in enumerate(capture.frames):
+        k = frame.camera.intrinsics
+        project = frustum_pixels(camera.GetCamera(i), (k.width, k.height))
+        assert_allclose(project(points @ Y_UP.T), frame.camera.project(points)[0], atol=1e-3)
 
 
-def test_a_sound_scene_passes_and_a_broken_one_exits_with_1(
-    folder: Path, capsys: pytest.CaptureFixture[str]
+def test_a_broken_scene_exits_with_1_and_its_report_is_not_replaced(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ):
-    code, out, _ = run(capsys, "validate", folder / "capture.usdz")
-    assert code == EXIT_OK
-    assert "0 errors, 0 warnings in 9 combinations" in out
-    target = folder / "report.json"
-    code, out, err = run(capsys, "validate", folder / "broken.usda", "--json", target)
-    assert code == EXIT_BAD_INPUT
-    assert "21 values in 'opacities', expected 20" in err
+    path, target = tmp_path / "broken.usda", tmp_path / "report.json"
+    write_gaussians(path, splats(20), precision="mixed")
+    path.write_text(path.read_text().replace("opacitiesh = [", "opacitiesh = [7, "))
+    command = ["usd", "validate", str(path), "--json", str(target)]
+    assert main(command) == EXIT_BAD_INPUT
+    assert "21 values in 'opacities', expected 20" in capsys.readouterr().err
     report = json.loads(target.read_text())
     assert not report["ok"]
     assert {finding["rule"] for finding in report["findings"]} >= {"splat-count", "opacity-range"}
-    code, _, err = run(capsys, "validate", folder / "a.usdc", "--json", target)
-    assert code == EXIT_BAD_INPUT
-    assert "file exists" in err
-
-
-def test_wrong_numbers_of_files_are_wrong_usage(folder: Path, capsys: pytest.CaptureFixture[str]):
-    for arguments in (("validate",), ("validate", "a.usdz", "b.usdz"), ("look", "a.usdz")):
-        assert run(capsys, *arguments)[0] == EXIT_WRONG_USAGE
+    assert main(command) == EXIT_BAD_INPUT
+    assert "file exists" in capsys.readouterr().err
+    assert main(["usd", "validate"]) == EXIT_WRONG_USAGE

@@ -9,7 +9,7 @@ from fuzzing.kinds import find_kinds
 
 from digs_warp.checks import UsdError
 from digs_warp.usd import walk
-from digs_warp.usd.capture_scene import CaptureScene, SceneVariant, write_capture_scene
+from digs_warp.usd.capture_scene import CaptureScene, write_capture_scene
 from digs_warp.usd.reader import describe, read_gaussians
 from digs_warp.usd.validate import validate
 from digs_warp.usd.writer import write_gaussians
@@ -70,7 +70,7 @@ def test_damaged_files_are_read_or_refused(tmp_path: Path) -> None:
 
 
 def write_one(path: Path, gaussians) -> None:
-    write_capture_scene(path, CaptureScene((SceneVariant("a", gaussians),)))
+    write_capture_scene(path, CaptureScene(gaussians))
 
 
 @pytest.mark.parametrize("place", ["/proc/self/scene.usdz", "{tmp}/file/scene.usdz"])

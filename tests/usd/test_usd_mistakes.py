@@ -1,20 +1,21 @@
 """The validator names every mistake in a scene, wherever it hides; stock OpenUSD finds none of them."""
 
+import zipfile
 from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
+import pytest
 
+from digs_warp.usd.convert import Precision
 from digs_warp.usd.validate import validate
 from digs_warp.usd.writer import write_gaussians
 from reference.capture_scenes import splats
+from reference.usd_files import SH, arrays_of, set_arrays
 
 FIELD = "/Asset/Gaussians"
 
 Edit = Callable[[dict[str, np.ndarray]], None]
-
-
-SH = "radiance:sphericalHarmonicsCoefficients"
 
 
 def changed(name: str, change: Callable[[np.ndarray], np.ndarray]) -> Edit:
@@ -66,27 +67,15 @@ MISTAKES: list[tuple[Edit, str, str]] = [
 
 def write_edited(path: Path, edit: Edit) -> None:
     """Write a sound scene, change its arrays through USD, save it."""
-    from pxr import Usd, Vt
+    from pxr import Usd
 
     write_gaussians(path, splats(50))
     stage = Usd.Stage.Open(str(path))
     prim = stage.GetPrimAtPath(FIELD)
-    kinds = {
-        "positions": Vt.Vec3fArray,
-        "orientations": Vt.QuatfArray,
-        "scales": Vt.Vec3fArray,
-        "opacities": Vt.FloatArray,
-        "radiance:sphericalHarmonicsCoefficients": Vt.Vec3fArray,
-        "extent": Vt.Vec3fArray,
-    }
-    arrays = {name: np.array(prim.GetAttribute(name).Get()) for name in kinds}
+    arrays = arrays_of(prim)
     edit(arrays)
-    for name, kind in kinds.items():
-        if name in arrays:
-            values = np.ascontiguousarray(arrays[name], dtype=np.float32)
-            prim.GetAttribute(name).Set(kind.FromNumpy(values))
-        else:
-            prim.GetAttribute(name).Clear()
+    prim.GetAttribute("extent").Clear()
+    set_arrays(prim, arrays)
     stage.Save()
 
 
@@ -189,3 +178,25 @@ def test_a_mistake_in_one_variant_is_found_and_named(tmp_path: Path):
     found = [finding for finding in report.findings if finding.rule == "opacity-range"]
     assert [finding.variants for finding in found] == ["look=bad"]
     assert report.combinations == 2
+
+
+@pytest.mark.parametrize(
+    ("suffix", "precision", "degree"),
+    [(".usda", "mixed", 0), (".usdc", "float", 3), (".usdz", "mixed", 2)],
+)
+def test_what_we_write_passes(tmp_path: Path, suffix: str, precision: Precision, degree: int):
+    path = tmp_path / f"scene{suffix}"
+    write_gaussians(path, splats(50, degree=degree), {"psnr": 30.0}, precision)
+    assert validate(path).findings == ()
+    write_gaussians(path, splats(0), {}, precision)
+    assert {finding.rule for finding in validate(path).findings} == {"splat-count"}
+
+
+def test_packages_of_other_programs_are_judged_by_their_structure(tmp_path: Path):
+    write_gaussians(tmp_path / "scene.usda", splats(5))
+    path = tmp_path / "other.usdz"
+    with zipfile.ZipFile(path, "w") as archive:  # no padding: members are not aligned
+        archive.write(tmp_path / "scene.usda", "other.usda")
+    report = validate(path)
+    assert any("ByteMisalignment" in finding.rule for finding in report.findings), report.text()
+    assert not report.ok

@@ -21,7 +21,7 @@ from digs_warp.geometry.sh import rgb_from_sh
 from digs_warp.usd.reader import read_gaussians
 from digs_warp.usd.writer import write_gaussians
 from reference.capture_scenes import splats
-from reference.usd_files import Y_UP
+from reference.usd_files import SH, Y_UP, arrays_of, set_arrays
 
 HALF = 2.0**-10
 
@@ -30,40 +30,16 @@ def y_up_arrays(tmp_path: Path, gaussians: Gaussians) -> dict[str, np.ndarray]:
     """The schema's arrays of Gaussians in a Y-up stage, as NumPy."""
     from pxr import Usd
 
-    path = tmp_path / "source.usdc"
-    write_gaussians(path, gaussians)
-    stage = Usd.Stage.Open(str(path))
-    prim = stage.GetPrimAtPath("/Asset/Gaussians")
-    names = {
-        "positions": "positions",
-        "orientations": "orientations",
-        "scales": "scales",
-        "opacities": "opacities",
-        "sh": "radiance:sphericalHarmonicsCoefficients",
-    }
-    return {key: np.array(prim.GetAttribute(name).Get()) for key, name in names.items()}
+    write_gaussians(tmp_path / "source.usdc", gaussians)
+    stage = Usd.Stage.Open(str(tmp_path / "source.usdc"))
+    return arrays_of(stage.GetPrimAtPath("/Asset/Gaussians"))
 
 
 def author(stage, path: str, arrays: dict[str, np.ndarray], half: tuple[str, ...] = ()):
     """Author a field without any metadata on its coefficients."""
-    from pxr import Vt
-
     prim = stage.DefinePrim(path, "ParticleField3DGaussianSplat")
-    kinds = {
-        "positions": ("positions", Vt.Vec3fArray, Vt.Vec3hArray),
-        "orientations": ("orientations", Vt.QuatfArray, Vt.QuathArray),
-        "scales": ("scales", Vt.Vec3fArray, Vt.Vec3hArray),
-        "opacities": ("opacities", Vt.FloatArray, Vt.HalfArray),
-        "sh": ("radiance:sphericalHarmonicsCoefficients", Vt.Vec3fArray, Vt.Vec3hArray),
-    }
-    for key, (name, full, halved) in kinds.items():
-        if key in half:
-            values = halved.FromNumpy(arrays[key].astype(np.float16))
-            prim.GetAttribute(name + "h").Set(values)
-        else:
-            values = full.FromNumpy(np.ascontiguousarray(arrays[key], dtype=np.float32))
-            prim.GetAttribute(name).Set(values)
-    count = len(arrays["sh"]) // len(arrays["positions"])
+    set_arrays(prim, arrays, half)
+    count = len(arrays[SH]) // len(arrays["positions"])
     prim.GetAttribute("radiance:sphericalHarmonicsDegree").Set(round(count**0.5) - 1)
     return prim
 
@@ -81,7 +57,7 @@ def usd_convert_gsplat(tmp_path: Path, arrays: dict[str, np.ndarray]) -> Path:
     stage = new_stage(tmp_path / "default.usda")
     prim = author(stage, "/mustard", arrays)
     stage.SetDefaultPrim(prim)
-    coefficients = prim.GetAttribute("radiance:sphericalHarmonicsCoefficients")
+    coefficients = prim.GetAttribute(SH)
     coefficients.SetMetadata("elementSize", 16)
     coefficients.SetMetadata("interpolation", "vertex")
     prim.GetAttribute("primvars:displayColor").Set([(0.5, 0.5, 0.5)] * len(arrays["positions"]))
@@ -96,7 +72,7 @@ def grut(tmp_path: Path, arrays: dict[str, np.ndarray]) -> Path:
     from pxr import Sdf, Usd, UsdUtils
 
     parts = new_stage(tmp_path / "gaussians.usdc")
-    prim = author(parts, "/Gaussians", arrays, half=("orientations", "sh"))
+    prim = author(parts, "/Gaussians", arrays, half=("orientations", SH))
     parts.SetDefaultPrim(prim)
     prim.GetAttribute("sortingModeHint").Set("cameraDistance")
     prim.CreateAttribute("colorSpace:name", Sdf.ValueTypeNames.Token).Set("srgb_rec709_display")
@@ -120,7 +96,7 @@ def fvdb(tmp_path: Path, arrays: dict[str, np.ndarray]) -> Path:
     z_up = dict(arrays)
     z_up["positions"] = arrays["positions"] @ Y_UP
     plain = splats(len(arrays["positions"]), 7)
-    z_up["orientations"], z_up["sh"] = plain.quats, plain.sh.reshape(-1, 3)
+    z_up["orientations"], z_up[SH] = plain.quats, plain.sh.reshape(-1, 3)
     stage = new_stage(tmp_path / "scene.usdc")
     root = UsdGeom.Xform.Define(stage, "/World")
     root.AddRotateXOp().Set(-90.0)
@@ -208,7 +184,7 @@ def test_a_field_without_coefficients_has_its_display_colors(tmp_path, one_for_a
     gaussians = splats(30, 7)
     stage = new_stage(tmp_path / "scene.usdc")
     prim = author(stage, "/splats", y_up_arrays(tmp_path, gaussians))
-    prim.GetAttribute("radiance:sphericalHarmonicsCoefficients").Block()
+    prim.GetAttribute(SH).Block()
     colors = np.random.default_rng(3).random((1 if one_for_all else 30, 3))
     prim.GetAttribute("primvars:displayColor").Set(colors.astype(np.float32))
     if space:

@@ -112,11 +112,7 @@ def of_usd(path: Path, prim: str | None = None) -> Facts:
     """The content of the scene, without loading the Gaussians."""
     from digs_warp.usd.reader import describe
 
-    return facts_of_usd(describe(path, prim))
-
-
-def facts_of_usd(scene: dict[str, Any]) -> Facts:
-    """Return what `digs_warp.usd.reader.describe` found, in words."""
+    scene = describe(path, prim)
     facts = {
         "kind": "USD scene",
         "Gaussians": f"{scene['splats']:,} at {scene['prim_path']}",

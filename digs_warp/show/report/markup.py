@@ -45,6 +45,7 @@ details.part[open] > summary { margin-bottom: .75rem; }
 .card a, .card small { color: var(--soft); font-size: .82rem; }
 .card b { font-size: 1.45rem; font-variant-numeric: tabular-nums; white-space: nowrap; }
 .card em { font-style: normal; font-size: .95rem; font-weight: 600; }
+.cards + p { margin-top: .75rem; max-width: none; }
 .scroll { overflow-x: auto; } .scroll + .charts { margin-top: 1.25rem; }
 table { border-collapse: collapse; }
 table.pictures { width: 100%; min-width: 40rem; table-layout: fixed; }
@@ -174,11 +175,6 @@ def picture(uri: str, alt: str, width: int, height: int) -> str:
 def figure(body: str, caption: str) -> str:
     """Return a figure with a caption; ``body`` is HTML."""
     return f"<figure>{body}<figcaption>{escape(caption)}</figcaption></figure>"
-
-
-def chart(svg: str, alt: str, caption: str) -> str:
-    """Return a figure around an inline SVG."""
-    return figure(f'<div class=chart role=img aria-label="{escape(alt)}">{svg}</div>', caption)
 
 
 def picture_grid(headings: Sequence[str], rows: Iterable[tuple[str, Sequence[str]]]) -> str:

@@ -12,7 +12,6 @@ from digs_warp.record import layout
 from digs_warp.record.files import write_atomically
 from digs_warp.show.report.capture_section import capture_section
 from digs_warp.show.report.course_section import course_section
-from digs_warp.show.report.geometry_section import geometry_section
 from digs_warp.show.report.markup import CSS, card, number, part
 from digs_warp.show.report.run_section import (
     RunRecords,
@@ -32,7 +31,6 @@ _ALLOWED = (
 _CONTENTS = {
     "view3d": "In 3D",
     "views": "Held-out views",
-    "depth": "Depth",
     "training": "Training",
     "recording": "Recording",
     "figures": "All figures",
@@ -61,6 +59,11 @@ WORDS = {
     "adherence": (
         "Adherence",
         "median distance of the surface to the measured depth; the noise of the camera is in it.",
+    ),
+    "distances": (
+        "Other distances",
+        "how likeness changes where the views are drawn from nearer or farther than the photographs, with "
+        "exposure fitted: several dB less, and the splats erode from nearby, or swell from afar.",
     ),
     "gaussians": (
         "Gaussians",
@@ -120,7 +123,6 @@ def _body(capture: Capture, result: Reconstruction, records: RunRecords, path: P
             view_section(result, posed) if some else "",
             f"{_tiles(result, records)}{_links(path.parent)}",
             views_section(capture, result),
-            geometry_section(result, posed) if some else "",
             course_section(result),
             capture_section(capture, result.poses.findings),
             figures_section(result),
@@ -147,7 +149,7 @@ def _likeness_card(result: Reconstruction) -> str:
     psnr = mean.psnr_object if is_object else mean.psnr_frame
     word = likeness(psnr, result.poses.subject)[0]
     where = "on the object" if is_object else "of everything in view"
-    kind = "poor" if word == COARSE else "good"
+    kind = "good" if word != COARSE else "" if result.verdict.good else "poor"
     note = f"held-out views, {where}"
     return card("Likeness (PSNR)", number(psnr, 2, "dB"), word, note, "psnr", kind)
 

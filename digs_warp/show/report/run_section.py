@@ -4,6 +4,7 @@ import shlex
 from dataclasses import dataclass, is_dataclass
 from html import escape
 from itertools import chain
+from math import isnan
 from pathlib import Path
 from typing import Any, get_args, get_type_hints
 
@@ -16,6 +17,7 @@ from digs_warp.record.typed import to_json
 from digs_warp.settings import NO_FLAG
 from digs_warp.show.report.markup import (
     UNKNOWN,
+    card,
     details,
     flat_items,
     number,
@@ -77,43 +79,40 @@ class RunRecords:
 
 
 def figures_section(result: Reconstruction) -> str:
-    """Return the part with what each stage found, but for what the tiles tell."""
-    titles = {
-        "poses": "Poses",
-        "start": "Points to start from",
-        "training": "Training",
-        "scores": "Evaluation",
-    }
-    known = {**result.figures, "scores": _scores(result)}
+    """Return the part with what each stage found, but for what the tiles at the top tell."""
+    titles = {"poses": "Poses", "start": "Points to start from", "training": "Training"}
     tables = [
         f"<h3>{title}</h3>{table(['', ''], rows.items())}"
         for stage, title in titles.items()
-        if (rows := {k: v for k, v in known.get(stage, {}).items() if k not in _IN_TILES})
+        if (rows := {k: v for k, v in result.figures.get(stage, {}).items() if k not in _IN_TILES})
     ]
-    return part("figures", "All figures", "what each stage found and decided", *tables)
+    cards = f"<div class=cards>{''.join(_more_cards(result))}</div>"
+    return part("figures", "All figures", "what each stage found and decided", cards, *tables)
 
 
-# One number for a quantity: these are on the tiles or among the scores below.
-_IN_TILES = ("adherence to the measured depth", "training")
+# One number for a quantity: these are on tiles.
+_IN_TILES = ("adherence to the measured depth", "training", "iterations", "initial points")
 
 
-def _scores(result: Reconstruction) -> dict[str, str]:
-    """Return how good the result is, but for what the tiles tell."""
+def _more_cards(result: Reconstruction) -> list[str]:
+    """Return how good the result is, but for what the tiles at the top tell."""
     mean, surface = result.scores.mean, result.scores.surface
-    is_object = result.poses.subject == "object"
-    rows = {"SSIM": number(mean.ssim_object if is_object else mean.ssim_frame, 4)}
-    if is_object:
-        rows["PSNR over the frame, white around the object"] = number(mean.psnr_frame, 2, "dB")
-        rows["SSIM over the frame"] = number(mean.ssim_frame, 4)
+    ssim = mean.ssim_object if result.poses.subject == "object" else mean.ssim_frame
+    cards = [card("Structure (SSIM)", number(ssim, 4), "", "held-out views", "ssim")]
     if surface is not None:
-        seen = surface.seen_completeness
-        what = "completeness" if seen is None else "completeness, of what the cameras see"
-        rows[what] = number(1e3 * (surface.completeness if seen is None else seen), 2, "mm")
-        if result.training.adherence is not None:
-            rows["adherence"] = number(1e3 * result.training.adherence, 2, "mm")
-    if words := str(result.scores.other_sizes or ""):
-        rows["PSNR from other distances, exposure fitted"] = words
-    return rows
+        seen, note = surface.seen_completeness, "mean distance of the true surface, where seen"
+        if seen is None:
+            seen, note = surface.completeness, "mean distance of the true surface"
+        cards.append(card("Completeness", number(1e3 * seen, 2, "mm"), "", note, "completeness"))
+        if (apart := result.training.adherence) is not None:
+            note = "median distance to the measured depth"
+            cards.append(card("Adherence", number(1e3 * apart, 2, "mm"), "", note, "adherence"))
+    sizes = result.scores.other_sizes
+    if sizes is not None and not isnan(sizes.double + sizes.half + sizes.trained):
+        change = f"{sizes.double - sizes.trained:+.1f}, {sizes.half - sizes.trained:+.1f} dB"
+        note = "PSNR from half and from twice the distance, against as trained"
+        cards.append(card("Other distances", change, "", note, "distances"))
+    return cards
 
 
 def times_section(records: RunRecords) -> str:

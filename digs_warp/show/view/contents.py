@@ -1,6 +1,5 @@
-"""What a file or folder holds to be looked at: Gaussians, views, points, meshes."""
+"""What a file or folder holds to be looked at: Gaussians, views, points."""
 
-import logging
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -14,7 +13,6 @@ from digs_warp.data.gaussians import Gaussians
 from digs_warp.data.index_rules import INDEX_NAME
 from digs_warp.data.layers import Layer
 from digs_warp.data.point_cloud import PointCloud
-from digs_warp.data.triangle_mesh import TriangleMesh
 from digs_warp.data.viewpoints import evenly
 from digs_warp.geometry.camera import pixel_centers
 from digs_warp.pipeline.reconstruction import Reconstruction
@@ -22,8 +20,7 @@ from digs_warp.pipeline.scene_files import read_scene
 from digs_warp.record import layout
 from digs_warp.show.film.camera_path import Subject, find_framed_points, find_framed_subject
 from digs_warp.show.report.view3d.start import FirstView, around, as_recorded
-from digs_warp.show.view.layers import mesh_as_splats, points_as_splats
-from digs_warp.surface.true_surface import read_true_surface
+from digs_warp.show.view.layers import points_as_splats
 from digs_warp.words import counted
 
 NAME, GAUSSIANS = "sensed depth", "gaussians"
@@ -66,12 +63,8 @@ def _colors_at(photo: np.ndarray, places: np.ndarray) -> np.ndarray:
     return photo[rows, columns].astype(np.float32) / 255.0
 
 
-logger = logging.getLogger(__name__)
-
 # The stage of a finished training, and of Gaussians of which only this one is known.
 RESULT = "result"
-
-MESH_SUFFIXES = (".glb", ".gltf", ".obj", ".stl")
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,11 +82,9 @@ class Contents:
     Attributes:
         name: of the file or folder.
         facts: what the page says about it, a line each.
-        stages: the Gaussians along the training, the result last; empty for captures and meshes.
+        stages: the Gaussians along the training, the result last; empty for captures.
         frames: the views, in the order of time; empty where they are not known.
         points: clouds by their names, such as "start".
-        meshes: surfaces by their names, such as "true surface".
-        recording: the folder of the recording; results of one recording share a world frame. None: not known.
         is_scene: everything in view is shown, not one object.
         held_out: names of the frames that trained nothing.
     """
@@ -103,8 +94,6 @@ class Contents:
     stages: tuple[Stage, ...] = ()
     frames: tuple[Frame, ...] = ()
     points: dict[str, PointCloud] = field(default_factory=dict)
-    meshes: dict[str, TriangleMesh] = field(default_factory=dict)
-    recording: Path | None = None
     is_scene: bool = False
     held_out: frozenset[str] = frozenset()
 
@@ -128,15 +117,13 @@ class Contents:
         return {
             **({GAUSSIANS: [stage.gaussians for stage in self.stages]} if self.stages else {}),
             **{name: [points_as_splats(cloud, radius)] for name, cloud in self.points.items()},
-            **{name: [mesh_as_splats(mesh)] for name, mesh in self.meshes.items()},
         }
 
     def _points(self) -> np.ndarray:
         """Return points that say where it is and how large [m], shape (n, 3); never empty."""
         if self.stages:
             return self.stages[-1].gaussians.means
-        surfaces = [mesh.points_world for mesh in self.meshes.values()]
-        surfaces += [cloud.points_world for cloud in self.points.values()]
+        surfaces = [cloud.points_world for cloud in self.points.values()]
         centers = np.array([frame.camera.center_world for frame in self.frames])
         return next(points for points in (*surfaces, centers) if len(points))
 
@@ -145,8 +132,7 @@ def read_contents(path: Path, read: Callable[[Path], Reconstruction] = read_scen
     """Read what ``path`` holds.
 
     Args:
-        path: a capture, the folder of 'digs-warp reconstruct' or 'run', Gaussians of any supported file, or
-            a mesh.
+        path: a capture, the folder of 'digs-warp reconstruct' or 'run', or Gaussians of any supported file.
         read: reads Gaussians.
 
     Raises:
@@ -156,8 +142,6 @@ def read_contents(path: Path, read: Callable[[Path], Reconstruction] = read_scen
         raise DigsError(f"'{path}': no such file or folder. Check the path.")
     if (path / INDEX_NAME).is_file():
         return _of_capture(path)
-    if path.suffix.lower() in MESH_SUFFIXES:
-        return _of_mesh(path)
     return _of_reconstruction(path, read(path))
 
 
@@ -171,26 +155,14 @@ def _of_capture(folder: Path) -> Contents:
         )
     sparse = capture.load_points()
     points = {"points of the recording": sparse} if sparse is not None else {}
-    surface = _true_surface(folder)
     facts = (f"{counted(len(frames), 'frame')} of {frames[0].camera.intrinsics.width} px",)
     return Contents(
         folder.name,
         facts,
         frames=tuple(frames),
         points=points | sensed_points(frames),
-        meshes=surface,
-        recording=folder.resolve(),
-        is_scene=not surface,
+        is_scene=True,  # nothing says where its object is
     )
-
-
-def _of_mesh(path: Path) -> Contents:
-    from digs_warp.sim.scene.join import srgb_vertex_colors
-    from digs_warp.sim.scene.load import load_scene
-
-    scene = load_scene(path)
-    mesh = TriangleMesh(scene.vertices, scene.faces, srgb_vertex_colors(scene))
-    return Contents(path.name, (counted(len(mesh), "triangle"),), meshes={"mesh": mesh})
 
 
 def _of_reconstruction(path: Path, result: Reconstruction) -> Contents:
@@ -204,8 +176,6 @@ def _of_reconstruction(path: Path, result: Reconstruction) -> Contents:
         tuple(_stages(result)),
         tuple(frames),
         points | sensed_points(frames),
-        _true_surface(result.capture) if result.capture else {},
-        result.capture.resolve() if result.capture else None,
         result.poses.subject == "scene",
         frozenset(frame.name for frame in result.frames.held_out) if result.frames else frozenset(),
     )
@@ -235,12 +205,3 @@ def _facts(result: Reconstruction) -> tuple[str, ...]:
     if result.training.adherence is not None:
         facts.append(f"{1e3 * result.training.adherence:.2f} mm from the measured depth")
     return tuple(facts)
-
-
-def _true_surface(capture: Path) -> dict[str, TriangleMesh]:
-    try:
-        mesh = read_true_surface(capture)
-    except DigsError as error:
-        logger.info("no true surface: %s", error)
-        return {}
-    return {} if mesh is None else {"true surface": mesh}

@@ -30,19 +30,15 @@ _CSS = """
 """
 
 
-def page_of(
-    contents: Sequence[Contents], layers: Sequence[Mapping[str, int]], is_live: bool
-) -> str:
+def page_of(contents: Sequence[Contents], layers: Sequence[Mapping[str, int]]) -> str:
     """Return the page.
 
     Args:
         contents: what it shows; several stand side by side.
         layers: of each, what can be shown and hidden, and how many stages it has.
-        is_live: the first contents change while the page is looked at.
     """
     about = {
         "help": HELP,
-        "live": is_live,
         "contents": [_about(n, *pair) for n, pair in enumerate(zip(contents, layers, strict=True))],
     }
     return (

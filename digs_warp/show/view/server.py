@@ -1,14 +1,13 @@
-"""Serves the page of `digs-warp view` to the browsers of this machine, or shows a training while it runs."""
+"""Serves the page of `digs-warp view` to the browsers of this machine."""
 
 import errno
 import json
 import os
 import sys
 import threading
-import time
 import webbrowser
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import ExitStack, contextmanager, suppress
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager, suppress
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from typing import Any
 from urllib.parse import unquote
@@ -16,41 +15,29 @@ from urllib.parse import unquote
 from digs_warp.checks import DigsError
 from digs_warp.data.images import encode_jpeg
 from digs_warp.show.report.view3d.pack import pack
-from digs_warp.show.view.contents import Contents, Stage
+from digs_warp.show.view.contents import Contents
 from digs_warp.show.view.layers import load_picture
 from digs_warp.show.view.page import page_of
-from digs_warp.splat.device import DeviceGaussians
-from digs_warp.train.session import Watch
 
 # Gaussians of a layer take at most so many bytes.
 MOST_BYTES = 200_000_000
 # Ports that are tried after the first.
 PORTS = 100
-# A browser asks for news every second; one that has not for so long has gone [s].
-GONE = 5.0
-HOST, FIRST_PORT = "127.0.0.1", 8080
 
 
 class View:
-    """What the page shows, for the threads that answer browsers.
+    """What the page shows, for the threads that answer browsers."""
 
-    Attributes:
-        version: counts the changes of a training.
-        asked: when a browser last asked for news [s].
-    """
-
-    def __init__(self, contents: Sequence[Contents], is_live: bool = False) -> None:
-        self._contents = list(contents)
+    def __init__(self, contents: Sequence[Contents]) -> None:
+        self._contents = contents
         self._layers = [each.layers() for each in contents]
-        self._is_live = is_live
-        self.version, self.asked = 0, 0.0
 
     def answer(self, path: str) -> tuple[str, bytes, dict[str, str]] | None:
         """Return kind, content and headers of what is at a path; None: nothing."""
         match [unquote(part) for part in path.strip("/").split("/")]:
             case [""]:
                 layers = [{name: len(sets) for name, sets in each.items()} for each in self._layers]
-                page = page_of(self._contents, layers, self._is_live)
+                page = page_of(self._contents, layers)
                 return "text/html; charset=utf-8", page.encode(), {}
             case ["splats", number, layer, stage]:
                 packed = pack(self._layers[int(number)][layer][int(stage)], MOST_BYTES)
@@ -61,17 +48,7 @@ class View:
                 frame = next(frame for frame in frames if frame.name == frame_name)
                 picture = load_picture(frame, kind)
                 return None if picture is None else ("image/jpeg", encode_jpeg(picture), {})
-            case ["news"]:
-                self.asked = time.monotonic()
-                news = {"version": self.version, "label": self._contents[0].stages[-1].label}
-                return "application/json", json.dumps(news).encode(), {}
         return None
-
-    def replace_stage(self, stage: Stage) -> None:
-        """Show other Gaussians as the only stage of the first contents."""
-        self._contents[0] = Contents(self._contents[0].name, stages=(stage,))
-        self._layers[0] = self._contents[0].layers()
-        self.version += 1
 
 
 class _Handler(BaseHTTPRequestHandler):
@@ -107,27 +84,23 @@ class _Handler(BaseHTTPRequestHandler):
 
 
 @contextmanager
-def started(
-    contents: Sequence[Contents], host: str, port: int, is_live: bool = False
-) -> Iterator[tuple[View, str]]:
-    """Serve a page during the block; yields what it shows and its address.
+def started(contents: Sequence[Contents], host: str, port: int) -> Iterator[str]:
+    """Serve a page during the block; yields its address.
 
     Args:
         contents: what to show.
         host: the address to listen on; 127.0.0.1: only programs of this machine can connect.
         port: the first to try; if it is taken, the next free one is used.
-        is_live: the first contents change.
 
     Raises:
         DigsError: the server cannot listen there.
     """
-    view = View(contents, is_live)
-    server = _listening(host, port, type("Handler", (_Handler,), {"view": view}))
+    server = _listening(host, port, type("Handler", (_Handler,), {"view": View(contents)}))
     server.daemon_threads = True
     thread = threading.Thread(target=server.serve_forever, name="view", daemon=True)
     thread.start()
     try:
-        yield view, f"http://{host}:{server.server_port}"
+        yield f"http://{host}:{server.server_port}"
     finally:
         server.shutdown()
         server.server_close()
@@ -152,49 +125,3 @@ def _listening(host: str, first: int, handler: type[_Handler]) -> ThreadingHTTPS
                     "address of this machine"
                 ) from error
     raise DigsError(f"--port {first}: it and the {PORTS} after it are taken; name another one")
-
-
-NAME = "training"
-
-# Updates of the page take at most this share of the time, and are at least this many seconds apart.
-MOST_SHARE, LEAST_SECONDS = 0.03, 1.0
-
-
-@contextmanager
-def live_page(say: Callable[[str], None]) -> Iterator[Watch]:
-    """Yield what the training calls; the page ends with the block.
-
-    Args:
-        say: called with the page's address when the training has begun.
-    """
-    with ExitStack() as stack:
-        yield _LiveTraining(stack, say).watch
-
-
-class _LiveTraining:
-    """Starts the page with the first Gaussians, which say where things stand; then keeps it up to date."""
-
-    def __init__(self, stack: ExitStack, say: Callable[[str], None]) -> None:
-        self._stack = stack
-        self._say = say
-        self._view: View | None = None
-        self._next = 0.0
-
-    def watch(self, iteration: int, gaussians: DeviceGaussians) -> None:
-        """Show the Gaussians of an iteration, unless that would take too much of the training's time."""
-        start = time.perf_counter()
-        if start < self._next:
-            return
-        if self._view is None:
-            contents = [Contents(NAME, stages=(_stage(iteration, gaussians),))]
-            page = started(contents, HOST, FIRST_PORT, is_live=True)
-            self._view, address = self._stack.enter_context(page)
-            self._say(address)
-        elif time.monotonic() - self._view.asked < GONE:
-            self._view.replace_stage(_stage(iteration, gaussians))
-        now = time.perf_counter()
-        self._next = now + max(LEAST_SECONDS, (now - start) / MOST_SHARE)
-
-
-def _stage(iteration: int, gaussians: DeviceGaussians) -> Stage:
-    return Stage(f"iteration {iteration}", gaussians.to_numpy())

@@ -93,7 +93,7 @@ def test_a_close_miss_is_suggested_in_a_few_lines(capsys: pytest.CaptureFixture[
         ),
         (["--quite", "run", "--out", "x"], "did you mean '--quiet'?"),
         (["run", "--budget", "1s"], "no flag '--budget'; did you mean '--time-budget'?"),
-        (["usd", "info", "--jsn"], "no flag '--jsn'; did you mean '--json'?"),
+        (["usd", "validate", "--jsn"], "no flag '--jsn'; did you mean '--json'?"),
     ]:
         assert main(words) == EXIT_WRONG_USAGE
         captured = capsys.readouterr()

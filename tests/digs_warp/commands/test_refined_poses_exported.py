@@ -12,11 +12,12 @@ from digs_warp.cli import EXIT_OK, main
 from digs_warp.data.capture import Capture
 from digs_warp.data.images import read_image
 from digs_warp.data.layers import Layer
+from digs_warp.data.point_cloud import PointCloud
 from digs_warp.data.posed_frames import PosedFrames
 from digs_warp.formats.captures.formats import read_recording
 from digs_warp.record.layout import GAUSSIANS, INITIAL_POINTS
 from digs_warp.record.run_log import RunLog
-from reference.capture_scenes import cloud, splats
+from reference.capture_scenes import splats
 from reference.perturbed_poses import perturbed_poses
 from reference.tiny_capture import write_tiny_capture
 from reference.usd_files import Y_UP
@@ -44,7 +45,7 @@ def work(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, list[np.ndarra
     result = folder / "reconstruction"
     PosedFrames(tuple(training), tuple(held_out)).save(result)
     splats(10).save(result / GAUSSIANS)
-    cloud(10).save(result / INITIAL_POINTS)
+    PointCloud(np.zeros((10, 3)), np.zeros((10, 3))).save(result / INITIAL_POINTS)
     (result / "training.jsonl").write_text("")
     (result / "evaluation.json").write_text('{"mean": {}, "views": []}')
     RunLog("reconstruct", {}).save(result / "run.json")

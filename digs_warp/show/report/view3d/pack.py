@@ -14,7 +14,14 @@ from typing import Any
 
 import numpy as np
 
-from digs_warp.data.gaussians import FIELDS, Gaussians, ScreenFilter
+from digs_warp.data.gaussians import Gaussians, ScreenFilter
+from digs_warp.data.images import to_uint8
+from digs_warp.formats.splats.rows import (
+    codes_from_logits,
+    finite_rows,
+    smallest_three,
+    unit_quats,
+)
 from digs_warp.geometry.sh import C0
 
 WORDS = 5
@@ -83,7 +90,7 @@ def pack(gaussians: Gaussians, most_bytes: int = MOST_BYTES) -> PackedSplats:
     Where there is no room, the highest harmonics go first; then the Gaussians that cover the least.
     """
     total = len(gaussians)
-    gaussians = _finite(gaussians)
+    gaussians = gaussians.select(finite_rows(gaussians))
     room = most_bytes * 3 // 4
     degree = gaussians.sh_degree
     while degree and len(gaussians) * _splat_bytes(degree) > room:
@@ -117,13 +124,6 @@ def _packed_harmonics(sh: np.ndarray) -> tuple[np.ndarray, float]:
     return steps.astype(np.int8), step
 
 
-def _finite(gaussians: Gaussians) -> Gaussians:
-    keep = np.ones(len(gaussians), bool)
-    for name in FIELDS:
-        keep &= np.isfinite(getattr(gaussians, name).reshape(len(gaussians), -1)).all(axis=1)
-    return gaussians if keep.all() else gaussians.select(keep)
-
-
 def _most_visible(gaussians: Gaussians, most: int) -> np.ndarray:
     """Return the indices of those with the largest product of opacity and area, in their order."""
     if len(gaussians) <= most:
@@ -140,18 +140,14 @@ def _range(values: np.ndarray, steps: int) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _packed_quats(quats: np.ndarray) -> np.ndarray:
-    q = quats.astype(np.float64)
-    length = np.linalg.norm(q, axis=1, keepdims=True)
-    q = np.where(length > 0, q / np.where(length > 0, length, 1.0), [0.0, 0.0, 0.0, 1.0])
-    largest = np.abs(q).argmax(axis=1)
-    q *= np.where(np.take_along_axis(q, largest[:, None], axis=1) < 0, -1.0, 1.0)
-    others = q[np.arange(4) != largest[:, None]].reshape(-1, 3)
+    largest, others = smallest_three(unit_quats(quats))
     steps = np.rint((others * np.sqrt(2.0) + 1.0) / 2.0 * QUAT_STEPS).astype(np.uint32)
     return steps[:, 0] | steps[:, 1] << 10 | steps[:, 2] << 20 | largest.astype(np.uint32) << 30
 
 
 def _packed_colors(gaussians: Gaussians) -> np.ndarray:
-    rgb = 0.5 + C0 * gaussians.sh[:, 0].astype(np.float64)
-    values = np.concatenate([rgb, gaussians.opacities[:, None]], axis=1)
-    steps = np.rint(np.clip(values, 0.0, 1.0) * 255).astype(np.uint32)
-    return steps[:, 0] | steps[:, 1] << 8 | steps[:, 2] << 16 | steps[:, 3] << 24
+    """Return red, green, blue and opacity in a word, the last highest."""
+    codes = np.empty((len(gaussians), 4), np.uint8)
+    codes[:, :3] = to_uint8(0.5 + C0 * gaussians.sh[:, 0])
+    codes[:, 3] = codes_from_logits(gaussians.opacity_logits)
+    return codes.view("<u4")[:, 0]

@@ -54,7 +54,6 @@ function connect() {
   const kinds = [...new Set(about.contents.flatMap(({ pictures }) => pictures))];
   if (kinds.length) connectPictures(kinds);
   if (trained.length) connectCrop(trained[0]);
-  if (about.live) setInterval(follow, 1000);
 }
 
 function connectTraining(trained) {
@@ -115,15 +114,4 @@ function connectCrop(content) {
   const rows = ["Lowest x, y, z [m]", "Highest x, y, z [m]"].flatMap((text, row) => [make("p", {}, text), ...corners[row]]);
   const cut = make("label", {}, "Crop to the box", cuts);
   panel.append(make("details", {}, make("summary", {}, "Crop"), cut, ...rows, said));
-}
-
-// Shows a training while it runs.
-let version = 0;
-async function follow() {
-  const news = await fetch("news", { cache: "no-store" }).then((answer) => answer.json(), () => null);
-  if (!news || news.version === version) return;
-  version = news.version;
-  viewer.contents[0].layers[0].stages[0].splats = null;
-  await viewer.update();
-  viewer.note.textContent = news.label;
 }

@@ -24,7 +24,7 @@ def scene(run: tuple[Capture, Path, Path]) -> tuple[Capture, Path, Path]:
 
 def test_a_report_of_a_scene_names_no_object(scene: tuple[Capture, Path, Path]) -> None:
     text = write_and_parse(scene).text
-    for wrong in ("on the object", "PSNR, object", "the object is shown", "34.50 dB"):
+    for wrong in ("on the object", "the object is shown", "34.50 dB"):
         assert wrong not in text, wrong
-    for right in ("of everything in view", "20.25 dB", "PSNR, frame [dB]"):
+    for right in ("of everything in view", "20.25 dB"):
         assert right in text, right

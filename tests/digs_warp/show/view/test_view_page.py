@@ -16,8 +16,7 @@ from digs_warp.data.gaussians import Gaussians
 from digs_warp.data.images import read_image
 from digs_warp.geometry.sh import sh_from_rgb
 from digs_warp.show.view.contents import Contents, Stage, read_contents
-from digs_warp.show.view.server import live_page, started
-from digs_warp.splat.device import DeviceGaussians
+from digs_warp.show.view.server import started
 from reference.report_folder import write_capture, write_reconstruction
 from reference.tiny_capture import ball
 
@@ -36,7 +35,7 @@ def tinted(color: tuple[float, float, float]) -> Gaussians:
 @pytest.fixture
 def address() -> Iterator[str]:
     stages = (Stage("iteration 0", tinted(RED)), Stage("result", tinted(BLUE)))
-    with started([Contents("ball", ("a fact",), stages)], "127.0.0.1", 8080) as (_, address):
+    with started([Contents("ball", ("a fact",), stages)], "127.0.0.1", 8080) as address:
         yield address
 
 
@@ -95,7 +94,7 @@ def test_the_page_shows_what_its_switches_say(address: str, tab: Browser) -> Non
 @pytest.mark.long
 def test_several_stand_side_by_side_or_one_by_one(tab: Browser) -> None:
     contents = [Contents("same name", stages=(Stage("result", tinted(c)),)) for c in (RED, BLUE)]
-    with started(contents, "127.0.0.1", 8080) as (_, address):
+    with started(contents, "127.0.0.1", 8080) as address:
         tab.visit(address)
         wait_until(tab, lambda found: found.min() > 500)
         middles = [
@@ -108,34 +107,15 @@ def test_several_stand_side_by_side_or_one_by_one(tab: Browser) -> None:
         wait_until(tab, lambda found: found[1] > 1000 and found[0] == 0)
 
 
-@pytest.mark.long
-def test_a_training_is_shown_while_it_runs(tab: Browser) -> None:
-    red, blue = (DeviceGaussians.from_numpy(tinted(color)) for color in (RED, BLUE))
-    addresses: list[str] = []
-    with live_page(addresses.append) as watch:
-        watch(10, red)
-        tab.visit(addresses[0])
-        wait_until(tab, lambda found: found[0] > 1000)
-        iteration = 20
-        end = time.monotonic() + 60
-        while colored(tab.screenshot())[1] < 1000:
-            watch(iteration, blue)
-            iteration += 10
-            time.sleep(0.1)
-            assert time.monotonic() < end
-    assert len(addresses) == 1
-
-
-def answer(url: str, asked: dict[str, object] | None = None, **headers: str) -> bytes:
-    data = None if asked is None else json.dumps(asked).encode()
-    with urllib.request.urlopen(urllib.request.Request(url, data, headers)) as found:
+def answer(url: str) -> bytes:
+    with urllib.request.urlopen(url) as found:
         return found.read()
 
 
 def test_the_server_gives_what_the_page_asks_for_and_nothing_else(tmp_path: Path) -> None:
     capture = write_capture(tmp_path / "capture")
     write_reconstruction(tmp_path / "reconstruction", capture)
-    with started([read_contents(tmp_path / "reconstruction")], "127.0.0.1", 8080) as (_, address):
+    with started([read_contents(tmp_path / "reconstruction")], "127.0.0.1", 8080) as address:
         assert b"view3d-about" in answer(address)
         assert len(answer(f"{address}/splats/0/gaussians/0")) == 1234 * 20
         assert len(answer(f"{address}/splats/0/start/0")) == 987 * 20
@@ -154,7 +134,7 @@ def test_the_server_gives_what_the_page_asks_for_and_nothing_else(tmp_path: Path
 
 def test_a_taken_port_gives_the_next_and_a_foreign_address_an_error(address: str) -> None:
     contents = [Contents("ball", stages=(Stage("result", ball()),))]
-    with started(contents, "127.0.0.1", int(address.rpartition(":")[2])) as (_, other):
+    with started(contents, "127.0.0.1", int(address.rpartition(":")[2])) as other:
         assert other != address
     with (
         pytest.raises(DigsError, match="cannot listen there"),
