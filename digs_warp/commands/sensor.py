@@ -43,7 +43,7 @@ class FitSensor(Command):
 
     distances: Annotated[tuple[float, ...] | None, Range(0.01, 1000)] = None
     """Depth of the wall in the middle of the image [m], one for each place of the camera, from near to far:
-    they show the bias. Default: from the true depth in the recording, if it has any."""
+    they show the bias."""
 
     overwrite: tyro.conf.FlagCreatePairsOff[bool] = False
     """Replace the files if they exist."""

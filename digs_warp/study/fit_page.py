@@ -1,8 +1,7 @@
 """The page of a fit: the figures, what is not known, and measured beside simulated."""
 
 from digs_warp.sim.camera.profiles import Profile
-from digs_warp.sim.fit.result import Fit, Series, text
-from digs_warp.study.charts import Chart, Curve
+from digs_warp.sim.fit.result import Fit, text
 from digs_warp.study.page import Section, html_page
 from digs_warp.study.table import Table
 
@@ -10,14 +9,7 @@ from digs_warp.study.table import Table
 def fit_page(fit: Fit, base: Profile, title: str) -> str:
     """Return the page as self-contained HTML; ``base`` is the profile that has the other figures."""
     doubts = " ".join(f"Beware: {doubt}." for doubt in fit.doubts)
-    compared = [
-        Table(
-            name,
-            [name, "measured", "simulated"],
-            [[row.name, text(row.measured), text(row.simulated)] for row in rows],
-        )
-        for name, rows in fit.tables.items()
-    ]
+    compared = [[row.name, text(row.measured), text(row.simulated)] for row in fit.comparisons]
     kept = [
         [name, f"{base.figures[name].value:g}", reason]
         for name, reason in fit.kept.items()
@@ -33,8 +25,7 @@ def fit_page(fit: Fit, base: Profile, title: str) -> str:
             "Measured beside simulated",
             "The statistics of the recording, and of the same scene recorded by the simulated camera with "
             "these figures.",
-            compared,
-            [_chart(series) for series in fit.series],
+            [Table("wall", ["statistic of the wall", "measured", "simulated"], compared)],
         ),
         Section(
             "What this recording cannot tell",
@@ -53,12 +44,3 @@ def figures_table(fit: Fit, base: Profile) -> Table:
         if figure.name in base.figures
     ]
     return Table("figures", ["figure", "fitted", "base", "from"], rows)
-
-
-def _chart(series: Series) -> Chart:
-    """Return measured and simulated values with bands of one standard error."""
-    curves = [
-        Curve(label, series.x, [v.value for v in values], spread=[v.error for v in values])
-        for label, values in (("measured", series.measured), ("simulated", series.simulated))
-    ]
-    return Chart("", series.title, curves, series.x_label, series.y_label)

@@ -11,7 +11,6 @@ from functools import cache
 import numpy as np
 
 from digs_warp.sim.fit.estimate import UNKNOWN, Estimate
-from digs_warp.sim.fit.range_and_holes import small_share
 from digs_warp.sim.sensor.filters import patch_areas
 from digs_warp.sim.sensor.noise_field import octave_normal
 
@@ -111,6 +110,10 @@ def temporal_share(residual: np.ndarray) -> float:
     return float(always.var(axis=0, ddof=1).mean() / np.mean(always**2))
 
 
+# Holes of up to this many pixels are small.
+SMALL = 3
+
+
 @dataclass(frozen=True)
 class Holes:
     """Of a frame.
@@ -126,9 +129,10 @@ class Holes:
     small: float
 
 
-def holes(disparity: np.ndarray) -> Holes:
-    """Return the holes of a frame, (height, width), NaN where there is no depth."""
-    missing = np.isnan(disparity)
+def holes(disparity: np.ndarray, inside: np.ndarray | None = None) -> Holes:
+    """Return the holes of a frame ``inside`` a mask, both (height, width); disparity is NaN in holes."""
+    missing = np.isnan(disparity) if inside is None else np.isnan(disparity) & inside
+    count = missing.size if inside is None else max(np.count_nonzero(inside), 1)
     sizes = patch_areas(missing)
-    count = len(sizes) / missing.size * 10_000
-    return Holes(float(missing.mean()), count, small_share(sizes))
+    small = float(sizes[sizes <= SMALL].sum() / sizes.sum()) if len(sizes) else np.nan
+    return Holes(float(sizes.sum() / count), 1e4 * len(sizes) / count, small)

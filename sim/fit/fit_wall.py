@@ -8,23 +8,14 @@ import numpy as np
 from digs_warp.checks import DigsError
 from digs_warp.record.progress import progress
 from digs_warp.sim.camera.rig import StereoRig
-from digs_warp.sim.fit.calibration import FEWEST_POSES, Calibration, bias, calibrate_wall
-from digs_warp.sim.fit.depth_noise import noise, sigma_of
+from digs_warp.sim.fit.calibration import FEWEST_POSES, Bias, bias
 from digs_warp.sim.fit.device_figures import WINDOWS, Roughness, correlation_of, roughness
-from digs_warp.sim.fit.estimate import UNKNOWN, Estimate
+from digs_warp.sim.fit.estimate import Estimate
 from digs_warp.sim.fit.image_noise import NO_NOISE, ImageNoise, image_noise
 from digs_warp.sim.fit.known_frame import known_frame, right_image, sense_frame
-from digs_warp.sim.fit.range_and_holes import depth_range, disparity_step, holes, limits
-from digs_warp.sim.fit.result import (
-    Comparison,
-    Fit,
-    Fitted,
-    Series,
-    geometry,
-    sort_out,
-    with_figures,
-)
+from digs_warp.sim.fit.result import Comparison, Fit, Fitted, geometry, sort_out, with_figures
 from digs_warp.sim.fit.wall import Pose, Wall, describe, make_pose
+from digs_warp.sim.fit.wall_figures import depth_range, disparity_step, noise, sigma_of, wall_holes
 from digs_warp.sim.sensor.drift import NO_DRIFT, Drift
 from digs_warp.words import counted
 
@@ -35,10 +26,8 @@ SIMULATED_FRAMES = 4
 GOOD_POSES = 4
 
 # Origin of the figures of the drift, and why there are none.
-OF_ONE_UNIT = (
-    "drift of this unit against the true disparity; the spread of other units is not known"
-)
-NO_TRUTH = f"needs true depth, or --distances of {FEWEST_POSES} or more places"
+OF_ONE_UNIT = "drift of this unit by --distances; the spread of other units is not known"
+NO_TRUTH = f"needs --distances of {FEWEST_POSES} or more places"
 
 HIDDEN = "hardly any pixel changes between frames: rounding to 8 bits hides the noise"
 
@@ -46,8 +35,6 @@ GRAY = (
     "the images have no color; a camera that is simulated with this profile has, and the noise on the "
     "brightness of its images is a third smaller"
 )
-
-WALL = "statistic of the wall"
 
 
 def fit_wall(wall: Wall, base: StereoRig, distances: Sequence[float] | None = None) -> Fit:
@@ -57,7 +44,7 @@ def fit_wall(wall: Wall, base: StereoRig, distances: Sequence[float] | None = No
         wall: the recording.
         base: figures that the recording does not determine, at the size of the recording.
         distances: depth of the wall on the optical axis at each pose, from the nearest to the farthest [m];
-            None: from the true depth in the recording, if it has any.
+            None: not known.
 
     Raises:
         DigsError: distances that do not fit the poses.
@@ -65,11 +52,11 @@ def fit_wall(wall: Wall, base: StereoRig, distances: Sequence[float] | None = No
     _check(wall, distances)
     own = noise(wall)
     images = image_noise([pose.images for pose in wall.poses])
-    calibration = calibrate_wall(wall, distances)
+    biased = bias(wall, distances)
     figures = [
         *geometry(wall.intrinsics, wall.baseline),
         *_of_color_camera(wall),
-        *_calibration(own["static_field"], calibration),
+        *_calibration(own["static_field"], biased.figures(wall.intrinsics.fx)),
         *_reporting(wall, base, own),
     ]
     if images.is_hidden:
@@ -78,13 +65,12 @@ def fit_wall(wall: Wall, base: StereoRig, distances: Sequence[float] | None = No
         figures, poor = figures + (_of_images(images) if images.is_still else []), {}
     figures, imprecise = sort_out(figures, base)
     rig = with_figures(base, figures)
-    simulated = simulate_wall(wall, rig, calibration.drift)
+    simulated = simulate_wall(wall, rig, biased.drift(wall.intrinsics.fx))
     return Fit(
         about=describe(wall),
         figures=figures,
         kept=_kept(wall, figures) | poor | imprecise,
-        tables={WALL: _comparisons(wall, simulated, images, bias(wall, distances))},
-        series=(_noise_over_distance(wall, simulated),),
+        comparisons=_comparisons(wall, simulated, images, biased),
         doubts=tuple(_doubts(wall, images)),
     )
 
@@ -105,8 +91,8 @@ def _check(wall: Wall, distances: Sequence[float] | None) -> None:
         )
 
 
-def _calibration(static_field: Estimate, calibration: Calibration) -> list[Fitted]:
-    found = [Fitted(name, size, OF_ONE_UNIT) for name, size in calibration.figures.items()]
+def _calibration(static_field: Estimate, drift: dict[str, Estimate]) -> list[Fitted]:
+    found = [Fitted(name, size, OF_ONE_UNIT) for name, size in drift.items()]
     if static_field.is_known:
         how = "what the errors at all distances have in common"
         found.append(Fitted("static_field", static_field, how))
@@ -115,8 +101,7 @@ def _calibration(static_field: Estimate, calibration: Calibration) -> list[Fitte
 
 def _reporting(wall: Wall, base: StereoRig, own: dict[str, Estimate]) -> list[Fitted]:
     """Return the figures of what the camera reports: steps, range, and the noise of the closed-form law."""
-    step, (near, far) = disparity_step(wall), limits(wall)
-    nearest, farthest = depth_range(wall)
+    step, (nearest, farthest) = disparity_step(wall), depth_range(wall)
     found = [Fitted("disparity_step", step, "all values are multiples of it")] * step.is_known
     sigma = _law_sigma(own, step)
     found.append(Fitted("disparity_sigma", sigma, "all noise but the static field"))
@@ -128,16 +113,14 @@ def _reporting(wall: Wall, base: StereoRig, own: dict[str, Estimate]) -> list[Fi
         found.append(
             Fitted("temporal_share", _share(own["temporal"], sigma), "temporal part of it")
         )
-    missing = holes(wall)["holes"]
+    missing = wall_holes(wall)["holes"]
     if missing.is_known:
         found.append(Fitted("hole_share", missing, "share without depth"))
-    for name, end, seen, is_wider in (
-        ("min_depth", near, nearest, nearest < base.min_depth),
-        ("max_depth", far, farthest, farthest > base.max_depth),
+    for name, seen, is_wider in (
+        ("min_depth", nearest, nearest < base.min_depth),
+        ("max_depth", farthest, farthest > base.max_depth),
     ):
-        if end.is_known:
-            found.append(Fitted(name, end, "the wall goes on beyond it, without depth"))
-        elif is_wider:
+        if is_wider:
             found.append(
                 Fitted(name, Estimate(seen, np.nan), "reported; the end itself was not seen")
             )
@@ -199,7 +182,6 @@ def simulate_wall(wall: Wall, rig: StereoRig, drift: Drift = NO_DRIFT) -> Wall:
 
 def _simulated(pose: Pose, rig: StereoRig, drift: Drift, number: int, gray: bool) -> Pose:
     plane = pose.plane.disparity(pose.disparity.shape[1:])
-    plane = pose.true if pose.true is not None and np.isfinite(pose.true).all() else plane
     left = np.rint(pose.images.mean(axis=0)).astype(np.uint8)
     right = right_image(left, drift.shown_disparity(plane.astype(np.float32), rig.intrinsics))
     measured, images = [], []
@@ -208,22 +190,17 @@ def _simulated(pose: Pose, rig: StereoRig, drift: Drift, number: int, gray: bool
         recorded, sensed = sense_frame(frame, gray=gray)
         measured.append(np.where(pose.looked, sensed.disparity, np.float32(np.nan)))
         images.append(recorded[0])
-    true = plane.astype(np.float32)
-    return make_pose("simulated wall", np.stack(measured), np.stack(images), pose.looked, true)
+    return make_pose("simulated wall", np.stack(measured), np.stack(images), pose.looked)
 
 
-def _comparisons(
-    wall: Wall,
-    simulated: Wall,
-    images: ImageNoise,
-    measured_bias: tuple[Estimate, Estimate],
-) -> list[Comparison]:
-    both = [noise(each) | holes(each) | _roughness(each) for each in (wall, simulated)]
-    both[0]["image"] = images.temporal
-    both[1]["image"] = image_noise([pose.images for pose in simulated.poses]).temporal
-    biases = bias(simulated)
-    for name, own, other in zip(("offset", "scale"), measured_bias, biases, strict=True):
-        both[0][name], both[1][name] = own, other if own.is_known else UNKNOWN
+def _comparisons(wall: Wall, simulated: Wall, images: ImageNoise, biased: Bias) -> list[Comparison]:
+    own, other = (noise(each) | wall_holes(each) | _roughness(each) for each in (wall, simulated))
+    own["image"] = images.temporal
+    other["image"] = image_noise([pose.images for pose in simulated.poses]).temporal
+    # The planes of the recording are the truth of the simulation.
+    places = [wall.distance(pose) for pose in wall.poses]
+    for found, line in ((own, biased), (other, bias(simulated, places))):
+        found["offset"], found["scale"] = line.offset, line.scale
     names = {
         "sigma": "disparity noise of a frame [px]",
         "temporal": "of that, temporal [px]",
@@ -235,11 +212,14 @@ def _comparisons(
         "wrong": "share off the wall by more than a pixel",
         "holes": "share without depth",
         "small holes": "of that, in holes of up to 3 pixels",
-        "hole size": "half of the hole area is in smaller holes [px]",
         "hole count": "holes in 10,000 pixels",
         "image": "noise of the images between frames [DN]",
     }
-    return [Comparison(title, both[0][name], both[1][name]) for name, title in names.items()]
+    by_distance = [
+        Comparison(f"disparity noise of a frame at {place:.2f} m [px]", sigma_of(a), sigma_of(b))
+        for place, a, b in zip(places, wall.poses, simulated.poses, strict=True)
+    ]
+    return [*(Comparison(names[name], own[name], other[name]) for name in names), *by_distance]
 
 
 def _roughness(wall: Wall) -> dict[str, Estimate]:
@@ -254,26 +234,16 @@ def _roughness(wall: Wall) -> dict[str, Estimate]:
     return found
 
 
-def _noise_over_distance(wall: Wall, simulated: Wall) -> Series:
-    return Series(
-        title="Disparity noise at each distance",
-        x_label="distance [m]",
-        y_label="standard deviation [px]",
-        x=[wall.distance(pose) for pose in wall.poses],
-        measured=[sigma_of(pose) for pose in wall.poses],
-        simulated=[sigma_of(pose) for pose in simulated.poses],
-    )
-
-
 def _kept(wall: Wall, figures: Sequence[Fitted]) -> dict[str, str]:
     """Return why each figure that a wall might tell is not known."""
     found = {f.name for f in figures}
     reasons = {
         "static_field": f"{counted(len(wall.poses), 'distance')}; two or more tell it from the texture",
-        **dict.fromkeys(("rotation_drift", "focal_drift", "baseline_drift"), NO_TRUTH),
+        **dict.fromkeys(("rotation_drift", "baseline_drift"), NO_TRUTH),
+        "focal_drift": "bends the depth of a wall less than its texture does",
         "disparity_step": "the values lie on no grid of 1/64 px or coarser",
-        "min_depth": "the camera reports depth on all of the wall; it may see nearer",
-        "max_depth": "the camera reports depth on all of the wall; it may see farther",
+        "min_depth": "no wall was nearer; take it from the data sheet",
+        "max_depth": "no wall was farther; take it from the data sheet",
         "image_noise": "needs several frames of a camera at rest",
         "full_well": "image noise of a camera at rest does not grow with the light, or was not recorded",
         "max_disparity": "a wall cannot tell it from the nearest depth",

@@ -45,25 +45,6 @@ class Comparison:
 
 
 @dataclass(frozen=True)
-class Series:
-    """A statistic over the distances of a recording, for a chart.
-
-    Attributes:
-        title: of the chart.
-        x_label, y_label: of its axes.
-        x: shared by both.
-        measured, simulated: values with errors.
-    """
-
-    title: str
-    x_label: str
-    y_label: str
-    x: Sequence[float]
-    measured: Sequence[Estimate]
-    simulated: Sequence[Estimate]
-
-
-@dataclass(frozen=True)
 class Fit:
     """The outcome of a fit.
 
@@ -71,16 +52,14 @@ class Fit:
         about: what was recorded, in a phrase.
         figures: that the recording determines.
         kept: figures that it cannot determine, each with the reason; the base's are kept.
-        tables: comparisons by title.
-        series: for charts.
+        comparisons: of statistics.
         doubts: what makes the figures less certain than their errors say.
     """
 
     about: str
     figures: tuple[Fitted, ...]
     kept: Mapping[str, str]
-    tables: Mapping[str, Sequence[Comparison]]
-    series: tuple[Series, ...] = ()
+    comparisons: Sequence[Comparison]
     doubts: tuple[str, ...] = ()
 
 

@@ -32,7 +32,6 @@ class WallFrame:
         image: of the eye, sRGB, (height, width, 3), uint8; equal channels of an infrared eye.
         disparity: as the camera reports it [px], (height, width), float32, NaN where it has none.
         looked: where depth could be: in the mask and in the image of the camera that reports it, bool.
-        true: like ``disparity``; None: not known.
         color: of the color camera beside an infrared pair; None: there is none.
     """
 
@@ -40,7 +39,6 @@ class WallFrame:
     image: np.ndarray
     disparity: np.ndarray
     looked: np.ndarray
-    true: np.ndarray | None
     color: np.ndarray | None
 
 
@@ -68,7 +66,7 @@ def load_frames(capture: Capture, focal_baseline: float) -> Iterator[WallFrame]:
         if not frame.has(Layer.DEPTH):
             raise DigsError(
                 f"{where}: no depth; expected depth as the camera reports it. Record "
-                "it, or give a stereo pair with true disparity"
+                "it, or convert the recording with its depth"
             )
         if frame.camera.intrinsics != first:
             raise DigsError(
@@ -82,15 +80,9 @@ def load_frames(capture: Capture, focal_baseline: float) -> Iterator[WallFrame]:
 
 
 def _of_left(frame: Frame, focal_baseline: float) -> WallFrame:
-    true, mask = _true(frame), _mask(frame)
-    return WallFrame(
-        frame.name,
-        image=frame.load_image(),
-        disparity=np.float32(focal_baseline) / _depth(frame, mask),
-        looked=mask,
-        true=None if true is None else np.float32(focal_baseline) / true,
-        color=None,
-    )
+    mask = _mask(frame)
+    disparity = np.float32(focal_baseline) / _depth(frame, mask)
+    return WallFrame(frame.name, frame.load_image(), disparity, looked=mask, color=None)
 
 
 def _of_infrared(frame: Frame, pair: InfraredPair, focal_baseline: float, where: str) -> WallFrame:
@@ -100,7 +92,7 @@ def _of_infrared(frame: Frame, pair: InfraredPair, focal_baseline: float, where:
                 f"{where}: no {layer.label}; expected both images of the infrared pair that the capture "
                 "names. Record them, or take 'infrared' out of its rig to fit the color camera alone"
             )
-    true, mask = _true(frame), _mask(frame)
+    mask = _mask(frame)
     depth = _depth(frame, mask)
     row, column, inside = _in_color(depth, frame.camera.intrinsics, pair, focal_baseline)
 
@@ -113,7 +105,6 @@ def _of_infrared(frame: Frame, pair: InfraredPair, focal_baseline: float, where:
         image=in_three_channels(frame.load_infrared()[0]),
         disparity=np.float32(focal_baseline) / seen(depth, np.nan),
         looked=seen(mask, 0),
-        true=None if true is None else np.float32(focal_baseline) / seen(true, np.nan),
         color=frame.load_image(),
     )
 
@@ -127,10 +118,6 @@ def _mask(frame: Frame) -> np.ndarray:
 
 def _depth(frame: Frame, mask: np.ndarray) -> np.ndarray:
     return np.where(mask, frame.load_depth(), np.float32(np.nan))
-
-
-def _true(frame: Frame) -> np.ndarray | None:
-    return frame.load_depth_true() if frame.has(Layer.DEPTH_TRUE) else None
 
 
 def _in_color(
@@ -184,7 +171,6 @@ class Pose:
         disparity: as the camera reports it [px], (frames, height, width), float32, NaN where it has none.
         images: left images, sRGB, (frames, height, width, 3), uint8.
         looked: where depth could be, (height, width), bool: in the mask, in the image that depth belongs to.
-        true: true disparity [px], (height, width), float32; None: not known.
         color: images of the color camera beside an infrared pair, like ``images``; None: there is none.
     """
 
@@ -192,7 +178,6 @@ class Pose:
     disparity: np.ndarray
     images: np.ndarray
     looked: np.ndarray
-    true: np.ndarray | None
     color: np.ndarray | None = None
 
 
@@ -303,13 +288,12 @@ def make_pose(
     disparity: np.ndarray,
     images: np.ndarray,
     looked: np.ndarray,
-    true: np.ndarray | None,
     color: np.ndarray | None = None,
 ) -> Pose:
     """Return a pose with the plane of its mean disparity; ``name`` is for messages."""
     count = np.isfinite(disparity).sum(axis=0)
     mean = np.nansum(disparity, axis=0, dtype=np.float64) / np.where(count, count, np.nan)
-    return Pose(_plane_of(mean, name), disparity, images, looked, true, color)
+    return Pose(_plane_of(mean, name), disparity, images, looked, color)
 
 
 def _pose(capture: Capture, frames: list[WallFrame]) -> Pose:
@@ -319,7 +303,6 @@ def _pose(capture: Capture, frames: list[WallFrame]) -> Pose:
         np.stack([frame.disparity for frame in frames]),
         np.stack([frame.image for frame in frames]),
         frames[0].looked,
-        frames[0].true,
         np.stack(colors) if colors else None,
     )
 

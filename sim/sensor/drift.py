@@ -18,9 +18,6 @@ import numpy as np
 from digs_warp.geometry.camera import Intrinsics
 from digs_warp.geometry.rigid import matrix_from_rotation_vector
 
-# Rows that are worked on at a time: few enough for the cache.
-STRIP_ROWS = 32
-
 
 @dataclass(frozen=True)
 class Drift:
@@ -88,23 +85,13 @@ class Drift:
             return disparity
         h = self.homography(k)
         rows = np.arange(k.height)[:, None] + 0.5
-        offset = (h[0, 1] * rows + h[0, 2]).astype(np.float32)
-        scale_offset = (h[2, 1] * rows + h[2, 2]).astype(np.float32)
         columns = np.arange(k.width, dtype=np.float32) + np.float32(0.5)
-        shown = np.empty((k.height, k.width), np.float32)
-        scale = np.empty((STRIP_ROWS, k.width), np.float32)
-        for first in range(0, k.height, STRIP_ROWS):
-            strip = slice(first, first + STRIP_ROWS)
-            x = shown[strip]
-            w = scale[: len(x)]
-            np.subtract(columns, disparity[strip], out=x)  # where the points belong
-            np.multiply(x, np.float32(h[2, 0]), out=w)
-            w += scale_offset[strip]
-            x *= np.float32(h[0, 0])
-            x += offset[strip]
-            x /= w
-            np.subtract(columns, x, out=x)
-        return shown
+        belongs = columns - disparity
+        x, scale = (
+            belongs * np.float32(h[i, 0]) + (h[i, 1] * rows + h[i, 2]).astype(np.float32)
+            for i in (0, 2)
+        )
+        return columns - x / scale
 
     def reported_disparity(self, matched: np.ndarray) -> np.ndarray:
         """Return the disparity [px] that with today's baseline gives the depth that the camera reports."""

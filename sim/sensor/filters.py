@@ -60,18 +60,12 @@ def dilate(mask: np.ndarray, radius: int) -> np.ndarray:
     return cv2.dilate(mask.view(np.uint8), kernel).view(bool)
 
 
-def enlarge(coarse: np.ndarray, shape: tuple[int, int]) -> np.ndarray:
-    """Return a coarse float32 image enlarged to ``shape`` (height, width), bilinear."""
+def enlarge(coarse: np.ndarray, shape: tuple[int, int], cubic: bool = False) -> np.ndarray:
+    """Return a coarse float32 image enlarged to ``shape`` (height, width), bilinear or bicubic."""
     import cv2
 
-    return cv2.resize(coarse, (shape[1], shape[0]), interpolation=cv2.INTER_LINEAR)
-
-
-def enlarge_smoothly(coarse: np.ndarray, shape: tuple[int, int]) -> np.ndarray:
-    """Return a coarse float32 image enlarged to ``shape`` (height, width), bicubic."""
-    import cv2
-
-    return cv2.resize(coarse, (shape[1], shape[0]), interpolation=cv2.INTER_CUBIC)
+    how = cv2.INTER_CUBIC if cubic else cv2.INTER_LINEAR
+    return cv2.resize(coarse, (shape[1], shape[0]), interpolation=how)
 
 
 def transposed(image: np.ndarray) -> np.ndarray:

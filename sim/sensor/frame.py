@@ -1,7 +1,7 @@
 """What an effect knows about a frame (`FrameTruth`), what it changes (`Sensed`), and why (`Cause`)."""
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from enum import IntEnum
 from functools import cached_property
 from typing import Protocol
@@ -60,16 +60,6 @@ LUMA_NOISE = float(np.hypot(np.hypot(0.299, 0.587), 0.114))
 
 # Rounding to 8 bits; no patch has less noise.
 ROUNDING_NOISE = 1 / np.sqrt(12)
-
-
-def gradient_in_window(gray: np.ndarray, window: int) -> np.ndarray:
-    """Return the RMS of the horizontal gradient in the window round each pixel [DN/px], float32.
-
-    Args:
-        gray: (height, width), uint8.
-        window: width of the matching window [px], odd.
-    """
-    return np.sqrt(box_mean(np.square(horizontal_gradient(gray)), window))
 
 
 def noise_of(image_noise: float) -> float:
@@ -202,13 +192,8 @@ class FrameTruth:
     @cached_property
     def texture_snr(self) -> np.ndarray:
         """RMS horizontal gradient in the matching window over the image noise, (height, width), float32."""
-        gradient = gradient_in_window(self.gray, self.rig.window)
-        return gradient / np.float32(noise_of(self.rig.image_noise))
-
-    @cached_property
-    def transparent(self) -> np.ndarray | None:
-        """Which pixels show a transparent material, (height, width), bool; None: there is none."""
-        return self.pixels_of(lambda material: material.is_transparent)
+        square = box_mean(np.square(horizontal_gradient(self.gray)), self.rig.window)
+        return np.sqrt(square) / np.float32(noise_of(self.rig.image_noise))
 
     def pixels_of(self, test: Callable[[Material], bool]) -> np.ndarray | None:
         """Return where the material passes ``test``, (height, width), bool; None: no material passes."""
@@ -227,10 +212,9 @@ class FrameTruth:
 
     def hidden_among(self, where: np.ndarray) -> np.ndarray:
         """Return which pixels of ``where`` are `hidden`, both (height, width), bool."""
-        opaque = self.disparity
-        if self.transparent is not None:
-            opaque = opaque.copy()
-            np.putmask(opaque, self.transparent, np.float32(np.nan))
+        opaque, transparent = self.disparity, self.pixels_of(is_transparent)
+        if transparent is not None:
+            opaque = np.where(transparent, np.float32(np.nan), opaque)
         return hidden_from_right(
             self.disparity, opaque, where, lambda some: self.rays.right_visibility(some, self.depth)
         )
@@ -244,14 +228,11 @@ class Sensed:
         disparity: [px], (height, width), float32; NaN where the sensor reports nothing.
         cause: `Cause` of each pixel, (height, width), uint8.
         confidence: 0 to 1, (height, width), float32.
-        owned: whether nothing else uses the arrays: then the methods below write to them instead of copying
-            three images for every effect.
     """
 
     disparity: np.ndarray
     cause: np.ndarray
     confidence: np.ndarray
-    owned: bool = False
 
     @staticmethod
     def of(truth: FrameTruth) -> "Sensed":
@@ -260,63 +241,17 @@ class Sensed:
         cause = np.full(shape, Cause.OK, dtype=np.uint8)
         return Sensed(truth.disparity, cause, np.ones(shape, dtype=np.float32))
 
-    def own(self) -> "Sensed":
-        """Return a copy that owns its arrays."""
-        return Sensed(self.disparity.copy(), self.cause.copy(), self.confidence.copy(), owned=True)
-
-    def changeable(self) -> "Sensed":
-        """Return a frame with writable arrays: this one if it owns its arrays, else a copy."""
-        return self if self.owned else self.own()
-
     @property
     def known(self) -> np.ndarray:
         """Where the sensor reports a value, (height, width), bool."""
         return ~np.isnan(self.disparity)
 
-    def shifted(self, error: np.ndarray | float) -> "Sensed":
-        """Return the frame with ``error`` [px] added to the disparity; labels and holes stay."""
-        if not self.owned:
-            return replace(self, disparity=self.disparity + np.float32(error))
-        np.add(self.disparity, error, out=self.disparity, casting="same_kind")
-        return self
-
     def with_holes(self, where: np.ndarray, cause: Cause) -> "Sensed":
         """Return the frame without values at ``where`` (bool); existing holes keep their label."""
-        at = np.flatnonzero(where)
-        lost = at[~np.isnan(self.disparity.reshape(-1)[at])]
-        return self.with_pixels(lost, np.nan, cause, confidence=0.0)
-
-    def with_values(
-        self,
-        where: np.ndarray,
-        disparity: np.ndarray | float,
-        cause: Cause,
-        confidence: np.ndarray | float = 0.5,
-    ) -> "Sensed":
-        """Return the frame with new values and a label at ``where`` (bool); arrays are full frames."""
-        at = np.flatnonzero(where)
-        return self.with_pixels(at, _taken(disparity, at), cause, _taken(confidence, at))
-
-    def with_pixels(
-        self,
-        at: np.ndarray,
-        disparity: np.ndarray | float,
-        cause: Cause,
-        confidence: np.ndarray | float,
-    ) -> "Sensed":
-        """Return the frame with new values and a label at the flat indices ``at``, (n,).
-
-        Like `with_values`, but for a few pixels: values are scalars or of shape (n,).
-        """
-        if len(at) == 0:
+        lost = where & self.known
+        if not lost.any():
             return self
-        changed = replace(self.changeable(), owned=self.owned)
-        changed.disparity.reshape(-1)[at] = disparity
-        changed.cause.reshape(-1)[at] = cause
-        changed.confidence.reshape(-1)[at] = confidence
-        return changed
-
-
-def _taken(values: np.ndarray | float, at: np.ndarray) -> np.ndarray | float:
-    """Return a full frame's values at the flat indices ``at``; a scalar is returned as it is."""
-    return values.reshape(-1)[at] if isinstance(values, np.ndarray) else values
+        images = self.disparity.copy(), self.cause.copy(), self.confidence.copy()
+        for image, value in zip(images, (np.nan, cause, 0), strict=True):
+            np.putmask(image, lost, image.dtype.type(value))
+        return Sensed(*images)

@@ -63,12 +63,12 @@ def worse_depth(
         return depth
     focal_baseline = np.float32(rig.focal_baseline)
     recorded = focal_baseline / depth
-    disparity = recorded.copy()
+    disparity = recorded
     if DISPARITY_NOISE in names:
         noisy = sense_depth(depth, replace(rig, disparity_step=0.0), seed, number, strength)
         disparity = focal_baseline / noisy
     untouched = np.zeros(depth.shape, np.uint8), np.ones(depth.shape, np.float32)
-    sensed = Sensed(disparity, *untouched, owned=True)
+    sensed = Sensed(disparity, *untouched)
     sensed = apply_effects(sensed, rig, names, seed, number, strength)
     reach = round(strength * (rig.window // 2))  # half a window to either side of the step
     if STEP_HOLES in names and reach > 0:

@@ -112,12 +112,11 @@ def apply_effects(
         number: of the frame, >= 0.
         strength: factor on the effects, >= 0.
     """
-    sensed = matched.changeable()
     for effect in AFTER_MATCHING:
         if effect.name in names:
             rng = effect_rng(seed, number, effect.name)
-            sensed = effect.apply(sensed, rig, rng, strength)
-    return sensed
+            matched = effect.apply(matched, rig, rng, strength)
+    return matched
 
 
 def effect_rng(seed: int, frame: int, name: str) -> np.random.Generator:

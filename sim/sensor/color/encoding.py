@@ -6,7 +6,6 @@ from functools import cache
 import numpy as np
 
 from digs_warp.data.images import linear_from_srgb, srgb_from_linear, to_uint8
-from digs_warp.sim.sensor.color.pixel_loops import looked_up, times_gain
 from digs_warp.sim.sensor.color.protocol import ByChannel, EyeImages
 from digs_warp.sim.sensor.filters import table_values
 
@@ -20,9 +19,17 @@ def amplified(eyes: EyeImages, gain: ByChannel, electronic: ByChannel) -> EyeIma
     """
     red, green, blue = (a * b for a, b in zip(eyes.electronic_gain, electronic, strict=True))
     clipped = CLIPPED if eyes.is_clipped else np.inf
-    left, right = (times_gain(image, gain, clipped) for image in (eyes.left, eyes.right))
+    left, right = (_times_gain(image, gain, clipped) for image in (eyes.left, eyes.right))
     gains = (red, green, blue)
     return replace(eyes, left=left, right=right, electronic_gain=gains, is_clipped=True)
+
+
+def _times_gain(linear: np.ndarray, gain: ByChannel, clipped: float) -> np.ndarray:
+    """Return an image times a gain for each channel, at most 1; what is ``clipped`` or above stays."""
+    brighter = linear * np.array(gain, np.float32)
+    np.minimum(brighter, 1, out=brighter)
+    np.copyto(brighter, linear, where=linear >= np.float32(clipped))
+    return brighter
 
 
 # Steps of linear light: sRGB is steepest in the dark, where one step is a twentieth of an 8-bit step.
@@ -36,7 +43,10 @@ def decode(image: np.ndarray) -> np.ndarray:
 
 def encode(linear: np.ndarray) -> np.ndarray:
     """Return linear light as sRGB pixels, uint8; values outside 0 to 1 are clipped."""
-    return looked_up(linear, _encoding())
+    steps = np.clip(np.asarray(linear, np.float32), 0, 1)
+    steps *= LINEAR_STEPS
+    steps += 0.5
+    return _encoding()[steps.astype(np.uint16)]
 
 
 @cache

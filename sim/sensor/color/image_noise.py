@@ -18,10 +18,9 @@ import numpy as np
 
 from digs_warp.sim.camera.rig import StereoRig
 from digs_warp.sim.sensor.color.adaptation import MIDDLE_GREY
-from digs_warp.sim.sensor.color.pixel_loops import with_noise
 from digs_warp.sim.sensor.color.protocol import EyeImages, PixelEffect
 from digs_warp.sim.sensor.facts import SceneFacts
-from digs_warp.sim.sensor.noise_field import drawn_quantiles
+from digs_warp.sim.sensor.noise_field import white_normal
 
 # 8-bit sRGB steps per unit of linear light at middle gray: the derivative of the sRGB curve there.
 STEPS_PER_LINEAR = 255 * 1.055 / 2.4 * MIDDLE_GREY ** (1 / 2.4 - 1)
@@ -88,9 +87,13 @@ class ReadNoise(PixelEffect):
 def _noisy(eyes: EyeImages, sigma: float, rng: np.random.Generator, is_shot: bool) -> EyeImages:
     """Return the eyes plus white noise of standard deviation ``sigma``; of shot noise, at white."""
     power = 0.5 if is_shot else 1.0
-    red, green, blue = (sigma * gain**power for gain in eyes.electronic_gain)
-    left, right = (
-        with_noise(image, (red, green, blue), drawn_quantiles(rng, image.size), is_shot)
-        for image in (eyes.left, eyes.right)
-    )
-    return eyes.with_images(left, right)
+    sigmas = np.array([sigma * gain**power for gain in eyes.electronic_gain], np.float32)
+    noisy = []
+    for image in (eyes.left, eyes.right):
+        noise = white_normal(rng, image.shape)
+        noise *= sigmas
+        if is_shot:
+            noise *= np.sqrt(np.maximum(image, 0))
+        noise += image
+        noisy.append(noise)
+    return eyes.with_images(*noisy)

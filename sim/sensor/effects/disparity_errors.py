@@ -9,7 +9,7 @@ import numpy as np
 from digs_warp.sim.camera.rig import StereoRig
 from digs_warp.sim.sensor.effects.protocol import DepthEffect
 from digs_warp.sim.sensor.facts import SceneFacts
-from digs_warp.sim.sensor.filters import enlarge_smoothly
+from digs_warp.sim.sensor.filters import enlarge
 from digs_warp.sim.sensor.frame import Cause, Sensed
 from digs_warp.sim.sensor.noise_field import octave_normal, smooth_normal
 
@@ -71,7 +71,7 @@ class Speckle(DepthEffect):
         if size == 0:
             return sensed
         noise = octave_normal(rng, sensed.disparity.shape, rig.disparity_correlation)
-        return sensed.shifted(np.float32(size) * noise)
+        return replace(sensed, disparity=sensed.disparity + np.float32(size) * noise)
 
 
 def _speckle(rig: StereoRig) -> float:
@@ -106,7 +106,8 @@ class StaticField(DepthEffect):
         """Add the field; ``strength`` is a factor on it."""
         k = rig.intrinsics
         field = unit_field(rig.unit, k.width, k.height)
-        return sensed.shifted(np.float32(strength * rig.static_field) * field)
+        error = np.float32(strength * rig.static_field) * field
+        return replace(sensed, disparity=sensed.disparity + error)
 
 
 @lru_cache(maxsize=4)
@@ -118,7 +119,7 @@ def unit_field(unit: int, width: int, height: int) -> np.ndarray:
     rng = np.random.default_rng([unit, zlib.crc32(StaticField.name.encode())])
     grid = max(1.0, SCALE * width / POINTS)
     coarse = (int(np.ceil(height / grid)) + 1, int(np.ceil(width / grid)) + 1)
-    field = enlarge_smoothly(smooth_normal(rng, coarse, POINTS), (height, width))
+    field = enlarge(smooth_normal(rng, coarse, POINTS), (height, width), cubic=True)
     field -= field.mean()
     spread = field.std()
     return field / spread if spread > 0 else field

@@ -13,7 +13,6 @@ from digs_warp.sim.sensor.guided.blocks import BLOCK, BLOCKS, MAX_BLOCKS
 from digs_warp.sim.sensor.guided.confidence import confidence_of
 from digs_warp.sim.sensor.guided.search import search
 from digs_warp.sim.sensor.matcher import search_range
-from digs_warp.sim.sensor.steps import pixels_where
 
 # Concave mirrors can move the image to infinity or in front of the surface; this limits it [m].
 MAX_VIRTUAL_DISTANCE = 100.0
@@ -33,7 +32,7 @@ def virtual_disparity(truth: FrameTruth, where: np.ndarray) -> np.ndarray:
         truth: its rays give the distance of the reflected object.
         where: pixels to compute, (height, width), bool; the others are NaN.
     """
-    rows, columns = pixels_where(where)
+    rows, columns = np.nonzero(where)
     k = truth.camera.intrinsics
     depth = truth.depth[rows, columns].astype(np.float64)
     x, y = (columns + 0.5 - k.cx) / k.fx, (rows + 0.5 - k.cy) / k.fy
@@ -136,4 +135,4 @@ def sense_by_guided_matching(
     found = search(left, right, truth.shown_disparity, disparities, rig.window, second)
     confidence = confidence_of(left, found.disparity, found.cost, found.rival, rig.window)
     disparity = truth.drift.reported_disparity(found.disparity)
-    return Sensed(disparity, attribute_errors(disparity, truth), confidence, owned=True)
+    return Sensed(disparity, attribute_errors(disparity, truth), confidence)

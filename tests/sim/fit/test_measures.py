@@ -9,19 +9,11 @@ from scipy.ndimage import gaussian_filter
 from digs_warp.geometry.camera import Intrinsics
 from digs_warp.sim.camera.profiles import load_profile
 from digs_warp.sim.fit.calibration import bias, fit_line
-from digs_warp.sim.fit.depth_noise import noise
 from digs_warp.sim.fit.estimate import Estimate, block_numbers, block_sums, jackknife, ratio
 from digs_warp.sim.fit.image_noise import image_noise
 from digs_warp.sim.fit.plane import fit_plane
-from digs_warp.sim.fit.range_and_holes import (
-    depth_range,
-    disparity_step,
-    holes,
-    limits,
-    median_size,
-    small_share,
-)
 from digs_warp.sim.fit.wall import Wall, make_pose
+from digs_warp.sim.fit.wall_figures import depth_range, disparity_step, noise, wall_holes
 from digs_warp.sim.sensor.color.encoding import decode, encode
 from digs_warp.sim.sensor.color.image_noise import ReadNoise, ShotNoise
 from digs_warp.sim.sensor.color.protocol import EyeImages
@@ -48,12 +40,10 @@ def black(count: int) -> np.ndarray:
     return np.zeros((count, *SHAPE, 3), np.uint8)
 
 
-def wall(disparities: list[np.ndarray], true: list[np.ndarray | None] | None = None) -> Wall:
+def wall(disparities: list[np.ndarray]) -> Wall:
     """A wall from stacks of disparity, nearest first; images are black."""
-    poses = tuple(
-        make_pose("test", d.astype(np.float32), black(len(d)), np.ones(SHAPE, bool), t)
-        for d, t in zip(disparities, true or [None] * len(disparities), strict=True)
-    )
+    seen = np.ones(SHAPE, bool)
+    poses = tuple(make_pose("test", d.astype(np.float32), black(len(d)), seen) for d in disparities)
     return Wall(K, BASELINE, poses)
 
 
@@ -94,15 +84,6 @@ def test_noise_is_split_into_what_changes_what_stays_and_what_the_unit_has() -> 
         assert abs(found[name].value - value) < 3.5 * found[name].error, name
     alone = noise(wall([stacks[0][:1]]))
     assert not alone["temporal"].is_known and not alone["static_field"].is_known
-
-
-def test_pixels_that_come_and_go_do_not_change_the_noise() -> None:
-    rng = np.random.default_rng(1)
-    stack = plane(*SLOPES[0]) + 0.1 * rng.standard_normal((5, *SHAPE))
-    stack[rng.random(stack.shape) < 0.4] = np.nan
-    found = noise(wall([stack]))
-    assert found["temporal"].value == pytest.approx(0.1, rel=0.01)
-    assert found["fixed"].value < 0.01
 
 
 def test_empty_blocks_do_not_count() -> None:
@@ -159,20 +140,6 @@ def test_one_frame_has_no_noise_between_frames() -> None:
     assert not image_noise([np.zeros((1, *SHAPE, 3), np.uint8)]).mid_gray.is_known
 
 
-def test_ends_of_the_range_are_seen_where_the_wall_goes_on_beyond_them() -> None:
-    rng = np.random.default_rng(3)
-    stack = plane(*SLOPES[0])[None] + 0.05 * rng.standard_normal((3, *SHAPE))
-    assert not any(end.is_known for end in limits(wall([stack])))
-    focal_baseline = K.fx * BASELINE
-    nearest, farthest = focal_baseline / 24.0, focal_baseline / 22.0
-    stack[(stack > 24.0) | (stack < 22.0)] = np.nan
-    near, far = limits(wall([stack]))
-    assert near.value == pytest.approx(nearest, rel=1e-3) and far.value == pytest.approx(
-        farthest, rel=1e-3
-    )
-    assert depth_range(wall([stack])) == pytest.approx((nearest, farthest), rel=1e-3)
-
-
 @pytest.mark.parametrize("step", [1 / 4, 1 / 16, 1 / 32])
 def test_the_step_is_the_largest_that_all_values_are_multiples_of(step: float) -> None:
     stack = plane(*SLOPES[0])[None] + 0.2 * np.random.default_rng(0).standard_normal((2, *SHAPE))
@@ -180,38 +147,45 @@ def test_the_step_is_the_largest_that_all_values_are_multiples_of(step: float) -
     assert not disparity_step(wall([stack])).is_known
 
 
-def test_holes_are_counted_where_both_eyes_see_the_wall() -> None:
+def test_holes_are_counted_where_both_eyes_see_the_wall_within_what_was_reported() -> None:
     stack = np.repeat(plane(0.0, 0.0, 20.0)[None], 2, axis=0)
     stack[:, :, :20] = np.nan  # the right eye does not see these columns
     stack[:, 10:20, 100:110] = np.nan
     stack[:, ::10, 150:] = np.nan
     stack[:, 50, 60] = 40.0
-    found = holes(wall([stack]))
+    found = wall_holes(wall([stack]))
     inside = SHAPE[0] * (SHAPE[1] - 20)
-    lines = len(range(0, SHAPE[0], 10)) * 90
-    assert found["holes"].value == pytest.approx((100 + lines) / inside, rel=0.01)
+    lines = len(range(0, SHAPE[0], 10))
+    assert found["holes"].value == pytest.approx((100 + 90 * lines) / inside, rel=0.01)
     assert found["wrong"].value == pytest.approx(1 / inside, rel=0.1)
-    assert small_share(np.array([1, 2, 3, 4, 10])) == 6 / 20
-    assert median_size(np.array([1, 1, 1, 1, 6, 10])) == 6
-    assert np.isnan(median_size(np.array([])))
+    assert found["hole count"].value == pytest.approx(1e4 * (1 + lines) / inside)
+    slope = plane(*SLOPES[0])[None].copy()
+    slope[(slope > 24.0) | (slope < 22.0)] = np.nan
+    cut = wall([slope])
+    assert depth_range(cut) == pytest.approx((K.fx * BASELINE / 24, K.fx * BASELINE / 22), rel=1e-3)
+    assert wall_holes(cut)["holes"].value < 0.002, "beyond the range are no holes"
 
 
 def test_bias_is_a_line_through_the_poses() -> None:
-    true = [plane(*slope) for slope in SLOPES]
-    measured = [(1.004 * t + 0.3)[None] for t in true]
-    offset, scale = bias(wall(measured, [t.astype(np.float32) for t in true]))
-    assert offset.value == pytest.approx(0.3, abs=1e-3) and scale.value == pytest.approx(
-        1.004, abs=1e-4
-    )
-    recorded = wall(measured)
-    u, v = K.cx, K.cy
-    distances = [K.fx * BASELINE / (a * u + b * v + c) for a, b, c in SLOPES]
-    offset, scale = bias(recorded, distances)
-    assert offset.value == pytest.approx(0.3, abs=1e-3) and scale.value == pytest.approx(
-        1.004, abs=1e-4
-    )
-    assert not any(estimate.is_known for estimate in bias(recorded))
-    assert not any(estimate.is_known for estimate in bias(wall(measured[:2]), distances[:2]))
+    recorded = wall([(1.004 * plane(*slope) + 0.3)[None] for slope in SLOPES])
+    true = [a * K.cx + b * K.cy + c for a, b, c in SLOPES]
+    distances = [K.fx * BASELINE / each for each in true]
+    found = bias(recorded, distances)
+    assert found.offset.value == pytest.approx(0.3, abs=1e-3)
+    assert found.scale.value == pytest.approx(1.004, abs=1e-4)
+    figures, drift = found.figures(K.fx), found.drift(K.fx)
+    assert figures["rotation_drift"].value == pytest.approx(np.rad2deg(0.3 / K.fx), rel=1e-2)
+    assert figures["baseline_drift"].value == pytest.approx(0.004, rel=0.03)
+    for slope in true:  # the drift shows what was measured
+        square = np.full((1, 1), slope, np.float32)
+        axis = Intrinsics(1, 1, K.fx, K.fy, 0.5, 0.5)
+        shown = drift.reported_disparity(drift.shown_disparity(square, axis))
+        assert shown == pytest.approx(1.004 * slope + 0.3, abs=0.01)
+    assert not bias(recorded, None).scale.is_known
+    assert not bias(
+        wall([plane(*slope)[None] for slope in SLOPES[:2]]), distances[:2]
+    ).scale.is_known
+    assert not bias(recorded, [1.0, 1.1, 1.2]).scale.is_known, "too near to each other"
 
 
 def test_the_error_of_a_line_covers_what_few_points_scatter() -> None:

@@ -1,4 +1,4 @@
-"""Noise of disparity on a wall: its size, what of it changes, what always stays.
+"""Figures of a wall: noise of the disparity, what of it changes and what always stays; holes and steps.
 
 The residual to the wall's plane is split by its mean over the frames of a pose. With n frames, temporal
 variance t and fixed variance f, the mean of a pixel has the variance f + t / n.
@@ -9,6 +9,7 @@ from itertools import combinations
 
 import numpy as np
 
+from digs_warp.sim.fit.device_figures import holes
 from digs_warp.sim.fit.estimate import (
     UNKNOWN,
     Estimate,
@@ -107,3 +108,75 @@ def static_field(means: Sequence[np.ndarray], blocks: np.ndarray) -> Estimate:
         for p in products
     )
     return jackknife(np.asarray(sums), ratio).root()
+
+
+# Steps that cameras have: powers of 1/2, down to this [px].
+FINEST_STEP = 1 / 64
+
+# Values count as multiples of a step if they miss it by less than this share of it; most have to.
+MISS, MOST = 0.02, 0.98
+
+
+def depth_range(wall: Wall) -> tuple[float, float]:
+    """Return the nearest and the farthest depth that the camera reported [m]."""
+    smallest = min(np.nanmin(pose.disparity) for pose in wall.poses)
+    largest = max(np.nanmax(pose.disparity) for pose in wall.poses)
+    return float(wall.focal_baseline / largest), float(wall.focal_baseline / smallest)
+
+
+def disparity_step(wall: Wall) -> Estimate:
+    """Return the step in which the camera reports disparity [px]; unknown where there is none to be seen."""
+    values = np.concatenate([_sample(pose.disparity[0]) for pose in wall.poses]).astype(np.float64)
+    step = 1.0
+    while step >= FINEST_STEP:
+        miss = np.abs(values / step - np.rint(values / step))
+        if np.mean(miss < MISS) > MOST:
+            return Estimate(step, 0.0)
+        step /= 2
+    return UNKNOWN
+
+
+def _sample(disparity: np.ndarray) -> np.ndarray:
+    known = disparity[np.isfinite(disparity)]
+    return known[:: max(1, len(known) // 20_000)]
+
+
+def wall_holes(wall: Wall) -> dict[str, Estimate]:
+    """Return shares of the wall, 0 to 1, where both eyes see it and within the range that was reported.
+
+    ``holes``: without depth; ``wrong``: of the depths, those off the wall; ``small holes``: of the hole area,
+    what lies in holes of up to three pixels; ``hole count``: connected holes in 10,000 pixels.
+    """
+    blocks = block_numbers(wall.shape)
+    nearest, farthest = depth_range(wall)
+    missing, wrong, each = [], [], []
+    for pose in wall.poses:
+        plane = pose.plane.disparity(wall.shape)
+        depth = wall.focal_baseline / plane
+        # Where the right eye sees the wall, too.
+        inside = pose.looked & (plane <= np.arange(plane.shape[1]) + 0.5)
+        inside &= (depth >= nearest) & (depth <= farthest)
+        for frame in pose.disparity:
+            hole = inside & np.isnan(frame)
+            missing.append(_shares(hole, inside, blocks))
+            off = np.abs(frame - plane) > pose.plane.limit
+            wrong.append(_shares(off & inside, inside & ~np.isnan(frame), blocks))
+            each.append(holes(frame, inside))
+    return {
+        "holes": jackknife(np.sum(missing, axis=0), ratio),
+        "wrong": jackknife(np.sum(wrong, axis=0), ratio),
+        "small holes": _mean([found.small for found in each]),
+        "hole count": _mean([found.per_10000 for found in each]),
+    }
+
+
+def _shares(part: np.ndarray, whole: np.ndarray, blocks: np.ndarray) -> np.ndarray:
+    return np.stack([block_sums(x.astype(float), blocks) for x in (part, whole)], axis=1)
+
+
+def _mean(values: list[float]) -> Estimate:
+    known = np.array([value for value in values if np.isfinite(value)])
+    if len(known) == 0:
+        return Estimate(np.nan, np.nan)
+    error = known.std(ddof=1) / np.sqrt(len(known)) if len(known) > 1 else np.nan
+    return Estimate(float(known.mean()), float(error))
