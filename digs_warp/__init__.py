@@ -37,7 +37,6 @@ if TYPE_CHECKING:
     from digs_warp.sim.record.stream import StereoFrame as StereoFrame
     from digs_warp.sim.sensor.frame import Cause as Cause
     from digs_warp.splat.config import RasterOptions as RasterOptions
-    from digs_warp.splat.render import RenderGradients as RenderGradients
     from digs_warp.splat.render import RenderOutput as RenderOutput
     from digs_warp.splat.render import render as render
 
@@ -57,7 +56,6 @@ _HOMES = {
     "Layer": "digs_warp.data.layers",
     "RasterOptions": "digs_warp.splat.config",
     "Reconstruction": "digs_warp.pipeline.reconstruction",
-    "RenderGradients": "digs_warp.splat.render",
     "RenderOutput": "digs_warp.splat.render",
     "StereoFrame": "digs_warp.sim.record.stream",
     "load": "digs_warp.api.loading",

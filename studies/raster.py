@@ -134,7 +134,7 @@ def count_work(renderer: SplatRenderer) -> Work:
     """Count the work of the last view of a renderer, were no pixel saturated."""
     lists, binner = renderer.binner.lists, renderer.binner
     starts = np.array(lists.tile_starts.numpy(), dtype=np.int64)[: binner.tiles + 1]
-    members = np.array(lists.tile_splats.numpy(), dtype=np.int64)[: binner.total_pairs]
+    members = np.array(lists.pairs.numpy(), dtype=np.int64)[: binner.total_pairs, 0]
     splats = np.array(lists.splats.numpy(), dtype=np.float64)[members]
     tiles = np.repeat(np.arange(binner.tiles), np.diff(starts))
     corners = np.stack([tiles % binner.columns, tiles // binner.columns], axis=1) * TILE_SIZE

@@ -44,7 +44,7 @@ LINE_BUDGETS = {
     "formats": 5_726,
     "geometry": 621,
     "init": 4_116,
-    "losses": 732,
+    "losses": 672,
     "masks": 806,
     "measure": 1_541,
     "pipeline": 2_332,
@@ -58,11 +58,11 @@ LINE_BUDGETS = {
     "sim.scene": 4_223,
     "sim.sensor": 4_439,
     "sim.testing": 852,
-    "splat": 5_020,
+    "splat": 4_060,
     "study": 1_499,
     "surface": 571,
-    "torch": 193,
-    "train": 3_643,
+    "torch": 167,
+    "train": 3_578,
     "usd": 2_370,
 }
 MOST_FILES = 492  # of the product; 65,000 lines in 500 files are the goal

@@ -69,12 +69,12 @@ def scene_metadata(
 
     It includes the constants of the renderer that the training used, for which USD has no attributes.
     """
-    from digs_warp.splat.config import DEFAULT_OPTIONS as options
+    from digs_warp.splat.config import MAX_ALPHA, MIN_ALPHA
     from digs_warp.usd.metadata import filter_metadata
     from digs_warp.usd.names import OFFSET_KEY
 
     kernel = filter_metadata(gaussians.screen_filter)
-    kernel |= {"min_alpha": options.min_alpha, "max_alpha": options.max_alpha}
+    kernel |= {"min_alpha": MIN_ALPHA, "max_alpha": MAX_ALPHA}
     metadata: dict[str, Any] = {"kernel": kernel}
     if run.versions:
         metadata |= {"settings": run.settings, "versions": run.versions}

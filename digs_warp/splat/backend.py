@@ -4,13 +4,13 @@ Two backends draw the same: `VectorizedBackend` on a CPU, a thread per tile in v
 `CooperativeBackend` on CUDA, a block of threads per tile. `backend_for` chooses by the device.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, Protocol, TypeAlias
+from typing import Any, TypeAlias
 
 import warp as wp
 
 from digs_warp.device.parallel import ParallelLaunch, default_threads
-from digs_warp.splat.config import RasterOptions
 from digs_warp.splat.cooperative import (
     WARP,
     CooperativeLaunch,
@@ -23,7 +23,7 @@ from digs_warp.splat.project_adjoint_group import project_backward_group_kernel
 from digs_warp.splat.project_group import project_group_kernel
 from digs_warp.splat.rasterize import forward_kernel
 from digs_warp.splat.rasterize_adjoint import backward_kernel
-from digs_warp.splat.records import GROUP_SIZE
+from digs_warp.splat.records import COLOR_FIELDS, GROUP_SIZE
 from digs_warp.splat.shape_gradient import project_backward_kernel
 
 # A thread adds up so many gradient records of a Gaussian by itself, a warp adds up more.
@@ -32,90 +32,51 @@ MOST_RECORDS = 8
 
 @dataclass(frozen=True, eq=False)
 class RasterJob:
-    """What the kernels of a renderer read and write; structs are those of `digs_warp.splat.records`.
-
-    Attributes:
-        device: Warp device of all arrays.
-        threads: CPU threads.
-        options: how splats are drawn.
-        fields: columns of the gradient records.
-        count: number of Gaussians.
-        tiles: of the largest view.
-        degree: bands of the color.
-        gaussians: parameters, `GaussianArrays`.
-        gradients: of the parameters, `GaussianArrays`.
-        splats: `Splats`.
-        pairs: `TilePairs`.
-        pair_gradients: `PairGradients`.
-        background: color, (3,).
-        filled: tile columns first .. end and rows first .. end whose empty tiles have to be filled, (4,).
-        drawn: the view, `Planes`.
-        ends: one past the last pair that was drawn, of each tile or pixel: `RasterBackend.ends` of them.
-        adjoint: gradient of the loss in the view, `Planes`.
-        statistics: `StatisticsArrays`.
-    """
+    """What the kernels of a renderer read and write; structs are those of `digs_warp.splat.records`."""
 
     device: str
     threads: int
-    options: RasterOptions
-    fields: int
-    count: int
-    tiles: int
-    degree: int
-    gaussians: Any
+    depths: int  # that the view has
+    count: int  # of Gaussians
+    tiles: int  # of the largest view
+    degree: int  # bands of the color
+    gaussians: Any  # `GaussianArrays`, as the next one
     gradients: Any
-    splats: Any
-    pairs: Any
-    pair_gradients: Any
-    background: wp.array
-    filled: wp.array
-    drawn: Any
-    ends: wp.array
-    adjoint: Any
-    statistics: Any
+    splats: Any  # `Splats`
+    pairs: Any  # `TilePairs`
+    pair_gradients: Any  # `PairGradients`
+    background: wp.array  # color, (3,)
+    filled: (
+        wp.array
+    )  # tile columns first .. end and rows first .. end whose empty tiles are filled, (4,)
+    drawn: Any  # `Planes`
+    ends: (
+        wp.array
+    )  # one past the last pair that was drawn, of each tile or pixel: `RasterBackend.ends`
+    adjoint: Any  # `Planes`
+    statistics: Any  # `StatisticsArrays`
 
     def launch(
         self, kernel: Any, dim: int, inputs: list[Any], even: bool = False
-    ) -> ParallelLaunch:
+    ) -> Callable[[], None]:
         """Record a launch on all threads, see `ParallelLaunch`."""
-        return ParallelLaunch(kernel, dim, inputs, self.device, self.threads, even)
-
-
-class Launch(Protocol):
-    """A recorded launch."""
-
-    def run(self) -> None:
-        """Execute and wait."""
-        ...
-
-
-@dataclass(frozen=True)
-class Launches:
-    """Several, one after the other."""
-
-    parts: list[Launch]
-
-    def run(self) -> None:
-        """Execute and wait."""
-        for part in self.parts:
-            part.run()
+        return ParallelLaunch(kernel, dim, inputs, self.device, self.threads, even).run
 
 
 @dataclass(frozen=True, eq=False)
 class RasterLaunches:
     """The launches of a view, in order; the binner lists the tiles between the first two."""
 
-    project: Launch
-    forward: Launch
-    backward: Launch
-    project_backward: Launch
+    project: Callable[[], None]
+    forward: Callable[[], None]
+    backward: Callable[[], None]
+    project_backward: Callable[[], None]
 
 
 @dataclass(frozen=True)
 class VectorizedBackend:
     """A thread per tile, and per group of Gaussians, in loops that LLVM turns into vector code."""
 
-    counting = True  # how `digs_warp.splat.bin_tiles.TileBinner` makes the tile lists
     skips_empty_tiles = True  # outside of `RasterJob.filled`: they keep what they held
 
     def threads(self, wanted: int) -> int:
@@ -132,11 +93,11 @@ class VectorizedBackend:
         project = [job.gaussians, job.degree, job.splats]
         raster = [job.splats, job.pairs, job.background, job.filled, job.drawn, job.ends]
         adjoint = [job.splats, job.pairs, job.drawn, job.ends, job.adjoint]
-        backward = backward_kernel(job.options)
+        backward = backward_kernel(job.depths > 0)
         pulled = [*project, job.pair_gradients, job.gradients, job.statistics]
         return RasterLaunches(
             job.launch(project_group_kernel, groups, project, even=True),
-            job.launch(forward_kernel(job.options), job.tiles, raster),
+            job.launch(forward_kernel(job.depths), job.tiles, raster),
             job.launch(backward, job.tiles, [*adjoint, job.pair_gradients.records]),
             job.launch(project_backward_group_kernel, groups, pulled, even=True),
         )
@@ -146,7 +107,6 @@ class VectorizedBackend:
 class CooperativeBackend:
     """A block of threads per tile; on a CPU only for tests."""
 
-    counting = False
     skips_empty_tiles = False
 
     def threads(self, wanted: int) -> int:
@@ -159,29 +119,28 @@ class CooperativeBackend:
 
     def record(self, job: RasterJob) -> RasterLaunches:
         """Record the launches."""
-        forward = forward_cooperative_kernel(job.options.depth_channels)
-        backward = backward_cooperative_kernel(job.options.has_depth)
-        sum_records = sum_records_kernel(job.fields)
-        each = [job.gaussians, job.degree, job.splats]
-        pulled = [*each, job.pair_gradients, MOST_RECORDS, job.gradients, job.statistics]
+        project = [job.gaussians, job.degree, job.splats]
         raster = [job.splats, job.pairs, job.background, job.drawn, job.ends]
         adjoint = [job.splats, job.pairs, job.drawn, job.ends, job.adjoint]
+        adjoint += [job.pair_gradients.records]
+        warps = -(-job.count // WARP) * WARP
+        records = [job.pair_gradients, MOST_RECORDS]
+        sum_records = sum_records_kernel(COLOR_FIELDS + (job.depths > 0))
+        add_up = job.launch(sum_records, warps, records)
+        pulled = [*project, *records, job.gradients, job.statistics]
+        pull_back = job.launch(project_backward_kernel, job.count, pulled, even=True)
+
+        def project_backward() -> None:
+            add_up()
+            pull_back()
+
+        forward = forward_cooperative_kernel(job.depths)
+        backward = backward_cooperative_kernel(job.depths > 0)
         return RasterLaunches(
-            job.launch(project_kernel, job.count, each, even=True),
-            CooperativeLaunch(forward, job.tiles, raster, job.device),
-            CooperativeLaunch(
-                backward, job.tiles, [*adjoint, job.pair_gradients.records], job.device
-            ),
-            Launches(
-                [
-                    job.launch(
-                        sum_records,
-                        -(-job.count // WARP) * WARP,
-                        [job.pair_gradients, MOST_RECORDS],
-                    ),
-                    job.launch(project_backward_kernel, job.count, pulled, even=True),
-                ]
-            ),
+            job.launch(project_kernel, job.count, project, even=True),
+            CooperativeLaunch(forward, job.tiles, raster, job.device).run,
+            CooperativeLaunch(backward, job.tiles, adjoint, job.device).run,
+            project_backward,
         )
 
 

@@ -1,13 +1,9 @@
 """Which splats touch which tile, front to back: the lists that the rasterizer walks.
 
-Per splat and tile row, the exact range of tiles that its ellipse {alpha >= MIN_ALPHA} touches is computed
-once and stored (a *span*), so that counting and emitting can never disagree. Splats are then sorted by
-depth once, and dealt out to the tiles in that order: every tile list comes out sorted, without a sort of
-the (tile, splat) pairs. Each thread deals out its part of the order and knows from counting where the parts
-before it end in each tile, so nothing is written twice.
-
-`TileBinner(counting=False)` reaches the same lists by one sort of (tile, depth) keys: the path for CUDA,
-and the twin that the counting path is tested against. Splats of equal depth keep the order of their index.
+The projection gives each splat the box of the tiles that it touches. Splats are sorted by depth, their
+(tile, splat) pairs laid out in that order, and the pairs sorted by tile: as both sorts keep the order of
+equal keys, every list comes out sorted, and splats of equal depth keep the order of their index. Each splat
+writes pairs of its own, so the number of threads changes nothing.
 """
 
 from collections.abc import Sequence
@@ -17,51 +13,113 @@ from typing import Any
 import numpy as np
 import warp as wp
 
-from digs_warp.checks import DigsError
-from digs_warp.device.parallel import ParallelLaunch, default_threads, recorded, run_together
+from digs_warp.device.parallel import ParallelLaunch
 from digs_warp.geometry.rigid import PixelBox, mask_box
-from digs_warp.splat.bin_kernels import (
-    emit_kernel,
-    exclusive_scan_kernel,
-    pair_key_kernel,
-    pair_scan_kernel,
-    span_kernel,
-    tile_count_kernel,
-    tile_scan_kernel,
-    unpack_kernel,
-)
-from digs_warp.splat.config import EXTENT_SLACK, TILE_SIZE
-from digs_warp.splat.depth_sort import HISTOGRAM, depth_sort_kernel
-from digs_warp.splat.records import COLOR_FIELDS, GROUP_SIZE, SPLAT_FIELDS
-from digs_warp.splat.span_group import span_group_kernel
-from digs_warp.splat.spans import MAX_TILE_COLUMNS
+from digs_warp.splat.config import TILE_SIZE
+from digs_warp.splat.footprint import ViewParams
+from digs_warp.splat.records import COLOR_FIELDS, SPLAT_FIELDS
+
+wp.set_module_options({"enable_backward": False})
 
 # Buffers grow by half when a view needs more: a few growths, then none.
 _GROWTH = 1.5
 
 
+@wp.kernel
+def lay_out_kernel(
+    first: int,
+    centers: wp.array[float],
+    boxes: wp.array[wp.vec4i],
+    # outputs
+    keys: wp.array[float],
+    order: wp.array[int],
+    counts: wp.array[int],
+):
+    """Lay out what is sorted by depth, and count the pairs of each splat."""
+    g = first + wp.tid()
+    keys[g] = centers[g]
+    order[g] = g
+    counts[g] = boxes[g][2] * boxes[g][3]
+
+
+@wp.kernel
+def reorder_kernel(
+    first: int,
+    order: wp.array[int],
+    counts: wp.array[int],
+    # outputs
+    ordered: wp.array[int],
+):
+    """Put the counts in the order of depth."""
+    i = first + wp.tid()
+    ordered[i] = counts[order[i]]
+
+
+@wp.kernel
+def emit_kernel(
+    first: int,
+    views: wp.array[ViewParams],
+    order: wp.array[int],
+    boxes: wp.array[wp.vec4i],
+    starts: wp.array[int],  # [n + 1] running sum of the counts, by splat
+    places: wp.array[int],  # [n + 1] the same in the order of depth
+    # outputs
+    tiles: wp.array[int],  # of the pairs
+    pairs: wp.array[wp.vec2i],
+):
+    """Write the pairs of a splat, row by row."""
+    i = first + wp.tid()
+    g = order[i]
+    box = boxes[g]
+    pair = starts[g]
+    place = places[i]
+    for row in range(box[1], box[1] + box[3]):
+        for column in range(box[0], box[0] + box[2]):
+            tiles[place] = row * views[0].columns + column
+            pairs[place] = wp.vec2i(g, pair)
+            place += 1
+            pair += 1
+
+
+@wp.kernel
+def tile_start_kernel(
+    first: int,
+    views: wp.array[ViewParams],
+    total: wp.array[int],  # [1] number of pairs
+    tiles: wp.array[int],  # sorted
+    # outputs
+    tile_starts: wp.array[int],  # [tiles + 1]
+):
+    """Find where the list of a tile begins: by halving what is left."""
+    tile = first + wp.tid()
+    if tile > views[0].columns * views[0].rows:
+        return
+    low = int(0)
+    high = total[0]
+    while low < high:
+        middle = (low + high) // 2
+        if tiles[middle] < tile:
+            low = middle + 1
+        else:
+            high = middle
+    tile_starts[tile] = low
+
+
 @dataclass
 class TileLists:
-    """Device arrays of one view. Pairs are (tile, splat); ``rows`` are (splat, tile row) spans."""
+    """Device arrays of one view. Pairs are (tile, splat)."""
 
     splats: wp.array  # [n, SPLAT_FIELDS]
+    centers: wp.array  # [n] planar depth [m], 0 if it is not drawn
     depths: wp.array  # [n]
-    first_tile_rows: wp.array  # [n]
-    row_counts: wp.array  # [n]
-    row_starts: wp.array  # [n + 1]
-    pair_counts: wp.array  # [n]
-    pair_starts: wp.array  # [n + 1]
-    tile_changes: (
-        wp.array
-    )  # [parts, tiles + 1] by how many splats a tile has more than the one before
+    boxes: wp.array  # [n] vec4i: first tile column and row, then how many
+    pair_starts: wp.array  # [n + 1] pairs are numbered splat by splat: their gradients are read so
     tile_starts: wp.array  # [tiles + 1]
-    cursors: wp.array  # [parts, tiles]
-    ranges: wp.array  # [n] vec4i: first tile row, first span, number of spans, first pair
-    spans: wp.array  # [row capacity] vec2i
-    tile_splats: wp.array  # [pair capacity]
-    tile_pairs: wp.array  # [pair capacity] numbers of the same pairs, counted by splat
-    pair_blocks: wp.array  # [pair capacity] blocks drawn, by `digs_warp.splat.rasterize`
-    pair_gradients: wp.array  # [pair capacity, gradient fields], by splat
+    # Twice as long as there are pairs: the sort needs as much to work in.
+    tiles: wp.array  # [2 capacity]
+    pairs: wp.array  # [2 capacity] vec2i: splat, and the number of the pair
+    pair_blocks: wp.array  # [capacity] blocks drawn, by `digs_warp.splat.rasterize`
+    pair_gradients: wp.array  # [capacity, gradient fields], by number
 
 
 class TileBinner:
@@ -73,7 +131,6 @@ class TileBinner:
         views: the view (one `ViewParams`) that the projection reads; call `resize` when its size changes.
         gradient_fields: length of the gradient record of a pair.
         threads: CPU threads; 0 means all cores.
-        counting: deal splats out in depth order (CPU); False: sort keys (CUDA).
 
     ``generation`` counts reallocations: launches recorded on the lists are stale when it changes.
     """
@@ -86,32 +143,33 @@ class TileBinner:
         views: wp.array,
         gradient_fields: int = COLOR_FIELDS,
         threads: int = 0,
-        counting: bool = True,
     ) -> None:
-        device = str(views.device)
+        self.device = device = str(views.device)
+        self.count = count
         self._views = views
         self._gradient_fields = gradient_fields
-        self.resize(width, height)
-        self._capacity = self.tiles
-        if self.columns >= MAX_TILE_COLUMNS:
-            raise DigsError(
-                f"image width {width}: expected below {MAX_TILE_COLUMNS * TILE_SIZE} px"
-            )
-        self.count = count
-        self.device = device
-        self.threads = threads or default_threads()
-        self.counting = counting
-        self._parts = self.threads if counting else 1
+        self._threads = threads
         self.generation = 0
-        self.total_rows = 0
         self.total_pairs = 0
+        self.resize(width, height)
+        n = max(count, 1)
+        self._keys = wp.zeros(2 * n, dtype=float, device=device)
+        self._order = self._zeros(2 * n)
+        self._counts, self._ordered = self._zeros(n), self._zeros(n)
+        self._places = self._zeros(n + 1)
         # Pinned: a copy from a GPU need not go by other memory, and makes none.
         self._total = wp.zeros(1, dtype=int, device="cpu", pinned=device != "cpu")
-        self._order = wp.zeros(max(count, 1), dtype=wp.vec2i, device=device)
-        self._spare = wp.zeros_like(self._order)
-        self._histogram = self._zeros(HISTOGRAM)
-        self._sorted_count = self._zeros(1)
-        self.lists = self._allocate()
+        capacity = 3 * n + 64  # a splat of a dense object touches about two tiles
+        self.lists = TileLists(
+            splats=_on_cache_lines(n, SPLAT_FIELDS, device),
+            centers=wp.zeros(n, dtype=float, device=device),
+            depths=wp.zeros(n, dtype=float, device=device),
+            boxes=wp.zeros(n, dtype=wp.vec4i, device=device),
+            pair_starts=self._zeros(n + 1),
+            tile_starts=self._zeros(self.tiles + 1),
+            **self._for_pairs(capacity),
+        )
+        self._record()
 
     def resize(self, width: int, height: int) -> None:
         """Take views of another size from now on, up to that of the constructor."""
@@ -121,13 +179,24 @@ class TileBinner:
         self.rows = -(-height // TILE_SIZE)
         self.tiles = self.columns * self.rows
 
-    def bin(self) -> TileLists:
-        """Build the lists from ``splats``, ``depths``, ``first_tile_rows`` and ``row_counts``."""
-        if self.counting:
-            self._bin_by_counting()
-        else:
-            self._bin_by_sorting()
-        return self.lists
+    def bin(self) -> None:
+        """Build the lists from the ``boxes`` and ``centers`` of the splats."""
+        lists = self.lists
+        self._lay_out.run()
+        wp.utils.radix_sort_pairs(self._keys, self._order, self.count)
+        self._reorder.run()
+        for counts, starts in ((self._counts, lists.pair_starts), (self._ordered, self._places)):
+            wp.utils.array_scan(counts, starts[1:])  # pyright: ignore[reportArgumentType]
+        wp.copy(self._total, self._places, src_offset=self.count, count=1)
+        wp.synchronize_stream(self.device)
+        self.total_pairs = int(self._total.numpy()[0])
+        if self.total_pairs > len(lists.pair_blocks):
+            vars(lists).update(self._for_pairs(int(self.total_pairs * _GROWTH)))
+            self._record()
+        self._emit.run()
+        bits = self.tiles.bit_length()
+        wp.utils.radix_sort_pairs(lists.tiles, lists.pairs, self.total_pairs, end_bit=bits)
+        self._begin.run()
 
     def drawn_tiles(self) -> np.ndarray:
         """Return which tiles have splats, shape (rows, columns), bool."""
@@ -138,167 +207,32 @@ class TileBinner:
         """Return the pixels (x0, y0, x1, y1) of the tiles that have splats; all 0 when none has."""
         return pixels_of(self.drawn_tiles(), self.width, self.height)
 
-    def _bin_by_counting(self) -> None:
-        lists = self.lists
-        self._row_scan.launch()
-        self._hold_rows(lists.row_starts.numpy()[self.count])
-        run_together([self._sort_launch, self._span_launch])
-        self._number_pairs.launch()
-        self._hold_pairs(lists.pair_starts.numpy()[self.count])
-        lists.tile_changes.zero_()
-        self._count_launch.run()
-        self._tile_scan.set_param_at_index(1, self.tiles)
-        self._tile_scan.launch()
-        self._emit_launch.run()
-
-    def _bin_by_sorting(self) -> None:
-        lists = self.lists
-        self._hold_rows(self._running_sum(lists.row_counts, lists.row_starts))
-        self._span_launch.run()
-        self._hold_pairs(self._running_sum(lists.pair_counts, lists.pair_starts))
-        pairs = self.total_pairs
-        self._key_launch.set_param(0, self.columns)
-        self._key_launch.run()
-        tile_bits = self.tiles.bit_length()
-        wp.utils.radix_sort_pairs(self._keys, self._values, pairs, end_bit=32 + tile_bits)
-        wp.launch(
-            unpack_kernel,
-            dim=pairs + 1,
-            inputs=[pairs, self.tiles, self._keys, self._values, self._pair_splats],
-            outputs=[lists.tile_splats, lists.tile_pairs, lists.tile_starts],
-            device=self.device,
-            record_tape=False,
-        )
-
-    def _running_sum(self, counts: wp.array, starts: wp.array) -> int:
-        """Fill ``starts`` behind its first 0, and return the total; waits for the device."""
-        wp.utils.array_scan(counts, starts[1:])  # pyright: ignore[reportArgumentType]
-        wp.copy(self._total, starts, src_offset=self.count, count=1)
-        wp.synchronize_stream(self.device)
-        return int(self._total.numpy()[0])
-
-    def _hold_rows(self, total: int) -> None:
-        """Make room for the spans of a view."""
-        self.total_rows = int(total)
-        if self.total_rows > len(self.lists.spans):
-            self._grow_rows()
-
-    def _hold_pairs(self, total: int) -> None:
-        """Make room for the pairs of a view."""
-        self.total_pairs = int(total)
-        if self.total_pairs > len(self.lists.tile_splats):
-            self._grow_pairs()
-
-    def _allocate(self) -> TileLists:
-        n = max(self.count, 1)
-        # A splat of a dense object touches about two rows and three tiles.
-        rows, pairs = 2 * n + 64, 3 * n + 64
-        lists = TileLists(
-            splats=_on_cache_lines(n, SPLAT_FIELDS, self.device),
-            depths=wp.zeros(n, dtype=float, device=self.device),
-            first_tile_rows=self._zeros(n),
-            row_counts=self._zeros(n),
-            row_starts=self._zeros(n + 1),
-            pair_counts=self._zeros(n),
-            pair_starts=self._zeros(n + 1),
-            tile_changes=self._zeros_by_part(),
-            tile_starts=self._zeros(self._capacity + 1),
-            cursors=self._zeros_by_part(),
-            ranges=wp.zeros(n, dtype=wp.vec4i, device=self.device),
-            spans=self._make_spans(rows),
-            tile_splats=self._zeros(pairs),
-            tile_pairs=self._zeros(pairs),
-            pair_blocks=self._zeros(pairs),
-            pair_gradients=wp.zeros(
-                (pairs, self._gradient_fields), dtype=float, device=self.device
-            ),
-        )
-        self.lists = lists
-        self._make_keys(pairs)
-        self._record()
-        return lists
-
-    def _grow_rows(self) -> None:
-        capacity = int(self.total_rows * _GROWTH)
-        self.lists.spans = self._make_spans(capacity)
-        self._record()
-
-    def _grow_pairs(self) -> None:
-        capacity = int(self.total_pairs * _GROWTH)
-        lists = self.lists
-        lists.tile_splats = self._zeros(capacity)
-        lists.tile_pairs = self._zeros(capacity)
-        lists.pair_blocks = self._zeros(capacity)
-        lists.pair_gradients = wp.zeros(
-            (capacity, self._gradient_fields), dtype=float, device=self.device
-        )
-        self._make_keys(capacity)
-        self._record()
-
-    def _make_keys(self, pairs: int) -> None:
-        """Make what is sorted, twice as long as there are pairs: the sort needs as much to work in."""
-        pairs = 0 if self.counting else pairs
-        self._keys = wp.zeros(2 * pairs, dtype=wp.int64, device=self.device)  # pyright: ignore[reportArgumentType]
-        self._values = self._zeros(2 * pairs)
-        self._pair_splats = self._zeros(pairs)
+    def _for_pairs(self, capacity: int) -> dict[str, wp.array]:
+        """Return the buffers that hold so many pairs."""
+        fields, device = self._gradient_fields, self.device
+        return {
+            "tiles": self._zeros(2 * capacity),
+            "pairs": wp.zeros(2 * capacity, dtype=wp.vec2i, device=device),
+            "pair_blocks": self._zeros(capacity),
+            "pair_gradients": wp.zeros((capacity, fields), dtype=float, device=device),
+        }
 
     def _record(self) -> None:
         """Record the launches on the present buffers."""
-        lists = self.lists
+        lists, n = self.lists, self.count
         self.generation += 1
-        self._row_scan = self._serial(
-            exclusive_scan_kernel, [lists.row_counts, self.count, lists.row_starts]
-        )
-        self._tile_scan = self._serial(
-            tile_scan_kernel,
-            [self._parts, self.tiles, lists.tile_changes, lists.cursors, lists.tile_starts],
-        )
-        self._number_pairs = self._serial(
-            pair_scan_kernel,
-            [self.count, lists.first_tile_rows, lists.row_starts, lists.pair_counts]
-            + [lists.pair_starts, lists.ranges],
-        )
-        self._sort_launch = self._launch(
-            depth_sort_kernel,
-            1 if self.counting else 0,
-            [self.count, lists.depths, lists.row_counts, self._histogram, self._spare]
-            + [self._order, self._sorted_count],
-        )
-        self._span_launch = self._launch(
-            span_group_kernel if self.counting else span_kernel,
-            -(-self.count // GROUP_SIZE) if self.counting else self.count,
-            [self._views, lists.splats, lists.first_tile_rows, lists.row_starts, EXTENT_SLACK]
-            + [lists.spans, lists.pair_counts],
-        )
-        self._key_launch = self._launch(
-            pair_key_kernel,
-            0 if self.counting else self.count,
-            [self.columns, lists.first_tile_rows, lists.row_starts, lists.pair_starts]
-            + [lists.spans, lists.depths, self._keys, self._values, self._pair_splats],
-        )
-        parts = [self._views, self._parts, self._sorted_count, self._order]
-        parts += [lists.ranges, lists.spans]
-        self._count_launch = self._launch(
-            tile_count_kernel, self._parts, [*parts, lists.tile_changes]
-        )
-        self._emit_launch = self._launch(
-            emit_kernel,
-            self._parts,
-            [*parts, lists.cursors, lists.tile_splats, lists.tile_pairs],
-        )
 
-    def _launch(self, kernel: Any, dim: int, inputs: list[Any]) -> ParallelLaunch:
-        return ParallelLaunch(kernel, dim, inputs, self.device, self.threads, even=True)
+        def launch(kernel: Any, dim: int, inputs: list[Any]) -> ParallelLaunch:
+            return ParallelLaunch(kernel, dim, inputs, self.device, self._threads, even=True)
 
-    def _serial(self, kernel: Any, inputs: list[Any]) -> Any:
-        """Record a kernel that runs in one thread; `launch` on what is returned runs it."""
-        return recorded(kernel, 1, inputs, self.device)
-
-    def _make_spans(self, count: int) -> wp.array:
-        return wp.zeros(count, dtype=wp.vec2i, device=self.device)
-
-    def _zeros_by_part(self) -> wp.array:
-        return wp.zeros((self._parts, self._capacity + 1), dtype=int, device=self.device)
+        laid_out = [self._keys, self._order, self._counts]
+        self._lay_out = launch(lay_out_kernel, n, [lists.centers, lists.boxes, *laid_out])
+        self._reorder = launch(reorder_kernel, n, [self._order, self._counts, self._ordered])
+        given = [self._views, self._order, lists.boxes, lists.pair_starts, self._places]
+        self._emit = launch(emit_kernel, n, [*given, lists.tiles, lists.pairs])
+        last = self._places[n:]
+        given = [self._views, last, lists.tiles, lists.tile_starts]
+        self._begin = launch(tile_start_kernel, len(lists.tile_starts), given)
 
     def _zeros(self, count: int) -> wp.array:
         return wp.zeros(count, dtype=int, device=self.device)

@@ -6,9 +6,9 @@ from dataclasses import replace
 import numpy as np
 import warp as wp
 
-from digs_warp.device.contiguous import flat, floats_from
+from digs_warp.device.contiguous import flat
 from digs_warp.device.image_planes import ImagePlanes
-from digs_warp.device.parallel import ParallelLaunch, run_together, values_per_thread
+from digs_warp.device.parallel import ParallelLaunch, run_together
 from digs_warp.geometry.camera import Camera
 from digs_warp.geometry.rigid import PixelBox
 from digs_warp.splat.bin_tiles import pixels_of
@@ -17,39 +17,24 @@ from digs_warp.splat.config import DEFAULT_OPTIONS, RasterOptions
 from digs_warp.splat.device import DeviceGaussians, SplatStatistics
 from digs_warp.splat.renderer import WHITE, SplatRenderer
 
-wp.set_module_options({"enable_backward": False, "max_unroll": 1})
-
-# Values that one thread adds on a CPU.
-BLOCK = 4096
-
-_BLOCK = wp.constant(BLOCK)
+wp.set_module_options({"enable_backward": False})
 
 
 @wp.kernel
 def mean_kernel(
     first: int,
-    count: int,
     share: float,
-    block: int,  # values of a thread, at most `BLOCK`
     source: wp.array[float],
     # outputs
     target: wp.array[float],
 ):
-    """Set a block of values to ``share * (target + source)``."""
-    begin = (first + wp.tid()) * block
-    size = wp.min(block, count - begin)
-    here = floats_from(source, begin, size)
-    there = floats_from(target, begin, size)
-    if size == _BLOCK:  # only a loop of fixed length becomes vector code
-        for i in range(_BLOCK):
-            there[i] = share * (there[i] + here[i])
-    else:
-        for j in range(size):
-            there[j] = share * (there[j] + here[j])
+    """Set a value to ``share * (target + source)``."""
+    i = first + wp.tid()
+    target[i] = share * (target[i] + source[i])
 
 
 # Place of the share among the inputs of the kernel.
-_SHARE = 1
+_SHARE = 0
 
 
 class BlurRenderer:
@@ -215,15 +200,11 @@ class BlurRenderer:
         self, sources: Sequence[wp.array], targets: Sequence[wp.array]
     ) -> list[ParallelLaunch]:
         """Record what adds flat arrays to others, see `mean_kernel`."""
-        device, threads = self.middle.device, self.middle.threads
-        block = values_per_thread(device, BLOCK)
-        launches = []
-        for source, target in zip(sources, targets, strict=True):
-            count = target.shape[0]
-            given = [count, 1.0, block, source, target]
-            blocks = -(-count // block)
-            launches.append(ParallelLaunch(mean_kernel, blocks, given, device, threads, even=True))
-        return launches
+        given = self.middle.device, self.middle.threads
+        return [
+            ParallelLaunch(mean_kernel, len(target), [1.0, source, target], *given, even=True)
+            for source, target in zip(sources, targets, strict=True)
+        ]
 
     def _bind_gradients(self) -> None:
         """Record what adds the gradients of every further moment to those of the first."""

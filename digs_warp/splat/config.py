@@ -25,8 +25,21 @@ MAX_VARIANCE = 1.0e12
 # Color coefficients whose absolute values sum to more than this are an overflow: the splat is dropped.
 MAX_COLOR = 1.0e9
 
-# The exponential of the hot loops is a polynomial for exponents down to ln(1/255).
-SMALLEST_MIN_ALPHA = 1.0 / 255.0
+# As in the 3DGS reference: a smaller alpha is not drawn, which bounds the area that a splat touches; a larger
+# one is capped, because the backward pass divides by 1 - alpha; and a pixel whose transmittance would fall
+# below the least stops: that splat and all behind it are not drawn. The exponential of the hot loops is a
+# polynomial for exponents down to ln(1/255).
+MIN_ALPHA = 1.0 / 255.0
+MAX_ALPHA = 0.99
+MIN_TRANSMITTANCE = 1.0e-4
+
+# The Jacobian of the projection is evaluated at most this many half-widths outside of the image: further out
+# the linearization blows up.
+JACOBIAN_MARGIN = 0.3
+
+# How far the skin of a splat lies before its center [standard deviations]; see `digs_warp.splat.project`.
+# With it, the surface without a depth term is least biased: see docs/training.md.
+REACH = 2.0
 
 # The antialiasing factor sqrt(det / det') is held above this, and so is its derivative, which grows without
 # bound for a splat that degenerates to a line (the floor of the 3DGS reference, sqrt(2.5e-5)).
@@ -45,52 +58,31 @@ EXPECTED, MEDIAN = 0, 1
 
 @dataclass(frozen=True)
 class RasterOptions:
-    """How splats are drawn; the defaults are those of the 3DGS reference where it has the constant.
+    """How splats are drawn.
 
     Attributes:
-        min_alpha: an alpha below this is not drawn, in 1/255 .. 1: one 8-bit step bounds the area that a
-            splat touches.
-        max_alpha: alpha is capped here, in 0 .. 0.999: the backward pass divides by 1 - alpha. Where it is
-            capped, its gradient is zero.
-        min_transmittance: a pixel whose transmittance would fall below this stops; that splat and all behind
-            it are not drawn.
         dilation: added to the diagonal of the projected covariance [px^2]. What our training makes is drawn
             without (`digs_warp.train.smoothing`); the little that is left keeps the inverse of the
             covariance of an infinitely thin splat finite. Scenes of 3DGS are made for 0.3.
         antialias: scale the opacity by sqrt(det / det') of the covariance before and after the dilation
             (Mip-Splatting), so that a splat smaller than a pixel does not gain weight. Scenes trained with it
             must be drawn with it.
-        jacobian_margin: the Jacobian of the projection is evaluated at most this many half-widths outside
-            of the image: further out the linearization blows up.
         outputs: what a view gives beside color and transmittance: "color" nothing, "mean depth" the expected
             depth, "depth" the median depth as well. Each costs time only when asked for. Any value per
             Gaussian, such as a normal, can be drawn as its color.
         depth_of: the place of a splat that its depth is that of: its "center", or its "skin", which is what a
-            depth camera measures (`digs_warp.splat.skin`).
+            depth camera measures (`digs_warp.splat.project`).
     """
 
-    min_alpha: float = SMALLEST_MIN_ALPHA
-    max_alpha: float = 0.99
-    min_transmittance: float = 1.0e-4
     dilation: float = DILATION
     antialias: bool = False
-    jacobian_margin: float = 0.3
     outputs: Outputs = "color"
     depth_of: DepthOf = "center"
 
     def __post_init__(self) -> None:
         """Raise a `DigsError` for a value outside of its range."""
-        ranges = {
-            "min_alpha": (SMALLEST_MIN_ALPHA, 1.0),
-            "max_alpha": (self.min_alpha, 0.999),
-            "min_transmittance": (0.0, 0.5),
-            "dilation": (1.0e-3, 100.0),
-            "jacobian_margin": (0.0, 10.0),
-        }
-        for name, (low, high) in ranges.items():
-            value = getattr(self, name)
-            if not low <= value <= high:
-                raise DigsError(f"raster option {name}: {value}, expected {low:g} to {high:g}")
+        if not 1.0e-3 <= self.dilation <= 100.0:
+            raise DigsError(f"raster option dilation: {self.dilation}, expected 0.001 to 100")
         for name, known in (("outputs", Outputs), ("depth_of", DepthOf)):
             if getattr(self, name) not in get_args(known):
                 expected = ", ".join(get_args(known))

@@ -19,7 +19,7 @@ from typing import Any
 
 import warp as wp
 
-from digs_warp.splat.config import TILE_PIXELS
+from digs_warp.splat.config import MIN_TRANSMITTANCE, TILE_PIXELS
 from digs_warp.splat.lanes import (
     any_in_block,
     first_lane,
@@ -105,6 +105,7 @@ class CooperativeLaunch:
         self._launch.launch()
 
 
+_LEAST = wp.constant(MIN_TRANSMITTANCE)
 _PIXELS = wp.constant(PIXELS)
 _THREADS = wp.constant(BLOCK_THREADS)
 _BATCH = wp.constant(BATCH)
@@ -161,7 +162,7 @@ def shared_sums() -> wp.uint64:
 def load_batch(thread: int, first: int, size: int, splats: Splats, pairs: TilePairs, to: wp.uint64):
     """Load a batch with all threads of a block."""
     for k in range(thread, size, _THREADS):
-        g = pairs.splats[first + k]
+        g = pairs.members[first + k][0]
         at = k * _QUADS
         u = splats.records[g, SPLAT_U]
         v = splats.records[g, SPLAT_V]
@@ -218,9 +219,7 @@ def forward_cooperative_kernel(depths: int) -> wp.Kernel:
         view = splats.views[0]
         tile_column = tile % view.columns
         tile_row = tile // view.columns
-        if tile_row < view.first_row or tile_row >= view.end_row:
-            return
-        if tile_column < view.first_column or tile_column >= view.end_column:
+        if tile_row >= view.rows:
             return
         begin = pairs.starts[tile]
         end = pairs.starts[tile + 1]
@@ -266,9 +265,9 @@ def forward_cooperative_kernel(depths: int) -> wp.Kernel:
                             dx = float(pixel[0]) + 0.5 - place[0]
                             dy = float(ys[i]) + 0.5 - place[1]
                             raw = uncapped_alpha(form, dx, dy)
-                            alpha = capped_and_cut(raw, view.min_alpha, view.max_alpha)
+                            alpha = capped_and_cut(raw)
                             after = t[i] * (1.0 - alpha)
-                            if after < view.min_transmittance:
+                            if after < _LEAST:
                                 live[i] = int(0)
                                 stop[i] = first + k
                             elif alpha > 0.0:
@@ -398,7 +397,7 @@ def backward_cooperative_kernel(with_depth: bool) -> wp.Kernel:
                             dx = float(pixel[0]) + 0.5 - place[0]
                             dy = float(ys[i]) + 0.5 - place[1]
                             raw = uncapped_alpha(form, dx, dy)
-                            alpha = capped_and_cut(raw, view.min_alpha, view.max_alpha)
+                            alpha = capped_and_cut(raw)
                             if alpha > 0.0:
                                 has_share = int(1)
                                 weight = t[i] * alpha
@@ -414,7 +413,7 @@ def backward_cooperative_kernel(with_depth: bool) -> wp.Kernel:
                                     )
                                 ahead[i] = ahead[i] - weight * shine
                                 d_alpha = t[i] * shine - ahead[i] / (1.0 - alpha)
-                                d_power = d_alpha * slope_in_power(raw, alpha, view.max_alpha)
+                                d_power = d_alpha * slope_in_power(raw, alpha)
                                 d_x = d_power * dx
                                 d_y = d_power * dy
                                 sum_1 += d_power
@@ -440,11 +439,11 @@ def backward_cooperative_kernel(with_depth: bool) -> wp.Kernel:
                 total = float(0.0)
                 for other in range(_THREADS // lanes()):
                     total += float_at(sums, other * _WARP_FLOATS + value)
-                to = pairs.records[first + value // wp.static(fields)]
+                to = pairs.members[first + value // wp.static(fields)][1]
                 pair_gradients[to, value % wp.static(fields)] = total
         for rest_k in range(done + thread, end, _THREADS):
             for unused in range(wp.static(fields)):
-                pair_gradients[pairs.records[rest_k], unused] = 0.0
+                pair_gradients[pairs.members[rest_k][1], unused] = 0.0
 
     return backward
 

@@ -17,9 +17,11 @@ import warp as wp
 from digs_warp.device.elementary import exp_of, larger, smaller
 from digs_warp.geometry.camera import Camera
 from digs_warp.splat.camera_motion import STILL, RowMotion
-from digs_warp.splat.config import NEAR_SHARE, TILE_SIZE, RasterOptions
+from digs_warp.splat.config import JACOBIAN_MARGIN, NEAR_SHARE, REACH, TILE_SIZE, RasterOptions
 
 wp.set_module_options({"enable_backward": False})
+
+_MARGIN = wp.constant(JACOBIAN_MARGIN)
 
 
 @wp.struct
@@ -66,20 +68,12 @@ class ViewParams:
     center_world: wp.vec3
     turn: wp.vec3  # of `digs_warp.splat.camera_motion.RowMotion`
     shift: wp.vec3
-    # The tiles of the view, and those that are drawn, all of them: columns and rows first .. end - 1.
-    columns: int
+    columns: int  # of tiles
     rows: int
-    first_column: int
-    first_row: int
-    end_column: int
-    end_row: int
     # Of `digs_warp.splat.config.RasterOptions`.
     dilation: float
-    jacobian_margin: float
-    min_alpha: float
-    max_alpha: float
-    min_transmittance: float
     antialias: int
+    reach: float  # of the place that the depth is of
 
 
 def near_plane(camera: Camera, scene_center: np.ndarray) -> float:
@@ -117,11 +111,10 @@ def view_params(
     record["center_world"] = camera.center_world
     motion = rows or STILL
     record["turn"], record["shift"] = motion.turn, motion.shift
-    record["columns"] = record["end_column"] = -(-k.width // TILE_SIZE)
-    record["rows"] = record["end_row"] = -(-k.height // TILE_SIZE)
-    for name in ("dilation", "jacobian_margin", "min_alpha", "max_alpha", "min_transmittance"):
-        record[name] = getattr(options, name)
-    record["antialias"] = options.antialias
+    record["columns"] = -(-k.width // TILE_SIZE)
+    record["rows"] = -(-k.height // TILE_SIZE)
+    record["dilation"], record["antialias"] = options.dilation, options.antialias
+    record["reach"] = REACH if options.depth_of == "skin" else 0.0
     return record
 
 
@@ -170,11 +163,9 @@ def rotation_adjoint(quat: wp.vec4, d: wp.mat33) -> wp.vec4:
 
 
 @wp.func
-def clamped_tangent(
-    tangent: float, focal: float, center: float, size: float, share: float
-) -> float:
+def clamped_tangent(tangent: float, focal: float, center: float, size: float) -> float:
     """x/z, kept within the image plus a margin; asymmetric for an off-center principal point."""
-    margin = share * 0.5 * size / focal
+    margin = _MARGIN * 0.5 * size / focal
     low = -center / focal - margin
     high = (size - center) / focal + margin
     return smaller(larger(tangent, low), high)
@@ -227,9 +218,8 @@ def footprint_of(cam: ViewParams, mean: wp.vec3, log_scale: wp.vec3, quat: wp.ve
     f.inverse_z = 1.0 / f.point[2]
     f.tangent_x = f.point[0] * f.inverse_z
     f.tangent_y = f.point[1] * f.inverse_z
-    share = cam.jacobian_margin
-    f.limited_x = clamped_tangent(f.tangent_x, cam.fx, cam.cx, float(cam.width), share)
-    f.limited_y = clamped_tangent(f.tangent_y, cam.fy, cam.cy, float(cam.height), share)
+    f.limited_x = clamped_tangent(f.tangent_x, cam.fx, cam.cx, float(cam.width))
+    f.limited_y = clamped_tangent(f.tangent_y, cam.fy, cam.cy, float(cam.height))
     f.zoom_x = cam.fx * f.inverse_z
     f.zoom_y = cam.fy * f.inverse_z
     f.axes = f.rotation * rotation_of(quat)

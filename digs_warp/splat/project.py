@@ -4,6 +4,17 @@ The notation is that of `digs_warp.splat.footprint`. The determinant of the cova
 |m0 x m1|^2 + dilation (|m0|^2 + |m1|^2) + dilation^2 (Cauchy-Binet): a sum of squares, so that a needle of
 any length keeps a positive one in float32. Its first term is the determinant before the dilation: with
 antialiasing, the opacity is scaled by the square root of its share (Mip-Splatting, section 4.2).
+
+A splat is a soft ball, and a surface is a layer of them, of which each hides a part. A photograph shows the
+outside of that layer: splats that fit the photographs have their centers inside the object. In training
+without a depth term, the true surface is found a number of standard deviations in front of the centers that
+is nearly the same for all objects, whatever their opacity. So the depth of a splat can be that of its skin,
+
+    skin = z (1 - REACH / |S^-1 V^T p|),   planar z; |p| / |S^-1 V^T p| is the deviation along the ray
+
+A depth camera measures the skin: a training that pulls the centers there moves the silhouettes out. The order
+of the splats stays that of their centers. The backward pass takes the distance to the skin as a constant, so
+a gradient of the depth moves the centers, but does not change the scales through it.
 """
 
 import warp as wp
@@ -13,6 +24,7 @@ from digs_warp.splat.config import (
     EXTENT_SLACK,
     MAX_COLOR,
     MAX_VARIANCE,
+    MIN_ALPHA,
     MIN_COMPENSATION,
     TILE_SIZE,
 )
@@ -45,6 +57,9 @@ _TILE = wp.constant(TILE_SIZE)
 _SLACK = wp.constant(EXTENT_SLACK)
 _MAX_VARIANCE = wp.constant(MAX_VARIANCE)
 _MAX_COLOR = wp.constant(MAX_COLOR)
+_MIN_ALPHA = wp.constant(MIN_ALPHA)
+# A splat as wide as its distance has its skin at this share of the distance, not behind the camera.
+_LEAST_SHARE = wp.constant(0.1)
 _MIN_COMPENSATION = wp.constant(MIN_COMPENSATION)
 # Where the chord of an ellipse ends, its square is a small difference of large numbers.
 _ROUNDING = wp.constant(1.0 + 2e-5)
@@ -61,7 +76,8 @@ class Projection:
     """A Gaussian on the image but for its color: fields of `digs_warp.splat.records`, and where it lies."""
 
     drawn: int  # 0: nothing else of this means anything
-    z: float
+    z: float  # planar depth of the center ...
+    depth: float  # ... and what the view shows [m]
     u: float
     v: float
     a: float
@@ -75,8 +91,17 @@ class Projection:
     chord: float
     taper: float
     peak: float
-    top_row: int  # first and last tile row
-    bottom_row: int
+    box: wp.vec4i  # first tile column and row, and how many
+
+
+@wp.func
+def pixels_between(low: float, high: float, size: int) -> wp.vec2i:
+    """The first and the last of ``size`` pixels whose centers lie between; the last is less if none does."""
+    # Clamped as floats: a huge splat would overflow an integer.
+    end = float(size)
+    first = int(smaller(larger(wp.ceil(low - 0.5), 0.0), end))
+    last = int(larger(smaller(wp.floor(high - 0.5), end - 1.0), -1.0))
+    return wp.vec2i(first, last)
 
 
 @wp.func
@@ -87,39 +112,34 @@ def projection_of(
     p = Projection()
     f = footprint_of(cam, mean, log_scale, quat)
     p.z = f.point[2]
+    deviations = wp.length(wp.cw_div(wp.transpose(f.axes) * f.point, f.sizes))
+    skin = p.z * larger(1.0 - cam.reach / deviations, _LEAST_SHARE)
+    p.depth = wp.where(cam.reach > 0.0, skin, p.z)
     opacity = sigmoid(opacity_logit)
     s = spread_of(cam, f)
     opacity = wp.where(cam.antialias != 0, opacity * compensation(s.det_before, s.det), opacity)
     var_x = s.a + cam.dilation
     var_y = s.c + cam.dilation
-    p.tau = 2.0 * log_of(opacity / cam.min_alpha)
+    p.tau = 2.0 * log_of(opacity / _MIN_ALPHA)
     p.half_width = wp.sqrt(p.tau * var_x) + _SLACK
     p.half_height = wp.sqrt(p.tau * var_y) + _SLACK
     p.u = cam.fx * f.tangent_x + cam.cx
     p.v = cam.fy * f.tangent_y + cam.cy
-    # The drawn tiles, cut off at the image.
-    left = float(cam.first_column * _TILE) + 0.5
-    right = float(wp.min(cam.end_column * _TILE, cam.width)) - 0.5
-    upper = float(cam.first_row * _TILE) + 0.5
-    lower = float(wp.min(cam.end_row * _TILE, cam.height)) - 0.5
-    # Clamped as floats: a huge splat would overflow an integer.
-    first = wp.ceil(p.v - p.half_height - 0.5)
-    last = wp.floor(p.v + p.half_height - 0.5)
-    top = int(smaller(larger(first, upper - 0.5), lower))
-    bottom = int(larger(smaller(last, lower - 0.5), upper - 1.5))
-    p.top_row = top // _TILE
-    p.bottom_row = bottom // _TILE
+    across = pixels_between(p.u - p.half_width, p.u + p.half_width, cam.width)
+    down = pixels_between(p.v - p.half_height, p.v + p.half_height, cam.height)
+    column = across[0] // _TILE
+    row = down[0] // _TILE
+    p.box = wp.vec4i(column, row, across[1] // _TILE - column + 1, down[1] // _TILE - row + 1)
     # Written so that NaN anywhere ends as not drawn, too.
     drawn = wp.where(p.z > cam.near, 1, 0)
     drawn &= wp.where(p.z < _MAX_VARIANCE, 1, 0)
-    drawn &= wp.where(opacity > cam.min_alpha, 1, 0)
+    drawn &= wp.where(opacity > _MIN_ALPHA, 1, 0)
     drawn &= wp.where(s.a < _MAX_VARIANCE, 1, 0)
     drawn &= wp.where(s.c < _MAX_VARIANCE, 1, 0)
-    drawn &= wp.where(p.u + p.half_width > left, 1, 0)
-    drawn &= wp.where(p.u - p.half_width < right, 1, 0)
-    drawn &= wp.where(p.v + p.half_height > upper, 1, 0)
-    drawn &= wp.where(p.v - p.half_height < lower, 1, 0)
-    p.drawn = drawn & wp.where(top <= bottom, 1, 0)
+    drawn &= wp.where(p.half_width == p.half_width and p.u == p.u, 1, 0)
+    drawn &= wp.where(p.half_height == p.half_height and p.v == p.v, 1, 0)
+    drawn &= wp.where(across[0] <= across[1], 1, 0)
+    p.drawn = drawn & wp.where(down[0] <= down[1], 1, 0)
     p.a = var_y / s.det
     p.b = -s.b / s.det
     p.c = var_x / s.det
@@ -184,10 +204,10 @@ def project_kernel(
     degree: int,  # bands of the color
     splats: Splats,  # read: the view; written: all else
 ):
-    """Project a Gaussian; one that is not drawn gets ``row_counts`` 0 and nothing else."""
+    """Project a Gaussian; one that is not drawn gets an empty box and nothing else."""
     g = first + wp.tid()
-    splats.row_counts[g] = 0
-    splats.depths[g] = 0.0
+    splats.boxes[g] = wp.vec4i(0, 0, 0, 0)
+    splats.centers[g] = 0.0
     cam = splats.views[0]
     mean = gaussians.means[g]
     log_scale = gaussians.log_scales[g]
@@ -196,6 +216,6 @@ def project_kernel(
         return
     put_record(p, splats.records[g], 0, 1)
     put_color(cam, g, mean, gaussians.sh, degree, splats.records)
-    splats.depths[g] = p.z
-    splats.first_tile_rows[g] = p.top_row
-    splats.row_counts[g] = p.bottom_row - p.top_row + 1
+    splats.centers[g] = p.z
+    splats.depths[g] = p.depth
+    splats.boxes[g] = p.box

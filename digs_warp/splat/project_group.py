@@ -16,6 +16,8 @@ from digs_warp.splat.records import (
     Splats,
     parameters_at,
     put_parameters,
+    put_vec4,
+    vec4_at,
 )
 
 # Neither fused nor reordered: the determinant of a needle is a small difference of large products.
@@ -25,11 +27,11 @@ _GROUP = wp.constant(GROUP_SIZE)
 _RECORD = wp.constant(SPLAT_FIELDS)
 # Where the fields of a group begin in its memory: first those of the records, by number, then these.
 _Z = wp.constant(SPLAT_FIELDS * GROUP_SIZE)
-_DRAWN = wp.constant((SPLAT_FIELDS + 1) * GROUP_SIZE)
-_TOP = wp.constant((SPLAT_FIELDS + 2) * GROUP_SIZE)
-_BOTTOM = wp.constant((SPLAT_FIELDS + 3) * GROUP_SIZE)
-_PARAMETERS = wp.constant((SPLAT_FIELDS + 4) * GROUP_SIZE)
-_MEMORY = (SPLAT_FIELDS + 4 + GROUP_PARAMETERS) * GROUP_SIZE
+_DEPTH = wp.constant((SPLAT_FIELDS + 1) * GROUP_SIZE)
+_DRAWN = wp.constant((SPLAT_FIELDS + 2) * GROUP_SIZE)
+_BOX = wp.constant((SPLAT_FIELDS + 3) * GROUP_SIZE)
+_PARAMETERS = wp.constant((SPLAT_FIELDS + 7) * GROUP_SIZE)
+_MEMORY = (SPLAT_FIELDS + 7 + GROUP_PARAMETERS) * GROUP_SIZE
 
 
 @wp.kernel
@@ -61,19 +63,21 @@ def project_group_kernel(
         mean, log_scale, quat, opacity_logit = parameters_at(state, _PARAMETERS + i)
         p = projection_of(cam, mean, log_scale, quat, opacity_logit)
         put_record(p, state, i, _GROUP)
-        # Tile rows are small whole numbers: exact as floats.
         state[_Z + i] = p.z
+        state[_DEPTH + i] = p.depth
         state[_DRAWN + i] = float(p.drawn)
-        state[_TOP + i] = float(p.top_row)
-        state[_BOTTOM + i] = float(p.bottom_row)
+        # Numbers of tiles are small: exact as floats.
+        box = wp.vec4(float(p.box[0]), float(p.box[1]), float(p.box[2]), float(p.box[3]))
+        put_vec4(box, state, _BOX + i)
     for out in range(size):
         g = begin + out
-        splats.row_counts[g] = 0
-        splats.depths[g] = 0.0
+        splats.boxes[g] = wp.vec4i(0, 0, 0, 0)
+        splats.centers[g] = 0.0
         if state[_DRAWN + out] != 0.0 and color_is_finite(gaussians.sh, g, degree):
             for field in range(_RECORD):
                 splats.records[g, field] = state[field * _GROUP + out]
             put_color(cam, g, gaussians.means[g], gaussians.sh, degree, splats.records)
-            splats.depths[g] = state[_Z + out]
-            splats.first_tile_rows[g] = int(state[_TOP + out])
-            splats.row_counts[g] = int(state[_BOTTOM + out]) - int(state[_TOP + out]) + 1
+            splats.centers[g] = state[_Z + out]
+            splats.depths[g] = state[_DEPTH + out]
+            tiles = vec4_at(state, _BOX + out)
+            splats.boxes[g] = wp.vec4i(int(tiles[0]), int(tiles[1]), int(tiles[2]), int(tiles[3]))

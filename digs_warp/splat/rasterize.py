@@ -2,8 +2,8 @@
 
 Per pixel, front to back over the splats i of its tile (3DGS):
 
-    alpha_i = min(max_alpha, o_i exp(-q_i / 2)),  not drawn below min_alpha
-    w_i     = T alpha_i,   C += w_i c_i,   T <- T (1 - alpha_i),  stop before T falls under min_transmittance
+    alpha_i = min(MAX_ALPHA, o_i exp(-q_i / 2)),  not drawn below MIN_ALPHA
+    w_i     = T alpha_i,   C += w_i c_i,   T <- T (1 - alpha_i),  stop before T falls under MIN_TRANSMITTANCE
     image   = C + T background
 
 With depths z_i, the expected depth is (sum w_i z_i) / (sum w_i), and the median depth is the z_i at which T
@@ -26,8 +26,7 @@ knows (a read from a Warp array, whose stride is known only at run time, becomes
 `digs_warp.splat.tile` says how that state lies in memory, and why.
 Splats are drawn in groups: which blocks of the tile each one touches is found for the group at once
 (`digs_warp.splat.tile`), and kept for the backward pass.
-The options are constants of the kernel, and what a view does not ask for is not in it: there is one kernel
-per set of options.
+What a view does not ask for is not in the kernel: there is one per set of outputs.
 A test compiles both passes with LLVM's vectorization remarks on and fails when a loop falls out.
 """
 
@@ -37,7 +36,7 @@ import warp as wp
 
 from digs_warp.device.contiguous import cache_line_at
 from digs_warp.device.kernel_options import vector_module_options
-from digs_warp.splat.config import Outputs, RasterOptions
+from digs_warp.splat.config import MIN_TRANSMITTANCE
 from digs_warp.splat.records import (
     SPLAT_CHORD,
     SPLAT_HALF_WIDTH,
@@ -79,6 +78,8 @@ from digs_warp.splat.tile import (
 
 wp.set_module_options({"enable_backward": False})
 
+_LEAST = wp.constant(MIN_TRANSMITTANCE)
+
 # The least share of a pixel that a splat leaves to those behind it, and so the least that is divided by.
 SMALLEST = 2.0**-24
 
@@ -95,22 +96,16 @@ _PLANE = wp.constant(PLANE_FLOATS)
 
 def usual_kernels() -> list[wp.Kernel]:
     """Return the kernels of a training with its measuring, for `digs-warp precompile`."""
-    outputs: tuple[Outputs, ...] = ("color", "mean depth", "depth")
-    return [forward_kernel(RasterOptions(outputs=each)) for each in outputs]
+    return [forward_kernel(depths) for depths in range(3)]
 
 
 @cache
-def forward_kernel(options: RasterOptions) -> wp.Kernel:
-    """Return the kernel that composites one tile."""
-    with_depth = options.has_depth
-    depths = options.depth_channels
-    with_median = depths > 1
-    min_alpha, max_alpha = options.min_alpha, options.max_alpha
-    least = options.min_transmittance
+def forward_kernel(depths: int) -> wp.Kernel:
+    """Return the kernel that composites one tile, with so many depths."""
+    with_depth, with_median = depths > 0, depths > 1
     planes = 5 + depths
-    name = f"forward_{options.outputs.replace(' ', '_')}"
 
-    @wp.kernel(name=name, module="unique", module_options=vector_module_options())
+    @wp.kernel(name=f"forward_{depths}", module="unique", module_options=vector_module_options())
     def forward(
         first: int,
         splats: Splats,
@@ -127,15 +122,13 @@ def forward_kernel(options: RasterOptions) -> wp.Kernel:
         tile = first + wp.tid()
         views = splats.views
         records = splats.records
-        tile_splats = pairs.splats
+        members = pairs.members
         plane = drawn.plane
         pitch = drawn.pitch
         columns = views[0].columns
         tile_column = tile % columns
         tile_row = tile // columns
-        if tile_row < views[0].first_row or tile_row >= views[0].end_row:
-            return
-        if tile_column < views[0].first_column or tile_column >= views[0].end_column:
+        if tile_row >= views[0].rows:
             return
         width = views[0].width
         height = views[0].height
@@ -185,7 +178,7 @@ def forward_kernel(options: RasterOptions) -> wp.Kernel:
             # All records of a group are asked for at once: one that is not in the cache takes as long as
             # several blocks. And which blocks come next is known before the present ones are finished.
             for ahead in range(GROUP):
-                g_ahead = tile_splats[wp.min(group_first + ahead, end - 1)]
+                g_ahead = members[wp.min(group_first + ahead, end - 1)][0]
                 state[fields + ahead] = records[g_ahead, SPLAT_U]
                 state[fields + GROUP + ahead] = records[g_ahead, SPLAT_V]
                 state[fields + 2 * GROUP + ahead] = records[g_ahead, SPLAT_HALF_WIDTH]
@@ -208,7 +201,9 @@ def forward_kernel(options: RasterOptions) -> wp.Kernel:
             for k in range(group_first, group_end):
                 blocks = touched[k - group_first] & live
                 pairs.blocks[k] = blocks
-                g = tile_splats[k]
+                if blocks == 0:
+                    continue
+                g = members[k][0]
                 mean_x = records[g, SPLAT_U] - float(tile_x) - 0.5
                 splat = tile_splat(records, g, mean_x, tile_y)
                 z = float(0.0)
@@ -225,11 +220,11 @@ def forward_kernel(options: RasterOptions) -> wp.Kernel:
                         dy = float(i >> BLOCK_SHIFT) + top
                         power = power_at(splat, dx, dy)
                         raw = splat.opacity * exp_in_range(power)
-                        alpha = capped_and_cut(raw, wp.static(min_alpha), wp.static(max_alpha))
+                        alpha = capped_and_cut(raw)
                         before = state[block + i]
                         after = before - before * alpha
-                        weight = wp.where(after >= wp.static(least), alpha * before, 0.0)
-                        state[block + i] = wp.where(after >= wp.static(least), after, 0.0)
+                        weight = wp.where(after >= _LEAST, alpha * before, 0.0)
+                        state[block + i] = wp.where(after >= _LEAST, after, 0.0)
                         if wp.static(with_depth):
                             state[_DEPTH + block + i] = state[_DEPTH + block + i] + weight * z
                         if wp.static(with_median):

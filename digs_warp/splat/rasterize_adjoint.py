@@ -6,7 +6,7 @@ import warp as wp
 
 from digs_warp.device.contiguous import cache_line_at
 from digs_warp.device.kernel_options import vector_module_options
-from digs_warp.splat.config import Outputs, RasterOptions
+from digs_warp.splat.config import MIN_TRANSMITTANCE
 from digs_warp.splat.records import (
     COLOR_FIELDS,
     SPLAT_U,
@@ -37,6 +37,8 @@ from digs_warp.splat.tile import (
 
 wp.set_module_options({"enable_backward": False})
 
+_LEAST = wp.constant(MIN_TRANSMITTANCE)
+
 # The backward pass sums a splat's gradient by the place of a pixel in its block first: one vector addition a
 # block, where a scalar sum would cost a horizontal reduction. d_power and d_power * dy are summed for each
 # half of the tile, because the sums with dx follow from them. Offsets of the right half, of d_power * dy,
@@ -61,16 +63,12 @@ _ADJ_DEPTH = wp.constant(5 * PLANE_FLOATS)
 
 def usual_kernels() -> list[wp.Kernel]:
     """Return the kernels of a training, for `digs-warp precompile`."""
-    outputs: tuple[Outputs, ...] = ("color", "depth")
-    return [backward_kernel(RasterOptions(outputs=each)) for each in outputs]
+    return [backward_kernel(with_depth) for with_depth in (False, True)]
 
 
 @cache
-def backward_kernel(options: RasterOptions) -> wp.Kernel:
+def backward_kernel(with_depth: bool) -> wp.Kernel:
     """Return the kernel that writes the gradient records of one tile."""
-    with_depth = options.has_depth
-    min_alpha, max_alpha = options.min_alpha, options.max_alpha
-    least = options.min_transmittance
     fields = COLOR_FIELDS + with_depth
     planes, lane_count = 5 + with_depth, 8 + with_depth
     name = "backward_depth" if with_depth else "backward_color"
@@ -90,8 +88,7 @@ def backward_kernel(options: RasterOptions) -> wp.Kernel:
         tile = first + wp.tid()
         views = splats.views
         records = splats.records
-        tile_splats = pairs.splats
-        tile_pairs = pairs.records
+        members = pairs.members
         plane = drawn.plane
         image = drawn.image
         transmittance = drawn.transmittance
@@ -147,10 +144,15 @@ def backward_kernel(options: RasterOptions) -> wp.Kernel:
             # All records of a group are asked for at once: one that is not in the cache takes as long as
             # several blocks.
             for asked in range(group_first, group_end):
-                state[ahead_u + asked - group_first] = records[tile_splats[asked], SPLAT_U]
+                state[ahead_u + asked - group_first] = records[members[asked][0], SPLAT_U]
             for k in range(group_first, group_end):
                 blocks = pairs.blocks[k]
-                g = tile_splats[k]
+                to = members[k][1]
+                if blocks == 0:  # the corner of a box, or saturated
+                    for unused in range(wp.static(fields)):
+                        pair_gradients[to, unused] = 0.0
+                    continue
+                g = members[k][0]
                 mean_x = state[ahead_u + k - group_first] - float(tile_x) - 0.5
                 splat = tile_splat(records, g, mean_x, tile_y)
                 z = float(0.0)
@@ -180,11 +182,11 @@ def backward_kernel(options: RasterOptions) -> wp.Kernel:
                         dy = float(i >> BLOCK_SHIFT) + top
                         power = power_at(splat, dx, dy)
                         raw = splat.opacity * exp_in_range(power)
-                        alpha = capped_and_cut(raw, wp.static(min_alpha), wp.static(max_alpha))
+                        alpha = capped_and_cut(raw)
                         before = state[block + i]
                         after = before - before * alpha
-                        weight = wp.where(after >= wp.static(least), alpha * before, 0.0)
-                        state[block + i] = wp.where(after >= wp.static(least), after, 0.0)
+                        weight = wp.where(after >= _LEAST, alpha * before, 0.0)
+                        state[block + i] = wp.where(after >= _LEAST, after, 0.0)
                         v_r = state[_ADJ_R + block + i]
                         v_g = state[_ADJ_G + block + i]
                         v_b = state[_ADJ_B + block + i]
@@ -199,8 +201,8 @@ def backward_kernel(options: RasterOptions) -> wp.Kernel:
                         state[_AHEAD + block + i] = rest
                         d_alpha = before * shine - rest / (1.0 - alpha)
                         # dL/dpower: zero where capped, cut, or stopped
-                        slope = slope_in_power(raw, alpha, wp.static(max_alpha))
-                        d_power = wp.where(after >= wp.static(least), d_alpha * slope, 0.0)
+                        slope = slope_in_power(raw, alpha)
+                        d_power = wp.where(after >= _LEAST, d_alpha * slope, 0.0)
                         state[lanes + side + i] = state[lanes + side + i] + d_power
                         state[lanes + _LANE_Y + side + i] = (
                             state[lanes + _LANE_Y + side + i] + d_power * dy
@@ -231,7 +233,6 @@ def backward_kernel(options: RasterOptions) -> wp.Kernel:
                     sum_b += state[lanes + _LANE_B + lane]
                     if wp.static(with_depth):
                         sum_depth += state[lanes + _LANE_DEPTH + lane]
-                to = tile_pairs[k]
                 pair_gradients[to, 0] = splat.a * sum_x + splat.b * sum_y
                 pair_gradients[to, 1] = splat.b * sum_x + splat.c * sum_y
                 pair_gradients[to, 2] = -0.5 * sum_xx
@@ -245,6 +246,6 @@ def backward_kernel(options: RasterOptions) -> wp.Kernel:
                     pair_gradients[to, wp.static(COLOR_FIELDS)] = sum_depth
         for rest_k in range(stop, end):
             for field in range(wp.static(fields)):
-                pair_gradients[tile_pairs[rest_k], field] = 0.0
+                pair_gradients[members[rest_k][1], field] = 0.0
 
     return backward

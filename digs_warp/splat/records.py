@@ -25,9 +25,9 @@ SPLAT_OPACITY = wp.constant(5)
 SPLAT_RED = wp.constant(6)
 SPLAT_GREEN = wp.constant(7)
 SPLAT_BLUE = wp.constant(8)
-SPLAT_HALF_WIDTH = wp.constant(9)  # half extents [px] of the area with alpha >= min_alpha
+SPLAT_HALF_WIDTH = wp.constant(9)  # half extents [px] of the area with alpha >= MIN_ALPHA
 SPLAT_HALF_HEIGHT = wp.constant(10)
-SPLAT_TAU = wp.constant(11)  # 2 ln(opacity / min_alpha): squared Mahalanobis radius of that area
+SPLAT_TAU = wp.constant(11)  # 2 ln(opacity / MIN_ALPHA): squared Mahalanobis radius of that area
 # In the column dx off the center, that area is slope dx -+ sqrt(chord - taper dx^2); it reaches furthest up
 # and down on the image at dx = -peak and peak.
 SPLAT_SLOPE = wp.constant(12)
@@ -47,9 +47,9 @@ class Splats:
 
     views: wp.array[ViewParams]  # [1]
     records: wp.array2d[float]  # [n, SPLAT_FIELDS]
-    depths: wp.array[float]  # [n] planar depth [m], 0 if it is not drawn
-    first_tile_rows: wp.array[int]  # [n]
-    row_counts: wp.array[int]  # [n] tile rows that the splat touches, 0 if it is not drawn
+    centers: wp.array[float]  # [n] planar depth of the center [m], 0 if it is not drawn
+    depths: wp.array[float]  # [n] planar depth of what the view shows of it [m]
+    boxes: wp.array[wp.vec4i]  # [n] first tile column and row, and how many; 0 if it is not drawn
 
 
 @wp.struct
@@ -57,8 +57,7 @@ class TilePairs:
     """The (tile, splat) pairs of a view, by tile, nearest splat first."""
 
     starts: wp.array[int]  # [tiles + 1] pairs of tile t: starts[t] .. starts[t + 1]
-    splats: wp.array[int]  # [pairs]
-    records: wp.array[int]  # [pairs] where the gradient record of each goes
+    members: wp.array[wp.vec2i]  # [pairs] splat, and where the gradient record of the pair goes
     blocks: wp.array[
         int
     ]  # [pairs] a bit for each block of the tile that was drawn in; vector code only

@@ -1,15 +1,13 @@
 """One picture of Gaussians: NumPy values in, NumPy values out; and its gradients the same way."""
 
 from dataclasses import dataclass, field
-from functools import cached_property
 
 import numpy as np
 
 from digs_warp.checks import DigsError, check_finite, check_shape
-from digs_warp.data.gaussians import FIELDS, Gaussians
+from digs_warp.data.gaussians import Gaussians
 from digs_warp.device.image_planes import ImagePlanes
 from digs_warp.geometry.camera import Camera
-from digs_warp.splat.camera_gradient import camera_gradient
 from digs_warp.splat.camera_motion import RowMotion
 from digs_warp.splat.config import DEFAULT_OPTIONS, EXPECTED, MEDIAN, RasterOptions
 from digs_warp.splat.device import DeviceGaussians
@@ -17,31 +15,6 @@ from digs_warp.splat.footprint import near_plane
 from digs_warp.splat.renderer import WHITE, SplatRenderer
 
 __all__ = ["RenderOutput", "SplatRenderer", "near_plane", "render"]
-
-
-@dataclass(frozen=True, eq=False)
-class RenderGradients:
-    """dL/d(input) of a rendered view, float32.
-
-    Attributes:
-        means: shape (n, 3), and so on: the shapes of `digs_warp.data.gaussians.Gaussians`.
-        log_scales: shape (n, 3).
-        quats: shape (n, 4).
-        opacity_logits: shape (n,).
-        sh: shape (n, K, 3).
-    """
-
-    means: np.ndarray
-    log_scales: np.ndarray
-    quats: np.ndarray
-    opacity_logits: np.ndarray
-    sh: np.ndarray
-    _view: "RenderOutput" = field(repr=False)
-
-    @cached_property
-    def camera(self) -> np.ndarray:
-        """That of the camera, shape (6,), see `camera_gradient`."""
-        return camera_gradient(self._view.gaussians, self, self._view.camera)
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,16 +27,12 @@ class RenderOutput:
         depth: expected planar depth [m], shape (height, width), NaN where nothing is drawn; None unless
             the options ask for it, as the next one.
         median_depth: planar depth [m] at which the coverage passes 1/2, NaN where it does not, same shape.
-        gaussians: what was drawn.
-        camera: from where.
     """
 
     image: np.ndarray
     alpha: np.ndarray
     depth: np.ndarray | None
     median_depth: np.ndarray | None
-    gaussians: Gaussians
-    camera: Camera
     _renderer: SplatRenderer = field(repr=False)
 
     def backward(
@@ -72,8 +41,8 @@ class RenderOutput:
         adj_image: np.ndarray | None = None,
         adj_alpha: np.ndarray | None = None,
         adj_depth: np.ndarray | None = None,
-    ) -> RenderGradients:
-        """Return the gradients of a loss L with respect to the Gaussians and the camera.
+    ) -> Gaussians:
+        """Return the gradients of a loss L in the parameters of the Gaussians, in their shapes.
 
         Args:
             adj_image: dL/d(image), shape (height, width, 3). Default: 0, as for the others.
@@ -95,8 +64,7 @@ class RenderOutput:
         ):
             _assign_adjoint(f"adj_{name}", output, planes, adjoint)
         renderer.backward()
-        gradients = renderer.gradients.to_numpy()
-        return RenderGradients(*(getattr(gradients, name) for name in FIELDS), _view=self)
+        return renderer.gradients.to_numpy()
 
 
 def _assign_adjoint(
@@ -158,4 +126,4 @@ def render(
         depth = depths[..., EXPECTED]
         median = depths[..., MEDIAN] if options.depth_channels > MEDIAN else None
     image = renderer.image.to_numpy()
-    return RenderOutput(image, alpha, depth, median, gaussians, camera, renderer)
+    return RenderOutput(image, alpha, depth, median, renderer)

@@ -27,7 +27,6 @@ from digs_warp.splat.records import (
     TilePairs,
     ViewPlanes,
 )
-from digs_warp.splat.skin import skin_launch
 
 WHITE = (1.0, 1.0, 1.0)
 
@@ -158,30 +157,28 @@ class SplatRenderer:
         color = np.asarray(background, dtype=np.float32)
         put(self._background, check_finite("background", check_shape("background", color, (3,))))
         self._record(self._degree_of(sh_degree))
-        self._launches.project.run()
+        self._launches.project()
         self.binner.bin()
         self._record(self._degree)  # its buffers may have grown
-        if self._skin is not None:
-            self._skin.run()
         if self.backend.skips_empty_tiles:
             boxes = None if content is None else [self.binner.drawn_box(), content]
             filled = tiles_with_background(boxes, self.binner.columns, self.binner.rows)
             put(self._filled, filled)
-        self._launches.forward.run()
+        self._launches.forward()
 
     def backward(self) -> None:
         """Fill ``gradients`` from the ``adj_`` planes for the last `forward`."""
-        self._launches.backward.run()
-        self._launches.project_backward.run()
+        self._launches.backward()
+        self._launches.project_backward()
 
     def stages(self) -> dict[str, Callable[[], object]]:
         """Return the stages of the last view by name, each ready to run again: for profiling."""
         return {
-            "project": self._launches.project.run,
+            "project": self._launches.project,
             "bin": self.binner.bin,
-            "forward": self._launches.forward.run,
-            "backward": self._launches.backward.run,
-            "gather and project back": self._launches.project_backward.run,
+            "forward": self._launches.forward,
+            "backward": self._launches.backward,
+            "gather and project back": self._launches.project_backward,
         }
 
     def _make_binner(self) -> None:
@@ -193,7 +190,6 @@ class SplatRenderer:
             self._views,
             COLOR_FIELDS + self.options.has_depth,
             self.threads,
-            counting=self.backend.counting,
         )
         self._max_tiles = self.binner.tiles
         ends = self.backend.ends(self._max_tiles, image.plane)
@@ -222,8 +218,7 @@ class SplatRenderer:
         job = RasterJob(
             device=self.device,
             threads=self.threads,
-            options=self.options,
-            fields=COLOR_FIELDS + self.options.has_depth,
+            depths=self.options.depth_channels,
             count=len(self.gaussians),
             tiles=self._max_tiles,
             degree=degree,
@@ -233,15 +228,14 @@ class SplatRenderer:
                 Splats,
                 views=self._views,
                 records=lists.splats,
+                centers=lists.centers,
                 depths=lists.depths,
-                first_tile_rows=lists.first_tile_rows,
-                row_counts=lists.row_counts,
+                boxes=lists.boxes,
             ),
             pairs=packed(
                 TilePairs,
                 starts=lists.tile_starts,
-                splats=lists.tile_splats,
-                records=lists.tile_pairs,
+                members=lists.pairs,
                 blocks=lists.pair_blocks,
             ),
             pair_gradients=packed(
@@ -255,8 +249,3 @@ class SplatRenderer:
             statistics=statistics.for_kernels(),
         )
         self._launches = self.backend.record(job)
-        self._skin = None
-        if self.options.has_depth and self.options.depth_of == "skin":
-            self._skin = skin_launch(
-                self.gaussians, self._views, lists.depths, self.device, self.threads
-            )

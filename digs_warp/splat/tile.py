@@ -8,22 +8,24 @@ A plane holds one value of every pixel. The planes of a tile lie one after the o
 on a boundary of 64 bytes: vectors across two cache lines would be slow to read back. They are a cache line
 longer than the tile, because reads 4096 bytes behind a fresh store have to wait for it.
 
-A block is passed over where the ellipse {alpha >= min_alpha} of the splat touches none of its pixels, or
+A block is passed over where the ellipse {alpha >= MIN_ALPHA} of the splat touches none of its pixels, or
 where all of them are saturated: bits of an integer say so, block b is bit b. What would be drawn there is
 exactly nothing: the image does not change.
 
-Alpha is o exp(-q / 2), capped at max_alpha and not drawn below min_alpha. Where that cut comes to lie, an
+Alpha is o exp(-q / 2), capped at MAX_ALPHA and not drawn below MIN_ALPHA. Where that cut comes to lie, an
 image has no derivative; there is none of it in the gradient.
 """
 
 import warp as wp
 
-from digs_warp.device.contiguous import floats_from
+from digs_warp.device.contiguous import fill, floats_from
 from digs_warp.device.elementary import larger, smaller
 from digs_warp.splat.config import (
     BLOCK_HEIGHT,
     BLOCK_WIDTH,
     EXTENT_SLACK,
+    MAX_ALPHA,
+    MIN_ALPHA,
     TILE_PIXELS,
     TILE_SIZE,
 )
@@ -40,18 +42,21 @@ from digs_warp.splat.records import (
 
 wp.set_module_options({"enable_backward": False})
 
-
-@wp.func
-def capped_and_cut(raw: float, min_alpha: float, max_alpha: float) -> float:
-    """Alpha for raw = o exp(-q / 2): at most max_alpha, 0 below min_alpha."""
-    alpha = wp.min(raw, max_alpha)
-    return wp.where(alpha >= min_alpha, alpha, 0.0)
+_MIN_ALPHA = wp.constant(MIN_ALPHA)
+_MAX_ALPHA = wp.constant(MAX_ALPHA)
 
 
 @wp.func
-def slope_in_power(raw: float, alpha: float, max_alpha: float) -> float:
+def capped_and_cut(raw: float) -> float:
+    """Alpha for raw = o exp(-q / 2): at most MAX_ALPHA, 0 below MIN_ALPHA."""
+    alpha = wp.min(raw, _MAX_ALPHA)
+    return wp.where(alpha >= _MIN_ALPHA, alpha, 0.0)
+
+
+@wp.func
+def slope_in_power(raw: float, alpha: float) -> float:
     """Derivative of alpha in -q / 2: alpha itself, and zero where it is capped or cut."""
-    return wp.where(raw <= max_alpha, alpha, 0.0)
+    return wp.where(raw <= _MAX_ALPHA, alpha, 0.0)
 
 
 _CACHE_LINE = 16  # floats
@@ -189,7 +194,7 @@ def rows_between(first: float, last: float) -> int:
 
 @wp.struct
 class Ellipse:
-    """The area {alpha >= min_alpha} of a splat: its center, and fields of its record.
+    """The area {alpha >= MIN_ALPHA} of a splat: its center, and fields of its record.
 
     The center [px] is counted from that of the first pixel of a tile.
     """
@@ -244,13 +249,7 @@ def fill_tile(
 ):
     """Set the pixels of a tile, of which ``width`` x ``height`` lie inside the image."""
     for y in range(height):
-        row = floats_from(plane, start + y * pitch, width)
-        if width == TILE:
-            for x in range(TILE):
-                row[x] = value
-        else:
-            for t in range(width):
-                row[t] = value
+        fill(plane, start + y * pitch, width, value)
 
 
 @wp.func

@@ -14,7 +14,6 @@ their gradients. Gradients of gradients are not available.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -29,7 +28,6 @@ from digs_warp.data.frame import Frame
 from digs_warp.data.gaussians import FIELDS, Gaussians
 from digs_warp.data.layers import Layer
 from digs_warp.geometry.camera import Camera
-from digs_warp.splat.camera_gradient import moved_camera, pose_gradient
 from digs_warp.splat.config import DEFAULT_OPTIONS, RasterOptions
 from digs_warp.splat.render import render as render_numpy
 from digs_warp.splat.renderer import WHITE
@@ -51,14 +49,6 @@ class TorchView(NamedTuple):
     depth: torch.Tensor | None
 
 
-@dataclass(frozen=True, eq=False)
-class _Settings:
-    camera: Camera
-    near: float | None
-    background: Any
-    options: RasterOptions
-
-
 def render(
     means: torch.Tensor,
     log_scales: torch.Tensor,
@@ -67,7 +57,6 @@ def render(
     sh: torch.Tensor,
     camera: Camera | Sequence[Camera],
     *,
-    pose: torch.Tensor | None = None,
     near: float | None = None,
     background: tuple[float, float, float] = WHITE,
     options: RasterOptions = DEFAULT_OPTIONS,
@@ -81,7 +70,6 @@ def render(
         opacity_logits: shape (n,).
         sh: shape (n, K, 3).
         camera: from where; several need images of one size.
-        pose: a motion of the camera to optimize, shape (6,), see `moved_camera`; of several, (cameras, 6).
         near: near plane [m]; default: a share of the distance to the middle of the Gaussians.
         background: sRGB color behind the Gaussians; a constant.
         options: how splats are drawn, and whether depth is wanted. Tensors do not say what they
@@ -91,14 +79,11 @@ def render(
         DigsError: tensors of other shapes, or values that are not finite.
     """
     parameters = means, log_scales, quats, opacity_logits, sh
+    settings = {"near": near, "background": background, "options": options}
+    cameras = [camera] if isinstance(camera, Camera) else camera
+    views = [_Render.apply(settings | {"camera": each}, *parameters) for each in cameras]
     if isinstance(camera, Camera):
-        settings = _Settings(camera, near, background, options)
-        return TorchView(*_Render.apply(settings, pose, *parameters))
-    poses = [None] * len(camera) if pose is None else pose
-    views = [
-        _Render.apply(_Settings(each, near, background, options), motion, *parameters)
-        for each, motion in zip(camera, poses, strict=True)
-    ]
+        return TorchView(*views[0])
     layers = zip(*views, strict=True)
     return TorchView(*(None if each[0] is None else torch.stack(each) for each in layers))
 
@@ -155,20 +140,13 @@ class _Render(torch.autograd.Function):
 
     @staticmethod
     def forward(
-        ctx: Any, settings: _Settings, pose: torch.Tensor | None, *parameters: torch.Tensor
+        ctx: Any, settings: dict[str, Any], *parameters: torch.Tensor
     ) -> tuple[torch.Tensor | None, ...]:
         ctx.set_materialize_grads(False)
-        ctx.pose, camera = None, settings.camera
-        if pose is not None:
-            ctx.pose = pose.detach().cpu().double().numpy()
-            camera = moved_camera(camera, ctx.pose)
-        ctx.inputs = pose, *parameters
+        ctx.inputs = parameters
         ctx.view = view = render_numpy(
             Gaussians(*(tensor.detach().cpu().float().numpy() for tensor in parameters)),
-            camera,
-            near=settings.near,
-            background=settings.background,
-            options=settings.options,
+            **settings,
         )
         outputs = view.image, view.alpha, view.depth
         return tuple(None if pixels is None else _like(parameters[0], pixels) for pixels in outputs)
@@ -180,12 +158,8 @@ class _Render(torch.autograd.Function):
             None if adjoint is None else adjoint.detach().cpu().numpy() for adjoint in adjoints
         )
         gradients = ctx.view.backward(adj_image=image, adj_alpha=alpha, adj_depth=depth)
-        pose = None
-        if ctx.pose is not None and ctx.needs_input_grad[1]:
-            pose = pose_gradient(gradients.camera, ctx.pose)
-        found = pose, *(getattr(gradients, name) for name in FIELDS)
-        pairs = zip(ctx.inputs, found, strict=True)
-        return None, *(None if value is None else _like(tensor, value) for tensor, value in pairs)
+        found = (getattr(gradients, name) for name in FIELDS)
+        return None, *(_like(*pair) for pair in zip(ctx.inputs, found, strict=True))
 
 
 def _like(tensor: torch.Tensor, values: np.ndarray) -> torch.Tensor:

@@ -5,6 +5,8 @@ be saved: a resumed run continues bit for bit.
 """
 
 import json
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Protocol
 
@@ -70,7 +72,11 @@ def checkpoint_step(path: Path) -> int:
     Raises:
         DigsError: the file is broken.
     """
-    return int(_scalar(_read(path), "step", path)) if path.is_file() else 0
+    if not path.is_file():
+        return 0
+    saved = _read(path)
+    with _named(path):
+        return int(_number(saved, "step"))
 
 
 def load_checkpoint(path: Path, trainer: Trainer) -> None:
@@ -80,32 +86,24 @@ def load_checkpoint(path: Path, trainer: Trainer) -> None:
         DigsError: the file is broken, or belongs to another run.
     """
     saved = _read(path)
-    _check_identity(saved, trainer, path)
-    try:
-        groups = [_group(saved, group) for group in ("value", "first", "second")]
-        parts = _parts(trainer)
-        states = {prefix: _state(saved, prefix, part) for prefix, part in parts.items()}
-        for prefix, part in parts.items():
-            if prefix != _SMOOTHING:
-                part.restore(states[prefix])
-    except (KeyError, ValueError) as error:
-        raise _unreadable(path, error) from error
-    step = int(_scalar(saved, "step", path))
-    trainer.restore(groups[0], (groups[1], groups[2]), states[_SMOOTHING], step)
-    trainer.seconds = _scalar(saved, "seconds", path)
-
-
-def _check_identity(saved: dict[str, np.ndarray], trainer: Trainer, path: Path) -> None:
-    try:
+    with _named(path):
         before = Fields.of(parse_json(str(saved["identity"])), "identity").values
-    except (KeyError, ValueError) as error:
-        raise _unreadable(path, error) from error
     different = [name for name, value in trainer.identity().items() if before.get(name) != value]
     if different:
         raise DigsError(
             f"checkpoint '{path}': {', '.join(different)} differ: it belongs to another run. "
             "Start with --overwrite."
         )
+    with _named(path):
+        groups = [_group(saved, group) for group in ("value", "first", "second")]
+        parts = _parts(trainer)
+        states = {prefix: _state(saved, prefix, part) for prefix, part in parts.items()}
+        for prefix, part in parts.items():
+            if prefix != _SMOOTHING:
+                part.restore(states[prefix])
+        step, seconds = int(_number(saved, "step")), _number(saved, "seconds")
+    trainer.restore(groups[0], (groups[1], groups[2]), states[_SMOOTHING], step)
+    trainer.seconds = seconds
 
 
 def _group(saved: dict[str, np.ndarray], group: str) -> Gaussians:
@@ -127,25 +125,26 @@ def _state(saved: dict[str, np.ndarray], prefix: str, part: _Part) -> dict[str, 
     return found
 
 
-def _scalar(saved: dict[str, np.ndarray], name: str, path: Path) -> float:
+def _number(saved: dict[str, np.ndarray], name: str) -> float:
     """Return a number, 0 or more."""
-    value = saved.get(name)
-    is_number = value is not None and value.shape == () and value.dtype.kind in "iuf"
-    if value is None or not is_number or not 0 <= value < np.inf:
-        raise _unreadable(path, DigsError(f"{name}: expected one number, 0 or more"))
-    return float(value)
+    value = float(check_shape(name, saved[name], ()))
+    if not 0 <= value < np.inf:
+        raise DigsError(f"{name}: {value}, expected 0 or more")
+    return value
 
 
 def _read(path: Path) -> dict[str, np.ndarray]:
     check_archive(path, "checkpoint", "delete it to train from the start")
+    with _named(path), np.load(path, allow_pickle=False) as state:
+        return {name: state[name] for name in state.files}
+
+
+@contextmanager
+def _named(path: Path) -> Iterator[None]:
+    """Turn what a damaged file causes into an error that names it."""
     try:
-        with np.load(path, allow_pickle=False) as state:
-            return {name: state[name] for name in state.files}
+        yield
     except UNREADABLE as error:
-        raise _unreadable(path, error) from error
-
-
-def _unreadable(path: Path, error: Exception) -> DigsError:
-    return DigsError(
-        f"checkpoint '{path}': cannot be read ({error}); delete it to train from the start"
-    )
+        raise DigsError(
+            f"checkpoint '{path}': cannot be read ({error}); delete it to train from the start"
+        ) from error

@@ -3,7 +3,7 @@
 A setting that is None takes the default that its help names.
 """
 
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, field
 from typing import Annotated, Literal
 
 from tyro.conf import arg
@@ -22,12 +22,7 @@ from digs_warp.settings import (
     Range,
     Settings,
 )
-from digs_warp.train.rates import (
-    DENSE_RATES,
-    END,
-    LearningRates,
-    rates_of_sparse_start,
-)
+from digs_warp.train.rates import DENSE_RATES, LearningRates, rates_of_sparse_start
 
 DensityStrategy = Literal["fixed", "adaptive"]
 
@@ -41,39 +36,6 @@ VIEW_ORDER, BACKGROUND, SPLIT = range(3)
 
 # Iterations after which held-out views are measured: denser at first, where quality rises fast.
 EVALUATE_AT = (100, 300, 500, 1000, 3000, 7000, 12000)
-
-
-@dataclass(frozen=True, kw_only=True)
-class Rates(Settings):
-    """How fast the parameters learn."""
-
-    means: Annotated[float | None, LEARNING_RATE, NO_FLAG] = None
-    """Learning rate of the centers, in units of the scene's extent; falls to 1 % during the run. Default:
-    5e-4 with --density fixed and in runs of up to 1000 steps; 1.6e-4 (3DGS) at 30,000."""
-
-    scales: Annotated[float | None, LEARNING_RATE, NO_FLAG] = None
-    """Learning rate of the logarithmic scales. Default: 0.02 with --density fixed and in runs of up to
-    1000 steps; 0.005 (3DGS) at 30,000."""
-
-    quats: Annotated[float | None, LEARNING_RATE, NO_FLAG] = None
-    """Learning rate of the rotations. Default: 0.01 with --density fixed and in runs of up to 1000
-    steps; 0.001 (3DGS) at 30,000."""
-
-    opacities: Annotated[float | None, LEARNING_RATE, NO_FLAG] = None
-    """Learning rate of the opacity logits. Default: 0.05 (3DGS)."""
-
-    colors: Annotated[float | None, LEARNING_RATE, NO_FLAG] = None
-    """Learning rate of the base color; higher bands learn at a twentieth of it. Default: 0.02 with --density
-    fixed and in runs of up to 1000 steps; 0.0025 (3DGS) at 30,000."""
-
-    end: Annotated[float, Range(1e-6, 1), NO_FLAG] = END
-    """Share of their initial values that the rates of scales, rotations, opacities and colors fall to in the
-    second half of the run; those of the centers fall to 1 % all along."""
-
-    def or_default(self, default: LearningRates) -> LearningRates:
-        """Return the rates, with those that are not set taken from ``default``."""
-        given = {rate.name: getattr(self, rate.name) for rate in fields(LearningRates)}
-        return replace(default, **{name: v for name, v in given.items() if v is not None})
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -105,7 +67,6 @@ class TrainConfig(Settings):
     """How the Gaussians are optimized."""
 
     stop: Stop = field(default_factory=Stop)
-    rates: Rates = field(default_factory=Rates)
     density: Density = field(default_factory=Density)
 
     sh_degree: Annotated[int | None, Range(0, 3)] = None
@@ -136,6 +97,9 @@ class TrainConfig(Settings):
     # No video camera exposes longer; a larger number was meant in milliseconds.
     exposure_time: Annotated[float | None, Range(0, 1, "seconds"), NO_FLAG] = None
     """Motion blur: how long each row was exposed [s]; 0: for an instant. Default: as the recording says."""
+
+    learning_rate: Annotated[float, LEARNING_RATE, NO_FLAG] = 1.0
+    """Factor on all learning rates."""
 
     image_memory: Annotated[float, Range(1e-12, MANY), NO_FLAG] = 2048.0
     """Memory for photographs [MiB]. Those that do not fit are read again in the background."""
@@ -170,6 +134,7 @@ class TrainConfig(Settings):
 
     @property
     def learning_rates(self) -> LearningRates:
-        """The rates, defaults resolved."""
-        sparse = rates_of_sparse_start(self.stop.iterations)
-        return self.rates.or_default(DENSE_RATES if self.density.strategy == "fixed" else sparse)
+        """The rates of the strategy."""
+        dense = self.density.strategy == "fixed"
+        rates = DENSE_RATES if dense else rates_of_sparse_start(self.stop.iterations)
+        return rates.scaled(self.learning_rate)

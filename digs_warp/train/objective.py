@@ -16,7 +16,7 @@ from digs_warp.losses.depth import DepthLoss
 from digs_warp.losses.photometric import PhotometricLoss
 from digs_warp.losses.regions import loss_blocks, read_region, union
 from digs_warp.losses.target import Target
-from digs_warp.losses.unknown import LeftOut
+from digs_warp.losses.unknown import accept, erase
 from digs_warp.measure.color_gain import ColorGain
 from digs_warp.splat.bin_tiles import pixels_of
 from digs_warp.splat.blur_renderer import BlurRenderer
@@ -44,7 +44,6 @@ class Objective:
         self._renderer = renderer
         self._target = Target(width, height, device)
         self._photometric = PhotometricLoss(r.image, self._target.image, r.adj_image)
-        self._left_out = LeftOut(r.image, self._target.image, r.adj_image)
         self._own_value = 0.0
         self._depth = None
         if r.middle.options.has_depth:  # depth is measured in the middle of the exposure
@@ -79,8 +78,8 @@ class Objective:
             gain,
             renderer.image,
         )
-        if view.unknown:
-            self._left_out.accept(view.unknown)
+        if view.unknown is not None:
+            accept(view.unknown, renderer.image, self._target.image)
         self._photometric.run(view.size, blocks)
         if self._depth is not None and view.depth is None:
             self._depth.skip()
@@ -88,8 +87,8 @@ class Objective:
             boxes = view.box, pixels_of(drawn, *view.size)
             errors = depth_errors.offset, depth_errors.trust
             self._depth.run(view.depth, *boxes, *errors, slope_factor=renderer.moments)
-        if view.unknown:
-            self._left_out.erase(view.unknown)
+        if view.unknown is not None:
+            erase(view.unknown, renderer.adj_image)
 
     def add(self, loss: OwnLoss, frame: Frame, view: View, background: np.ndarray) -> None:
         """Add a term of the user's for the last rendered image; call it after `compare`.

@@ -181,7 +181,7 @@ class Adam:
     def rates(self, progress: float) -> list[float]:
         """Return the learning rates of means, scales, quats, opacities and base colors at 0 to 1 of a run."""
         rates = self._first_rates
-        share = late_decay(progress, rates.end)
+        share = late_decay(progress)
         falling = [share * r for r in (rates.scales, rates.quats, rates.opacities, rates.colors)]
         return [rates.means * FINAL_MEANS_SHARE**progress * self.extent, *falling]
 

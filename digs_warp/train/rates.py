@@ -1,6 +1,6 @@
 """How fast the parameters learn, and how their rates fall during a run."""
 
-from dataclasses import dataclass, fields
+from dataclasses import astuple, dataclass
 from math import cos, log, pi
 
 # Share of their initial values that all rates but those of the centers fall to.
@@ -9,17 +9,17 @@ END = 0.05
 
 @dataclass(frozen=True)
 class LearningRates:
-    """Initial rates: of the means in units of the scene's extent, of the rest in units of the parameter.
-
-    ``end``: share of their initial values that all but that of the means fall to, see `late_decay`.
-    """
+    """Initial rates: of the means in units of the scene's extent, of the rest in units of the parameter."""
 
     means: float
     scales: float
     quats: float
     opacities: float
     colors: float
-    end: float = END
+
+    def scaled(self, factor: float) -> "LearningRates":
+        """Return all rates times a factor."""
+        return LearningRates(*(factor * rate for rate in astuple(self)))
 
 
 REFERENCE_RATES = LearningRates(1.6e-4, 5e-3, 1e-3, 5e-2, 2.5e-3)
@@ -41,17 +41,14 @@ def rates_of_sparse_start(steps: int) -> LearningRates:
     """Return the rates of a run of this many steps from sparse points."""
     shortness = log(REFERENCE_STEPS / max(steps, 1)) / log(REFERENCE_STEPS / SHORT_STEPS)
     share = min(max(shortness, 0.0), 1.0)
-    pairs = (
-        (getattr(REFERENCE_RATES, rate.name), getattr(DENSE_RATES, rate.name))
-        for rate in fields(LearningRates)[:5]
-    )
+    pairs = zip(astuple(REFERENCE_RATES), astuple(DENSE_RATES), strict=True)
     return LearningRates(*(slow * (fast / slow) ** share for slow, fast in pairs))
 
 
-def late_decay(progress: float, end: float) -> float:
-    """Return the share of a rate at a progress of 0 to 1: 1 for half of it, then half a cosine to ``end``.
+def late_decay(progress: float) -> float:
+    """Return the share of a rate at a progress of 0 to 1: 1 for half of it, then half a cosine to `END`.
 
     What splats learn late is detail, and large steps shake it: see docs/research/training-tried.md.
     """
     late = max(0.0, 2.0 * progress - 1.0)
-    return end + (1.0 - end) * 0.5 * (1.0 + cos(pi * late))
+    return END + (1.0 - END) * 0.5 * (1.0 + cos(pi * late))

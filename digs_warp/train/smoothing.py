@@ -49,27 +49,8 @@ SAMPLED_EVERY = 100
 # Values that one thread filters.
 BLOCK = 3 * 1024
 
-# Splats whose sampling distances one thread finds.
-GROUP = 256
-
 _BLOCK = wp.constant(BLOCK)
-_GROUP = wp.constant(GROUP)
 _VARIANCE = wp.constant(VARIANCE)
-
-
-@wp.func
-def pixel_size(view: ViewParams, mean: wp.vec3) -> wp.vec2:
-    """Size of a pixel [m] at a point: where the image shows it, else infinite; and whether it does or not."""
-    point = view.rotation * mean + view.translation
-    size = 1.0 / wp.max(view.fx, view.fy)
-    u = view.fx * point[0] / point[2] + view.cx
-    v = view.fy * point[1] / point[2] + view.cy
-    shown = wp.where(point[2] > view.near, point[2] * size, wp.inf)
-    shown = wp.where(u >= 0.0, shown, wp.inf)
-    shown = wp.where(v >= 0.0, shown, wp.inf)
-    shown = wp.where(u <= float(view.width), shown, wp.inf)
-    shown = wp.where(v <= float(view.height), shown, wp.inf)
-    return wp.vec2(shown, wp.sqrt(wp.dot(point, point)) * size)
 
 
 @wp.kernel
@@ -80,30 +61,24 @@ def sampling_kernel(
     # outputs
     distances: wp.array[float],
 ):
-    """Return the size of a pixel [m] at the splats of a group, in the view that samples each most finely.
+    """Return the size of a pixel [m] at a splat, in the view that samples it most finely.
 
     A splat that is in no image gets that of the nearest camera.
     """
-    begin = (first + wp.tid()) * _GROUP
-    size = wp.min(_GROUP, means.shape[0] - begin)
-    memory = wp.zeros(shape=(wp.static(5 * GROUP),), dtype=float)
-    # A view: LLVM reloads the address of the local array itself after every write.
-    state = wp.array(ptr=memory.ptr, shape=(wp.static(5 * GROUP),), dtype=float)
-    for member in range(size):
-        for axis in range(3):
-            state[axis * _GROUP + member] = means[begin + member][axis]
-    for place in range(2 * _GROUP):
-        state[3 * _GROUP + place] = wp.inf
+    i = first + wp.tid()
+    finest = float(wp.inf)
+    nearest = float(wp.inf)
     for number in range(views.shape[0]):
         view = views[number]
-        for i in range(_GROUP):
-            mean = wp.vec3(state[i], state[_GROUP + i], state[2 * _GROUP + i])
-            found = pixel_size(view, mean)
-            state[3 * _GROUP + i] = wp.min(state[3 * _GROUP + i], found[0])
-            state[4 * _GROUP + i] = wp.min(state[4 * _GROUP + i], found[1])
-    for out in range(size):
-        finest = state[3 * _GROUP + out]
-        distances[begin + out] = wp.where(finest < wp.inf, finest, state[4 * _GROUP + out])
+        point = view.rotation * means[i] + view.translation
+        size = 1.0 / wp.max(view.fx, view.fy)
+        nearest = wp.min(nearest, wp.length(point) * size)
+        if point[2] > view.near:
+            u = view.fx * point[0] / point[2] + view.cx
+            v = view.fy * point[1] / point[2] + view.cy
+            if u >= 0.0 and v >= 0.0 and u <= float(view.width) and v <= float(view.height):
+                finest = wp.min(finest, point[2] * size)
+    distances[i] = wp.where(finest < wp.inf, finest, nearest)
 
 
 @wp.kernel
@@ -178,7 +153,7 @@ def sampling_distances(
     records = [view_params(c, near_plane(c, middle), DEFAULT_OPTIONS) for c in cameras]
     views = wp.array(np.concatenate(records), dtype=ViewParams, device=device)  # pyright: ignore[reportArgumentType]
     distances = wp.zeros(len(means), dtype=float, device=device)
-    launch_parallel(sampling_kernel, -(-len(means) // GROUP), [views, means, distances], device)
+    launch_parallel(sampling_kernel, len(means), [views, means, distances], device)
     return distances
 
 

@@ -242,7 +242,7 @@ class Trainer:
         raise DigsError(
             f"training diverged at iteration {self.optimizer.step}, view '{view.name}': loss "
             f"{self.loss_value()}, not finite: {', '.join(broken) or 'the loss alone'}. Start again with "
-            "smaller rates (--overwrite); checkpoint.npz, if there is one, holds the last good state."
+            "a smaller learning_rate (--overwrite); checkpoint.npz, if there, holds the last good state."
         )
 
     def _view(self) -> View:

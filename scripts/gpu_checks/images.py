@@ -123,30 +123,18 @@ def take_order(renderer: SplatRenderer, other: SplatRenderer) -> tuple[float, in
         ValueError: the lists of the first, made again from its own depths, are not the same.
     """
     lists, stages = renderer.binner.lists, renderer.stages()
-    before = lists.tile_splats.numpy().copy()
-    shown, (own, others) = lists.depths.numpy().copy(), map(center_depths, (renderer, other))
+    before = lists.pairs.numpy()[:, 0].copy()
+    own, others = (each.binner.lists.centers.numpy().copy() for each in (renderer, other))
     pairs = renderer.binner.total_pairs
-    lists.depths.assign(own)
     stages["bin"]()
-    if not np.array_equal(lists.tile_splats.numpy()[:pairs], before[:pairs]):
+    if not np.array_equal(lists.pairs.numpy()[:pairs, 0], before[:pairs]):
         raise ValueError("the tile lists of the CPU differ when they are made again")
     both = (own > 0) & (others > 0)
-    lists.depths.assign(np.where(both, others, own))
+    lists.centers.assign(np.where(both, others, own))
     stages["bin"]()
-    lists.depths.assign(shown)
     stages["forward"]()
-    moved = int((lists.tile_splats.numpy()[:pairs] != before[:pairs]).sum())
+    moved = int((lists.pairs.numpy()[:pairs, 0] != before[:pairs]).sum())
     return float(np.abs(own - others)[both].max(initial=0.0)), moved
-
-
-def center_depths(renderer: SplatRenderer) -> np.ndarray:
-    """Return the depths by which the splats of the last view were sorted; later ones may be of the skin."""
-    depths = renderer.binner.lists.depths
-    shown = depths.numpy().copy()
-    renderer.stages()["project"]()
-    centers = depths.numpy().copy()
-    depths.assign(shown)
-    return centers
 
 
 def all_views(run: Run) -> list[tuple[Case, Camera]]:

@@ -9,14 +9,19 @@ the gradient that the kernels compute.
 from dataclasses import dataclass, fields, replace
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from digs_warp.data.gaussians import Gaussians
 from digs_warp.geometry.camera import Camera, pixel_centers
 from digs_warp.geometry.rigid import matrix_from_quat_xyzw
 from digs_warp.geometry.sh import sh_basis
 from digs_warp.splat.camera_motion import STILL, RowMotion
-from digs_warp.splat.config import RasterOptions
+from digs_warp.splat.config import (
+    JACOBIAN_MARGIN,
+    MAX_ALPHA,
+    MIN_ALPHA,
+    MIN_TRANSMITTANCE,
+    RasterOptions,
+)
 
 FEATURES = 4  # red, green, blue, depth
 
@@ -49,7 +54,7 @@ class Decisions:
     row_clamped: bool | np.ndarray  # the center lies above or below the image ...
     row_edge: float | np.ndarray  # ... -1/2 or 1/2
     drawn: np.ndarray  # pixels it contributes to
-    capped: np.ndarray  # pixels where alpha is max_alpha
+    capped: np.ndarray  # pixels where alpha is MAX_ALPHA
 
 
 @dataclass
@@ -60,15 +65,13 @@ class Layer:
     features: np.ndarray  # (..., FEATURES)
     decisions: Decisions
 
-    def alpha(self, max_alpha: float) -> np.ndarray:
+    def alpha(self) -> np.ndarray:
         d = self.decisions
-        return np.where(d.drawn, np.where(d.capped, max_alpha, self.raw), 0.0)
+        return np.where(d.drawn, np.where(d.capped, MAX_ALPHA, self.raw), 0.0)
 
-    def over(
-        self, behind: np.ndarray, through: np.ndarray, max_alpha: float
-    ) -> tuple[np.ndarray, np.ndarray]:
+    def over(self, behind: np.ndarray, through: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Features and transmittance of this layer before others."""
-        alpha = self.alpha(max_alpha)
+        alpha = self.alpha()
         sums = alpha[..., None] * self.features[..., None, None, :]
         return sums + (1 - alpha)[..., None] * behind, (1 - alpha) * through
 
@@ -105,10 +108,9 @@ class Adjoints:
 
 @dataclass
 class TwinGradients:
-    """dL/dparameter, dL/d(camera), and what density control sums."""
+    """dL/dparameter, and what density control sums."""
 
     parameters: Parameters
-    camera: np.ndarray  # (6,) rotation vector, translation
     centers: np.ndarray  # (n, 2) dL/d(u, v)
 
 
@@ -119,29 +121,17 @@ def _expected(weighted: np.ndarray, transmittance: np.ndarray) -> np.ndarray:
 
 @dataclass
 class TwinView:
-    """A camera, or many: all arrays may have leading axes."""
-
-    k: np.ndarray  # (..., 4) fx, fy, cx, cy
-    world_from_cam: np.ndarray  # (..., 4, 4)
+    k: np.ndarray  # (4,) fx, fy, cx, cy
+    world_from_cam: np.ndarray  # (4, 4)
     width: int
     height: int
     rows: RowMotion = STILL
 
     @staticmethod
-    def of(
-        camera: Camera, rows: RowMotion = STILL, changes: np.ndarray | None = None
-    ) -> "TwinView":
-        """The camera after motions in its own frame, shape (..., 6)."""
+    def of(camera: Camera, rows: RowMotion = STILL) -> "TwinView":
         i = camera.intrinsics
         k = np.array([i.fx, i.fy, i.cx, i.cy])
-        if changes is None:
-            return TwinView(k, camera.world_from_cam, i.width, i.height, rows)
-        motions = np.zeros((len(changes), 4, 4))
-        motions[:, :3, :3] = Rotation.from_rotvec(changes[:, :3]).as_matrix()
-        motions[:, :3, 3] = changes[:, 3:6]
-        motions[:, 3, 3] = 1
-        world_from_cam = camera.world_from_cam @ motions
-        return TwinView(k, world_from_cam, i.width, i.height, rows)
+        return TwinView(k, camera.world_from_cam, i.width, i.height, rows)
 
     def at(self, moment: np.ndarray) -> np.ndarray:
         """The poses that rows are read from at these moments, shape (..., 4, 4)."""
@@ -169,7 +159,7 @@ def layer_of(
 ) -> Layer:
     """One splat on the image; without ``frozen`` nothing is drawn or capped yet.
 
-    Parameters and view may have leading axes: that many variants of the splat. ``shift``, (..., 2), moves
+    Parameters may have leading axes: that many variants of the splat. ``shift``, (..., 2), moves
     it [px].
     """
     fx, fy, cx, cy = np.moveaxis(view.k, -1, 0)
@@ -182,7 +172,7 @@ def layer_of(
     camera_center = view.world_from_cam[..., :3, 3]
     point = _seen_from(row_pose, p.means)
     x, y, z = np.moveaxis(point, -1, 0)
-    half = options.jacobian_margin * 0.5
+    half = JACOBIAN_MARGIN * 0.5
     low = np.stack([-(cx + half * view.width) / fx, -(cy + half * view.height) / fy], axis=-1)
     high = np.stack(
         [(view.width - cx + half * view.width) / fx, (view.height - cy + half * view.height) / fy],
@@ -253,9 +243,7 @@ def render_twin(
     every = [layer_of(p.splat(i), view, options) for i in range(len(p.means))]
     depths = np.array([layer.features[3] for layer in every])
     opacities = 1 / (1 + np.exp(-p.opacity_logits))
-    visible = [
-        i for i in range(len(depths)) if depths[i] > near and opacities[i] > options.min_alpha
-    ]
+    visible = [i for i in range(len(depths)) if depths[i] > near and opacities[i] > MIN_ALPHA]
     order = sorted(visible, key=lambda i: (np.float32(depths[i]), i))
     layers: dict[int, Layer] = {}
     sums = np.zeros((*shape, FEATURES))
@@ -266,20 +254,20 @@ def render_twin(
     for i in order:
         layer = every[i]
         raw = layer.raw
-        capped = raw > options.max_alpha
-        alpha = np.where(capped, options.max_alpha, raw)
-        inside = alive & (alpha >= options.min_alpha)
-        stops = inside & (transmittance * (1 - alpha) < options.min_transmittance)
-        near_cut = np.abs(alpha / options.min_alpha - 1) < 1e-4
-        near_cap = np.abs(raw / options.max_alpha - 1) < 1e-4
+        capped = raw > MAX_ALPHA
+        alpha = np.where(capped, MAX_ALPHA, raw)
+        inside = alive & (alpha >= MIN_ALPHA)
+        stops = inside & (transmittance * (1 - alpha) < MIN_TRANSMITTANCE)
+        near_cut = np.abs(alpha / MIN_ALPHA - 1) < 1e-4
+        near_cap = np.abs(raw / MAX_ALPHA - 1) < 1e-4
         after = transmittance * (1 - alpha)
-        near_stop = np.abs(after / options.min_transmittance - 1) < 1e-3
+        near_stop = np.abs(after / MIN_TRANSMITTANCE - 1) < 1e-3
         ambiguous |= alive & (near_cut | near_cap | (inside & near_stop))
         alive &= ~stops
         layer.decisions.drawn = inside & ~stops
         layer.decisions.capped = capped
         layers[i] = layer
-        alpha = layer.alpha(options.max_alpha)
+        alpha = layer.alpha()
         after = transmittance * (1 - alpha)
         median = np.where((transmittance > 0.5) & (after <= 0.5), layer.features[3], median)
         ambiguous |= layer.decisions.drawn & (np.abs(after - 0.5) < 1e-5)
@@ -309,14 +297,14 @@ def twin_gradients(
     behind = {len(twin.order): (np.zeros((*shape, FEATURES)), np.ones(shape))}
     for position in range(len(twin.order) - 1, -1, -1):
         layer = twin.layers[twin.order[position]]
-        behind[position] = layer.over(*behind[position + 1], options.max_alpha)
+        behind[position] = layer.over(*behind[position + 1])
 
     sums, through = np.zeros((*shape, FEATURES)), np.ones(shape)
     for position, i in enumerate(twin.order):
 
         def loss(layer: Layer, position=position, sums=sums, through=through) -> np.ndarray:
             """Per pixel, of variants of this splat before the rest."""
-            features, left = layer.over(*behind[position + 1], options.max_alpha)
+            features, left = layer.over(*behind[position + 1])
             features = sums + through[..., None] * features
             return adjoints.loss_per_pixel(features, through * left, background)
 
@@ -332,18 +320,10 @@ def twin_gradients(
         size = np.full(2, 1e-5)
         slopes = _slopes(loss(layer_of(splat, view, options, frozen, _steps(size))), size)
         centers[i] = slopes.sum(axis=(-1, -2))
-        alpha = twin.layers[i].alpha(options.max_alpha)
+        alpha = twin.layers[i].alpha()
         sums = sums + (through * alpha)[..., None] * twin.layers[i].features
         through = through * (1 - alpha)
-
-    size = np.full(6, 1e-6)
-    moved = TwinView.of(camera, rows, _steps(size))
-    features, left = np.zeros((12, *shape, FEATURES)), np.ones((12, *shape))
-    for i in reversed(twin.order):
-        layer = layer_of(p.splat(i), moved, options, twin.layers[i].decisions)
-        features, left = layer.over(features, left, options.max_alpha)
-    losses = adjoints.loss_per_pixel(features, left, background).sum(axis=(-1, -2))
-    return TwinGradients(gradients, _slopes(losses, size), centers)
+    return TwinGradients(gradients, centers)
 
 
 def _steps(size: np.ndarray) -> np.ndarray:

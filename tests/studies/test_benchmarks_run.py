@@ -38,11 +38,11 @@ def test_the_work_of_the_rasterizer_is_that_of_a_count_by_hand() -> None:
     renderer.forward(small.camera(), near=NEAR)
     lists = renderer.binner.lists
     starts, members, splats = (
-        array.numpy() for array in (lists.tile_starts, lists.tile_splats, lists.splats)
+        array.numpy() for array in (lists.tile_starts, lists.pairs, lists.splats)
     )
     rows = pixels = 0
     for tile in range(4 * 3):
-        for g in members[starts[tile] : starts[tile + 1]]:
+        for g in members[starts[tile] : starts[tile + 1], 0]:
             u, v, half_width, half_height = splats[g, [0, 1, 9, 10]]
             x = 16 * (tile % 4) + np.arange(16) + 0.5
             y = 16 * (tile // 4) + np.arange(16) + 0.5

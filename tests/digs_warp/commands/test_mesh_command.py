@@ -17,7 +17,7 @@ from digs_warp.measure.surface_metrics import sample_surface
 from digs_warp.show.film.camera_path import Subject, orbit
 from digs_warp.sim.config import SimulateConfig
 from digs_warp.sim.record.record import simulate
-from digs_warp.splat.skin import REACH
+from digs_warp.splat.config import REACH
 from digs_warp.surface.true_surface import read_true_surface
 from reference.optional import open3d_or_skip
 from reference.tiny_capture import ball, write_tiny_capture

@@ -89,7 +89,7 @@ def test_flags_override_the_file(tmp_path: Path) -> None:
 WITHOUT_FLAG: dict[str, Any] = {"recording": {"look": {"tint": [0.2]}}}
 WITHOUT_FLAG["reconstruction"] = {
     "init": {"edge_filter": False},
-    "train": {"rates": {"means": 1e-5}, "evaluate_at": [3, 5]},
+    "train": {"learning_rate": 1e-5, "evaluate_at": [3, 5]},
 }
 
 
@@ -99,11 +99,13 @@ def test_settings_without_a_flag_come_from_the_file_and_are_checked(tmp_path: Pa
     assert isinstance(command, Run)
     config = command.reconstruct_config(0)
     assert command.recording.look.tint == (0.2,)
-    assert (config.init.edge_filter, config.train.rates.means) == (False, 1e-5)
+    assert (config.init.edge_filter, config.train.learning_rate) == (False, 1e-5)
     assert (config.train.evaluate_at, config.train.depth_weight) == ((3, 5), 0.1)
-    WITHOUT_FLAG["reconstruction"]["train"]["rates"]["means"] = -1.0
+    WITHOUT_FLAG["reconstruction"]["train"]["learning_rate"] = -1.0
     record = save(tmp_path / "wrong.json", "run", WITHOUT_FLAG)
-    with pytest.raises(DigsError, match=r"wrong.json': means: -1.0, expected 1e-12 to 1,000"):
+    with pytest.raises(
+        DigsError, match=r"wrong.json': learning_rate: -1.0, expected 1e-12 to 1,000"
+    ):
         cli.parse(["run", "--config", str(record), "--out", "x"])
 
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from digs_warp.data.gaussians import Gaussians
-from digs_warp.splat.blur_renderer import BLOCK, BlurRenderer
+from digs_warp.splat.blur_renderer import BlurRenderer
 from digs_warp.splat.camera_motion import MOST_MOMENTS, Blur, RowMotion
 from digs_warp.splat.config import RasterOptions
 from digs_warp.splat.device import DeviceGaussians, SplatStatistics
@@ -65,12 +65,8 @@ def sharp(scene: SplatScene, blur: Blur | None, number: int) -> SplatRenderer:
 
 
 @pytest.mark.parametrize("rolls", [False, True], ids=["global", "rolling"])
-@pytest.mark.parametrize(("moments", "block"), [(2, BLOCK), (3, BLOCK), (2, 1)])
-def test_image_and_gradients_are_means_of_sharp_ones(
-    rolls: bool, moments: int, block: int, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    # A GPU has a thread for each value.
-    monkeypatch.setattr("digs_warp.splat.blur_renderer.values_per_thread", lambda *_: block)
+@pytest.mark.parametrize("moments", [2, 3])
+def test_image_and_gradients_are_means_of_sharp_ones(rolls: bool, moments: int) -> None:
     scene = replace(SMALL, rows=rolling_scene(2).rows) if rolls else SMALL
     renderer = drawn(scene, blur_of(moments))
     views = [sharp(scene, blur_of(moments), number) for number in range(moments)]
@@ -130,9 +126,3 @@ def test_every_moment_shows_the_background_where_the_others_have_splats() -> Non
         assert x1 - x0 > 200
         images.append(renderer.image.to_numpy()[y0:y1, x0:x1])
     np.testing.assert_array_equal(*images)
-
-
-def test_a_view_of_more_moments_than_there_is_room_for_is_named() -> None:
-    renderer = BlurRenderer(DeviceGaussians.from_numpy(random_gaussians(3, seed=0)), 41, 37)
-    with pytest.raises(ValueError, match="view of 2 moments, renderer of 1"):
-        renderer.forward(camera(), near=NEAR, blur=blur_of(2))

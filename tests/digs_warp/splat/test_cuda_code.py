@@ -11,11 +11,10 @@ from digs_warp.device.parallel import launch_parallel, packed
 from digs_warp.losses import depth, target, unknown
 from digs_warp.measure import ssim_pixels
 from digs_warp.splat import (
-    bin_kernels,
+    bin_tiles,
     blur_renderer,
     project,
     shape_gradient,
-    skin,
 )
 from digs_warp.splat.backend import CooperativeBackend, backend_for
 from digs_warp.splat.cooperative import (
@@ -29,8 +28,7 @@ from digs_warp.splat.records import PairGradients
 from digs_warp.train import optimizer
 
 MODULES = (
-    *(bin_kernels, project, shape_gradient),
-    *(skin, blur_renderer),
+    *(bin_tiles, project, shape_gradient, blur_renderer),
     *(target, depth, unknown, ssim_pixels, optimizer),
 )
 

@@ -5,6 +5,7 @@ import pytest
 
 from digs_warp.checks import DigsError
 from digs_warp.data.gaussians import FIELDS, Gaussians
+from digs_warp.splat.camera_motion import RowMotion
 from digs_warp.splat.config import RasterOptions
 from digs_warp.splat.device import DeviceGaussians, SplatStatistics
 from digs_warp.splat.render import SplatRenderer, render
@@ -96,18 +97,7 @@ def test_thousands_of_opaque_gaussians_in_one_place() -> None:
     np.testing.assert_array_equal(renderer.image.to_numpy()[middle], few.image.to_numpy()[middle])
 
 
-def test_a_view_of_one_by_four_thousand_pixels() -> None:
-    tall = camera(1, 4000, fx=2000.0, fy=2000.0, cx=0.5, cy=2000.0)
-    wide = camera(4000, 1, fx=2000.0, fy=2000.0, cx=2000.0, cy=0.5)
-    for view in (tall, wide):
-        k = view.intrinsics
-        whole = render(MANY, view, near=NEAR)
-        assert np.isfinite(whole.image).all()
-        assert whole.alpha.max() > 0.5
-        assert whole.image.shape == (k.height, k.width, 3)
-
-
-def test_a_near_plane_or_a_background_that_is_none_is_refused() -> None:
+def test_a_near_plane_a_background_or_a_motion_that_is_none_is_refused() -> None:
     for near in (np.nan, np.inf, 0.0, -1.0):
         with pytest.raises(DigsError, match="near plane"):
             render(MANY, VIEW, near=near)
@@ -115,13 +105,15 @@ def test_a_near_plane_or_a_background_that_is_none_is_refused() -> None:
         render(MANY, VIEW, background=(np.nan, 0.0, 0.0))
     with pytest.raises(DigsError, match=r"background.*shape"):
         render(MANY, VIEW, background=(0.0, 0.0))  # pyright: ignore[reportArgumentType]
+    with pytest.raises(DigsError, match=r"turn: .*NaN"):
+        RowMotion(np.full(3, np.nan), np.zeros(3))
+    with pytest.raises(DigsError, match=r"shift: shape \(2,\)"):
+        RowMotion(np.zeros(3), np.zeros(2))
 
 
 def test_options_out_of_range_are_refused() -> None:
     for change, found in (
-        ({"min_alpha": 0.001}, "min_alpha: 0.001"),
-        ({"min_transmittance": float("nan")}, "min_transmittance: nan"),
-        ({"max_alpha": 1.0}, "max_alpha: 1.0"),
+        ({"dilation": float("nan")}, "dilation: nan"),
         ({"outputs": "colors"}, "outputs: 'colors'"),
         ({"depth_of": "edge"}, "depth_of: 'edge', expected center, skin"),
     ):

@@ -7,7 +7,6 @@ import pytest
 
 from digs_warp.geometry.camera import Camera
 from digs_warp.splat.backend import RasterBackend
-from digs_warp.splat.camera_gradient import camera_gradient
 from digs_warp.splat.config import RasterOptions
 from digs_warp.splat.device import DeviceGaussians, SplatStatistics
 from digs_warp.splat.render import SplatRenderer
@@ -52,7 +51,6 @@ ROLLING = [rolling_scene(seed) for seed in (1, 2)]
 COLOR = RasterOptions(dilation=0.3)
 ALL = RasterOptions(dilation=0.3, outputs="depth")
 ANTIALIASED = RasterOptions(dilation=0.3, outputs="depth", antialias=True)
-UNUSUAL = RasterOptions(min_alpha=0.02, max_alpha=0.9, min_transmittance=0.01, jacobian_margin=0.1)
 
 
 @dataclass(frozen=True, eq=False)
@@ -117,7 +115,7 @@ def check_close(found: np.ndarray, wanted: np.ndarray, tolerance: float, name: s
 def check_against_twin(
     scene: SplatScene, options: RasterOptions = COLOR, stiff: bool = False
 ) -> None:
-    """Every backend against the twin: images, gradients of parameters and camera, statistics."""
+    """Every backend against the twin: images, gradients of parameters, statistics."""
     expected = expected_of(scene, options)
     for backend in BACKENDS:
         check_backend(scene, expected, backend, options, stiff)
@@ -152,10 +150,6 @@ def check_backend(
     wanted = expected.gradients
     for field, array in zip(fields(Parameters), renderer.gradients.arrays, strict=True):
         check_close(array.numpy(), getattr(wanted.parameters, field.name), tolerance, field.name)
-    camera = camera_gradient(scene.gaussians, renderer.gradients.to_numpy(), scene.camera)
-    if scene.gaussians.quats.any(axis=1).all():  # what has no axes cannot turn
-        check_close(camera[:3], wanted.camera[:3], tolerance, "rotation")
-    check_close(camera[3:], wanted.camera[3:], tolerance, "translation")
 
     k, statistics = scene.camera.intrinsics, renderer.statistics
     assert statistics is not None
@@ -170,7 +164,7 @@ def test_random_scenes_equal_the_twin(seed: int) -> None:
 
 
 @pytest.mark.parametrize(
-    ("seed", "options"), [(0, ALL), (1, ALL), (0, ANTIALIASED), (1, ANTIALIASED), (1, UNUSUAL)]
+    ("seed", "options"), [(0, ALL), (1, ALL), (0, ANTIALIASED), (1, ANTIALIASED)]
 )
 def test_all_outputs_and_options_equal_the_twin(seed: int, options: RasterOptions) -> None:
     check_against_twin(RANDOM[seed], options)

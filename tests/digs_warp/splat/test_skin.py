@@ -8,10 +8,9 @@ from scipy.spatial.transform import Rotation
 from digs_warp.data.gaussians import Gaussians
 from digs_warp.geometry.camera import Camera, Intrinsics
 from digs_warp.geometry.rigid import look_at
-from digs_warp.splat.config import EXPECTED, MEDIAN, RasterOptions
+from digs_warp.splat.config import EXPECTED, MEDIAN, REACH, RasterOptions
 from digs_warp.splat.device import DeviceGaussians
 from digs_warp.splat.renderer import SplatRenderer
-from digs_warp.splat.skin import REACH
 from reference.splat_scenes import random_gaussians
 
 POSE = look_at(np.array([0.4, -3.0, 0.5]), np.zeros(3), np.array([0.0, 0.0, 1.0]))

@@ -14,7 +14,6 @@ import warp as wp
 wp.config.kernel_cache_dir = {cache!r}
 import digs_warp.splat.rasterize as rasterize
 import digs_warp.splat.rasterize_adjoint as rasterize_adjoint
-from digs_warp.splat.config import RasterOptions
 options = rasterize.vector_module_options
 def with_remarks():
     made = options()
@@ -29,11 +28,11 @@ HOT_LOOP = "for i in range(BLOCK):"
 TOUCHED_LOOP = "for member in range(GROUP):"
 
 KERNELS = {
-    "color, forward": "rasterize.forward_kernel(RasterOptions())",
-    "mean depth, forward": "rasterize.forward_kernel(RasterOptions(outputs='mean depth'))",
-    "depth, forward": "rasterize.forward_kernel(RasterOptions(outputs='depth'))",
-    "color, backward": "rasterize_adjoint.backward_kernel(RasterOptions())",
-    "depth, backward": "rasterize_adjoint.backward_kernel(RasterOptions(outputs='depth'))",
+    "color, forward": "rasterize.forward_kernel(0)",
+    "mean depth, forward": "rasterize.forward_kernel(1)",
+    "depth, forward": "rasterize.forward_kernel(2)",
+    "color, backward": "rasterize_adjoint.backward_kernel(False)",
+    "depth, backward": "rasterize_adjoint.backward_kernel(True)",
 }
 
 
@@ -80,10 +79,7 @@ wp.load_module(importlib.import_module({module!r}), device="cpu")
 OWN_OPTIONS = {
     "digs_warp.splat.project_group": ["for i in range(_GROUP):"],
     "digs_warp.splat.project_adjoint_group": ["for i in range(_GROUP):"],
-    "digs_warp.splat.skin": ["for i in range(_GROUP):"],
-    "digs_warp.splat.span_group": ["for i in range(_GROUP):", "for j in range(_GROUP):"],
     "digs_warp.train.smoothing": [
-        "for i in range(_GROUP):",
         "for i in range(_BLOCK):",
         "for k in range(_BLOCK):",
     ],

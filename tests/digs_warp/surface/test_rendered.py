@@ -7,7 +7,7 @@ import trimesh
 from digs_warp.data.capture import Capture
 from digs_warp.data.gaussians import Gaussians
 from digs_warp.data.triangle_mesh import TriangleMesh
-from digs_warp.splat.skin import REACH
+from digs_warp.splat.config import REACH
 from digs_warp.surface.rendered import surface_error
 from reference.tiny_capture import RADIUS, ball, write_tiny_capture
 

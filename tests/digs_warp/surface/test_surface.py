@@ -17,7 +17,7 @@ from digs_warp.geometry.camera import Camera, Intrinsics
 from digs_warp.geometry.rigid import quat_xyzw_from_matrix
 from digs_warp.geometry.sh import C0
 from digs_warp.show.film.camera_path import Subject, orbit
-from digs_warp.splat.skin import REACH
+from digs_warp.splat.config import REACH
 from digs_warp.surface.depth_views import DepthView, depth_views
 from digs_warp.surface.extract import Scene, extract_surface, remove_floaters
 from digs_warp.surface.files import write_mesh

@@ -14,7 +14,7 @@ from digs_warp.measure.color_gain import ColorGain
 from digs_warp.measure.scores import mean_score
 from digs_warp.splat.device import DeviceGaussians
 from digs_warp.study.engine.scores import psnr_with_one_gain
-from digs_warp.train.config import Rates, Stop, TrainConfig
+from digs_warp.train.config import Stop, TrainConfig
 from digs_warp.train.evaluate import (
     Rendering,
     load_test_views,
@@ -55,7 +55,7 @@ def gray_ball() -> Gaussians:
 def exposures_trained(frames: list[Frame], fit_exposure: Literal["on", "off"] = "on") -> Trainer:
     config = TrainConfig(
         stop=Stop(iterations=STEPS),
-        rates=Rates(colors=0.1, end=1.0),  # too few steps for a late decay
+        learning_rate=4.0,  # there are few steps
         sh_degree=0,
         depth_weight=0.0,  # depth of a sphere; the photographs show splats on it, which reach farther
         fit_exposure=fit_exposure,

@@ -9,7 +9,7 @@ from digs_warp.data.frame import Frame
 from digs_warp.data.gaussians import FIELDS, Gaussians
 from digs_warp.geometry.camera import Camera, Intrinsics
 from digs_warp.geometry.rigid import look_at
-from digs_warp.train.config import Rates, Stop, TrainConfig
+from digs_warp.train.config import Stop, TrainConfig
 from digs_warp.train.trainer import Trainer
 from digs_warp.train.view_store import ViewStore, view_index
 from digs_warp.train.views import View, packed_view
@@ -66,7 +66,7 @@ def test_views_without_foreground_push_everything_away() -> None:
         )
         for n in range(2)
     ]
-    config = TrainConfig(stop=Stop(iterations=80), rates=Rates(end=1.0))
+    config = TrainConfig(stop=Stop(iterations=80), learning_rate=2.0)
     trainer = train(empty, config)
     gaussians = trainer.gaussians.to_numpy()
     assert_finite(gaussians)

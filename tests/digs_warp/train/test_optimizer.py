@@ -7,7 +7,7 @@ import pytest
 
 from digs_warp.checks import DigsError
 from digs_warp.splat.device import DeviceGaussians
-from digs_warp.train.config import Density, DensityStrategy, Rates, Stop, TrainConfig
+from digs_warp.train.config import Density, DensityStrategy, Stop, TrainConfig
 from digs_warp.train.optimizer import BLOCK, Adam
 from reference.adam_twin import adam_twin
 from reference.splat_scenes import random_gaussians
@@ -80,11 +80,11 @@ def test_short_runs_from_sparse_points_learn_as_fast_as_dense_ones() -> None:
 
 def test_rates_of_a_dense_start_fall_to_a_share() -> None:
     gaussians = DeviceGaussians.from_numpy(random_gaussians(3, seed=0))
-    config = TrainConfig(stop=Stop(iterations=100), rates=Rates(colors=0.04, end=0.25))
+    config = TrainConfig(stop=Stop(iterations=100), learning_rate=2.0)
     adam = adam_of(gaussians, config, 1.0)
     start = np.array(adam.rates(0.0))
     assert start[4] == 0.04
-    for progress, share in ((0.5, 1.0), (0.75, 0.625), (1.0, 0.25)):
+    for progress, share in ((0.5, 1.0), (0.75, 0.525), (1.0, 0.05)):
         assert adam.rates(progress)[1:] == pytest.approx(start[1:] * share)
     assert adam.rates(1.0)[0] == pytest.approx(start[0] / 100)
 
@@ -92,7 +92,7 @@ def test_rates_of_a_dense_start_fall_to_a_share() -> None:
 def test_settings_out_of_range_are_refused_by_their_flag() -> None:
     for settings, wrong, message in (
         (Stop, {"iterations": -1}, "--iterations: -1, expected 0 to 10,000,000"),
-        (Rates, {"means": float("nan")}, "means"),
+        (TrainConfig, {"learning_rate": float("nan")}, "learning_rate"),
         (Density, {"max_splats": 0}, "--max-splats: 0, expected 1 to 10,000,000"),
         (TrainConfig, {"sh_degree": 4}, "--sh-degree: 4, expected 0 to 3"),
     ):

@@ -8,7 +8,7 @@ import pytest
 from digs_warp.checks import DigsError
 from digs_warp.data.capture import Capture
 from digs_warp.data.gaussians import FIELDS, Gaussians
-from digs_warp.train.config import Rates, Stop, TrainConfig
+from digs_warp.train.config import Stop, TrainConfig
 from digs_warp.train.trainer import Trainer
 from digs_warp.train.view_store import open_views, view_index
 from reference.tiny_capture import ball
@@ -21,7 +21,7 @@ def gray_start() -> Gaussians:
 
 
 def test_the_loss_falls(capture: Capture) -> None:
-    config = TrainConfig(stop=Stop(iterations=150), sh_degree=0, rates=Rates(colors=0.05))
+    config = TrainConfig(stop=Stop(iterations=150), sh_degree=0)
     trainer = trained(capture.frames, config, gray_start(), 1)
     first = trainer.loss_value()
     for _ in range(149):
