@@ -128,10 +128,6 @@ class Browser:
         theme = {"name": "prefers-color-scheme", "value": "dark" if dark else "light"}
         self._call("Emulation.setEmulatedMedia", features=[theme])
 
-    def keep_downloads(self, folder: Path) -> None:
-        """Save what pages download into a folder."""
-        self._call("Browser.setDownloadBehavior", behavior="allow", downloadPath=str(folder))
-
     def screenshot(self) -> np.ndarray:
         """Return the window's pixels, (height, width, 3), uint8."""
         import cv2

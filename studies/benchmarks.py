@@ -90,18 +90,15 @@ BENCHMARKS = (
         ("recordings.md",),
         cases=(
             *("hololens_room_sequence", "tum_cabinet_orbit", "lund_door_photos"),
-            *("euroc_static_stereo", "zed2i_stereo_pair"),
+            "euroc_static_stereo",
         ),
     ),
     # Simulated photographs without their depth, beside the sensor's.
     Benchmark("photographs", ("photographs.bench_photographs",), ("initialization.md",)),
-    # USD scenes of a million splats: write, read, validate; what each precision saves and loses.
-    Benchmark("usd", ("usd_files.bench_usd",), ("usd.md",)),
     # The simulated depth sensor: time and scores of every tier.
     Benchmark("sim", ("simulator.bench_sim",), ()),
     # Where the simulated sensor errs, against real matching.
     Benchmark("realism", ("realism.bench_realism",), ("research/sensor-cost.md",)),
     # Figures of real depth cameras beside those of the simulated ones.
     Benchmark("device", ("device.bench_device",), ("research/devices.md",)),
-    # Known figures of a depth camera found again.
 )

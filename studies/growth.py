@@ -6,6 +6,7 @@ where what it does once still counts.
 """
 
 import json
+import resource
 import subprocess
 import sys
 import tempfile
@@ -17,7 +18,7 @@ import numpy as np
 from digs_warp.checks import DigsError
 from studies.budget import stage_times
 from studies.results import Result
-from studies.timing import Stopwatch, peak_memory
+from studies.timing import Stopwatch
 
 # Frames of 160x90 pixels; and widths of 20 frames.
 FRAMES, WIDTHS = (20, 60, 200, 1000), (640, 1280, 1920)
@@ -83,9 +84,11 @@ def recorded(folder: str, frames: int, width: int) -> Cost:
     """Make a recording in a folder."""
     from digs_warp.sim.config import SimulateConfig
     from digs_warp.sim.record.record import simulate
+    from digs_warp.study.engine.case import STUDIED_CAMERA
 
     with (watch := Stopwatch()):
-        simulate(SimulateConfig(width=width, frames=frames), Path(folder, "capture"))
+        config = SimulateConfig(profile=STUDIED_CAMERA, width=width, frames=frames)
+        simulate(config, Path(folder, "capture"))
     return {"record": watch.cpu_seconds}
 
 
@@ -97,8 +100,9 @@ def reconstructed(folder: str) -> Cost:
     from digs_warp.train.config import Stop, TrainConfig
 
     config = ReconstructConfig(train=TrainConfig(stop=Stop(iterations=ITERATIONS)))
-    with stage_times() as (_, stages), peak_memory() as memory, (watch := Stopwatch()):
+    with stage_times() as (_, stages), (watch := Stopwatch()):
         capture = read_capture(Path(folder, "capture"))
         reconstruct(capture, config, Path(folder, "result"))
     cost = {stage.partition(": ")[2]: seconds for stage, seconds in stages.items()}
-    return cost | {"reconstruct": watch.cpu_seconds, MEMORY: memory.peak / 1e6}
+    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024
+    return cost | {"reconstruct": watch.cpu_seconds, MEMORY: peak / 1e6}

@@ -3,7 +3,6 @@
 Nothing is copied into the project. What their licenses say about pictures is beside each of them.
 """
 
-import json
 import shutil
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -106,16 +105,6 @@ def _reduced(pixels: np.ndarray) -> np.ndarray:
     return np.rint(blocks.mean(axis=(1, 3))).astype(np.uint8)
 
 
-def pair_as_zed(source: Path, folder: Path) -> Path:
-    """Name the files of a ZED's pair as its export does; the baseline is in millimetres there."""
-    for eye in ("left", "right"):
-        _link(folder / f"{eye}000000.png", source / f"{eye}_00000.png")
-    calibration = read_json(source / "zed_camera_param.json", "calibration")
-    calibration["baseline"] *= 1e-3
-    _write(folder / "calibration.json", json.dumps(calibration))
-    return folder
-
-
 def _link(path: Path, target: Path) -> None:
     path.parent.mkdir(parents=True, exist_ok=True)
     path.symlink_to(target.resolve())
@@ -160,15 +149,6 @@ RECORDINGS = (
         "8 gray stereo pairs of 752 x 480, five of them at rest (VI-Sensor), without depth and poses",
         'Burri et al., "The EuRoC micro aerial vehicle datasets", IJRR 2016; research use',
         has_poses=False,
-    ),
-    RealRecording(
-        "zed2i_stereo_pair",
-        "zed",
-        "one stereo pair of 1920 x 1080, bottles and cans on a shiny table (ZED), without depth and poses",
-        "Katsunori Waragai, MIT License",
-        has_poses=False,
-        pictures_allowed=True,
-        arrange=pair_as_zed,
     ),
 )
 

@@ -73,18 +73,18 @@ class Place:
     environment: Path | None = None
     tuned: bool = False
 
-    def scene(self, width: int, number: int = NUMBER, frames: int = FRAMES) -> Scene:
-        """Render a frame of a walk of so many, ``width`` pixels wide."""
+    def scene(self, width: int) -> Scene:
+        """Render a frame, ``width`` pixels wide."""
         config = SimulateConfig(
             profile=STUDIED_CAMERA,
             mesh=self.mesh,
             environment=self.environment,
             object_size=None if self.mesh is None else OBJECT_SIZE,
             width=width,
-            frames=frames,
+            frames=FRAMES,
         )
         session = prepare_session(config, load_inputs(config))
-        truth, objects = session.truth(number, Shutter())
+        truth, objects = session.truth(NUMBER, Shutter())
         facts = measure_facts([truth], truth.rig)
         plan = plan_for_facts(facts, session.rig, config)
         name = self.mesh.stem if self.mesh else BUILT_IN

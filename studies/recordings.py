@@ -1,9 +1,10 @@
 """`python -m studies recordings`: how well real recordings are reconstructed, and what goes wrong.
 
-With the poses as recorded and as estimated from the images, where a recording has both. A recording that
-cannot be reconstructed is a row without figures, and its error is among the findings.
+With the poses as recorded and as estimated from the images, where a recording has both. What cannot be
+reconstructed is a row without figures, and its error is logged.
 """
 
+import logging
 import tempfile
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
@@ -33,12 +34,12 @@ from studies.real_recordings import RealRecording, convert, find_recordings
 from studies.results import Result
 from studies.timing import Stopwatch
 
+_log = logging.getLogger(__name__)
+
 ITERATIONS = 500
 
 # Held-out views of each recording that are shown beside their photographs.
 SHOWN = 2
-
-FIGURES, FINDINGS = "figures", "findings"
 
 Poses = Literal["capture", "sfm", "rgbd"]
 POSES: dict[Poses, str] = {"capture": "recorded", "sfm": "estimated", "rgbd": "color and depth"}
@@ -50,7 +51,7 @@ class Measured:
 
     Attributes:
         recording: which one.
-        results: a row of `FIGURES` for each kind of poses, and rows of `FINDINGS`.
+        results: a row for each kind of poses, without figures where it failed.
         picture: held-out photographs, each with its rendered view to the right, sRGB uint8; None where
             nothing was rendered.
     """
@@ -74,9 +75,8 @@ def bench_recordings(names: Sequence[str] = ()) -> list[Result]:
 
 
 def rows(measured: Iterable[Measured]) -> list[Result]:
-    """Return the rows of all recordings, the figures first."""
-    results = [row for each in measured for row in each.results]
-    return sorted(results, key=lambda row: row.table != FIGURES)
+    """Return the rows of all recordings."""
+    return [row for each in measured for row in each.results]
 
 
 def measure_all(
@@ -100,33 +100,18 @@ def measure(recording: RealRecording, source: Path, iterations: int = ITERATIONS
     results: list[Result] = []
     picture = None
     with tempfile.TemporaryDirectory() as scratch:
-        folder = Path(scratch)
-
-        def found(stage: str, words: str) -> None:
-            words = words.replace(f"{folder}/", "")  # paths of the temporary folder say nothing
-            labels = {"recording": recording.name, "stage": stage, "what was found": words}
-            results.append(Result(labels, {}, FINDINGS))
-
-        try:
-            capture = convert(recording, source, folder / "capture")
-        # Files may be missing, or not belong together.
-        except (DigsError, OSError, ValueError) as error:
-            found("conversion", str(error))
-            return Measured(recording, tuple(results), None)
-        findings = check_capture(capture).findings
-        for each in findings:
-            found("check", f"{each.kind}: {each.what}")
-        if not findings:
-            found("check", "nothing wrong was found")
+        capture = convert(recording, source, Path(scratch) / "capture")
+        for finding in check_capture(capture).findings:
+            _log.warning("%s, %s: %s", recording.name, finding.kind, finding.what)
         for poses in _ways(recording, capture):
             values: dict[str, float] = {}
             try:
-                result, values = reconstructed(capture, poses, iterations, folder)
+                result, values = reconstructed(capture, poses, iterations, Path(scratch))
                 picture = _picture(result) if picture is None else picture
             except DigsError as error:
-                found(f"{POSES[poses]} poses", str(error))
+                _log.warning("%s, %s poses: %s", recording.name, POSES[poses], error)
             labels = {"recording": recording.name, "poses": POSES[poses], "iterations": iterations}
-            results.append(Result(labels, {"frames": len(capture)} | values, FIGURES))
+            results.append(Result(labels, {"frames": len(capture)} | values, "figures"))
     return Measured(recording, tuple(results), picture)
 
 

@@ -1,13 +1,7 @@
-"""The shortest of several calls, several calls at once, and memory."""
+"""Wall and CPU time, the shortest of several calls."""
 
 import time
-from collections.abc import Callable, Iterator
-from concurrent.futures import ThreadPoolExecutor
-from contextlib import contextmanager
-from pathlib import Path
-
-_STATUS = Path("/proc/self/status")
-_CLEAR_REFS = Path("/proc/self/clear_refs")
+from collections.abc import Callable
 
 
 class Stopwatch:
@@ -42,59 +36,6 @@ def best_ms(
     return 1e3 * min(seconds)
 
 
-def ms_side_by_side(function: Callable[[], object], calls: int, rounds: int) -> tuple[float, float]:
-    """Return wall time and CPU time per call of a function that runs several times at once [ms].
-
-    The shortest of some rounds; a first call also loads and compiles, and does not count.
-
-    Args:
-        function: safe to call from several threads.
-        calls: at a time.
-        rounds: of calls.
-    """
-    function()
-    best = (float("inf"), float("inf"))
-    with ThreadPoolExecutor(calls) as pool:
-        for _ in range(rounds):
-            watch = Stopwatch()
-            with watch:
-                for call in [pool.submit(function) for _ in range(calls)]:
-                    call.result()
-            best = min(best, (watch.seconds, watch.cpu_seconds))
-    wall, cpu = (1e3 * seconds / calls for seconds in best)
-    return wall, cpu
-
-
 def clock_for(threads: int) -> Callable[[], float]:
     """Return the CPU clock for one thread, which other programs disturb less, else the wall clock."""
     return time.process_time if threads == 1 else time.perf_counter
-
-
-class PeakMemory:
-    """The memory that the process holds: at the start of a block, and the most within it [bytes]."""
-
-    start = 0
-    peak = 0
-
-    @property
-    def growth(self) -> int:
-        """How much more it was at the peak."""
-        return max(0, self.peak - self.start)
-
-
-@contextmanager
-def peak_memory() -> Iterator[PeakMemory]:
-    """Measure the resident memory of a block, mapped files included; zeros where the system has no /proc."""
-    found = PeakMemory()
-    try:
-        _CLEAR_REFS.write_text("5")  # resets the peak
-        found.start = _bytes("VmRSS")
-    except OSError:
-        yield found
-        return
-    yield found
-    found.peak = _bytes("VmHWM")
-
-
-def _bytes(name: str) -> int:
-    return 1024 * int(_STATUS.read_text().split(f"{name}:")[1].split()[0])

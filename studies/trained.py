@@ -36,6 +36,7 @@ from digs_warp.train.evaluate import TestView, load_test_views, render_views
 from digs_warp.train.smoothing import for_classic_viewers
 from digs_warp.train.trainer import Trainer
 from digs_warp.train.view_store import open_views
+from digs_warp.usd.writer import write_gaussians
 from studies.results import Result
 from studies.timing import Stopwatch
 
@@ -54,6 +55,7 @@ FORMATS = (
     ("compressed PLY", ".compressed.ply", AS_IT_IS),
     ("SPZ", ".spz", AS_IT_IS),
     *((f"SPZ, bits {a} {a}", ".spz", SplatWriting(spz_sh_bits=(a, a))) for a in (6, 8)),
+    ("USD, mixed", ".usdz", None),
 )
 # Viewers: images that a perfect camera takes, as shares of the width of the training images, and samples for
 # each of their pixels.
@@ -183,7 +185,10 @@ def measure_formats(gaussians: Gaussians, view_size: tuple[int, int] = VIEW_SIZE
         for name, suffix, how in FORMATS:
             path = Path(folder) / f"scene{suffix}"
             with Stopwatch() as write:
-                write_scene_file(path, ours, Path("bench"), how)
+                if how is None:
+                    write_gaussians(path, gaussians, precision="mixed")
+                else:
+                    write_scene_file(path, ours, Path("bench"), how)
             with Stopwatch() as read:
                 read_back = read_scene(path).gaussians
             stored = replace(read_back, screen_filter=gaussians.screen_filter)

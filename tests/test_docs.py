@@ -2,7 +2,6 @@
 
 import re
 import shlex
-import tomllib
 from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any
@@ -165,12 +164,3 @@ def test_the_example_of_the_capture_format_writes_what_the_page_describes(tmp_pa
     described = set(re.findall(r"`(\w+)`", page.read_text(encoding="utf-8")))
     written = set(re.findall(r'"(\w+)":', (folder / "transforms.json").read_text()))
     assert written <= described
-
-
-def test_the_page_on_licenses_names_every_dependency() -> None:
-    page = (REPOSITORY / "docs/licenses.md").read_text(encoding="utf-8")
-    project = tomllib.loads((REPOSITORY / "pyproject.toml").read_text(encoding="utf-8"))["project"]
-    groups = [project["dependencies"], *project["optional-dependencies"].values()]
-    for requirement in (each for group in groups for each in group):
-        name = re.split(r"[\[<>=~! ]", requirement)[0]
-        assert f"| {name} |" in page, f"run scripts/licenses.py: {name}"

@@ -52,7 +52,7 @@ ALLOWED = {
     ): "files that are synced, in an order that a note keeps",
     ("sim/testing/series.py", "rename"): "of record/disk.py: a folder whose files are synced",
     ("studies/real_recordings.py", "symlink_to"): "in a temporary folder",
-    ("studies/timing.py", "write_text"): "a switch of the system below /proc",
+    ("digs_warp/study/engine/chain.py", "rename"): "a folder of files that are synced",
 }
 
 

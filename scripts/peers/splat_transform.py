@@ -19,11 +19,25 @@ from scipy.spatial import KDTree  # pyright: ignore[reportAttributeAccessIssue]
 
 from digs_warp.data.gaussians import Gaussians
 from digs_warp.formats.splats.files import WORLD_FROM_UP, read_splat_file, turned, write_splat_file
-from studies.usd_files import random_splats
 
 # Its SOG does not keep the color of fainter ones.
 LEAST_OPACITY = 0.5 / 255
 HALF_TURN = np.diag([-1.0, -1.0, 1.0])
+
+
+def random_splats(count: int, degree: int = 3) -> Gaussians:
+    """Return splats all over a cubic metre, of every shape, with colors that change with the direction."""
+    rng = np.random.default_rng(0)
+    size = count ** (-1 / 3)  # about as large as they are apart
+    sh = rng.normal(0.0, 0.1, (count, (degree + 1) ** 2, 3))
+    sh[:, 0] = rng.normal(0.0, 0.8, (count, 3))
+    return Gaussians(
+        means=rng.uniform(-0.5, 0.5, (count, 3)),
+        log_scales=rng.normal(np.log(0.4 * size), 0.7, (count, 3)),
+        quats=rng.normal(size=(count, 4)),
+        opacity_logits=rng.normal(0.0, 2.0, count),
+        sh=sh,
+    )
 
 
 def main() -> None:

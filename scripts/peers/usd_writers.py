@@ -19,9 +19,9 @@ import numpy as np
 from digs_warp.formats.splats.files import write_splat_file
 from digs_warp.study.scenes import processor
 from digs_warp.usd.reader import read_gaussians
+from scripts.peers.splat_transform import random_splats
 from studies.results import Result, format_tables
 from studies.timing import Stopwatch
-from studies.usd_files import random_splats
 
 
 def main() -> None:
