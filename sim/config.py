@@ -31,10 +31,6 @@ class SimulateConfig(Settings):
     """Several objects instead of one: mesh files, placed at random beside each other, at rest on the ground.
     One that is named twice is there twice."""
 
-    arrange: Literal["rest", "drop"] = "rest"
-    """How mesh files come to rest. 'rest': in a stable pose, beside each other. 'drop': they fall in a pile,
-    simulated by MuJoCo (pip install 'digs-warp[drop]')."""
-
     environment: Path | None = None
     """The surround and its light: an equirectangular HDR, EXR, PNG or JPG. Default: a built-in room."""
 
@@ -42,17 +38,10 @@ class SimulateConfig(Settings):
     """What the object stands on. 'floor': the lower part of the environment, projected from the height of a
     photographer; the built-in room has its own. 'table': a table on that floor. 'none': the object hangs in
     the middle of a sphere. auto: a table for objects up to half a metre, a floor for larger ones and in the
-    built-in room; none with the renderer gl, which draws no ground."""
+    built-in room."""
 
     object_turn: Annotated[float, ANGLE, NO_FLAG] = 0.0
     """Turn the objects about the vertical axis [degree], counterclockwise from above."""
-
-    distractors: Annotated[int, Range(0, 100), NO_FLAG] = 0
-    """Number of plain shapes of random size and color that stand beside the objects. They are in no mask."""
-
-    distractor_meshes: Annotated[tuple[Path, ...], NO_FLAG] = ()
-    """Mesh files of other things beside the objects, in no mask either. One that would be in the way of the
-    camera is scaled down."""
 
     frames: Annotated[int | None, FRAMES] = None
     """Number of stereo frames, evenly spaced in time over the walk. Default: 60, or fps times duration."""
@@ -92,7 +81,7 @@ class SimulateConfig(Settings):
     'instances': the number of the object at each pixel."""
 
     renderer: Annotated[Literal["raycast", "gl"], NO_FLAG] = "raycast"
-    """'raycast' needs no graphics driver; 'gl' uses OpenGL: a cross-check, without reflections."""
+    """'gl' takes depth, normals and object numbers from OpenGL: a cross-check, which needs its driver."""
 
     object_size: Annotated[float | None, Range(0.001, 100)] = None
     """Scale the object: its longest side [m]. Default: the size that the file gives it. With --scene: the
@@ -120,17 +109,10 @@ class SimulateConfig(Settings):
                 "--mesh and --scene contradict each other; name the mesh in --scene, too"
             )
         self._check_beats()
-        if self.arrange == "drop" and self.mesh is None and not self.scene:
-            raise DigsError("--arrange drop: nothing to drop; name mesh files with --scene")
         if self.object_size is not None and self.unit != "auto":
             raise DigsError(
                 f"--object-size {self.object_size:g} and --mesh-unit {self.unit} both set the size of the "
                 "object; give one of them"
-            )
-        if self.renderer == "gl" and self.ground not in ("auto", "none"):
-            raise DigsError(
-                f"--ground {self.ground}: the renderer gl draws no ground; choose raycast or "
-                "--ground none"
             )
         labels = labels_named(self.labels)
         if self.walk.path == "turntable" and (self.scene or {"flow", "instances"} & set(labels)):
@@ -168,14 +150,9 @@ class SimulateConfig(Settings):
         return round(self.walk.fps * self.walk.duration)
 
     @property
-    def chosen_ground(self) -> Ground:
-        """The ground; "auto" only where it depends on the object."""
-        return "none" if self.renderer == "gl" else self.ground
-
-    @property
     def input_files(self) -> list[Path | None]:
         """The files that the recording reads; None for what is built in."""
-        return [self.mesh, self.environment, *self.scene, *self.distractor_meshes]
+        return [self.mesh, self.environment, *self.scene]
 
     @property
     def plans_effects(self) -> bool:

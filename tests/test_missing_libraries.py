@@ -10,9 +10,7 @@ import sys
 from pathlib import Path
 
 import pytest
-import trimesh
 
-from reference.mesh_files import save
 from reference.noise_capture import write_capture
 from reference.tiny_capture import ball
 
@@ -26,7 +24,6 @@ for words in json.loads(sys.argv[2]):
 
 DEMO = "--quiet run --frames 3 --width 48 --iterations 2 --out {folder}/demo"
 SMALL = "simulate --frames 1 --width 32 --out {folder}/out"
-DROP = "simulate --scene {folder}/box.glb {folder}/box.glb --arrange drop --out {folder}/refused"
 
 # The library to install for each job, or None: it needs none of those that are blocked together.
 JOBS = {
@@ -48,13 +45,12 @@ JOBS = {
             "'digs-warp[masks]'"
         ),
     },
-    "pxr,cv2,mujoco": {
+    "pxr,cv2": {
         "--help": None,
         "info {folder}/capture": None,
         "info {folder}/gaussians.npz": None,
         "usd validate {folder}/a.usda": "usd-core",
         f"{SMALL} --tier matcher": "opencv-python-headless",
-        DROP: "'digs-warp[drop]'",
     },
 }
 
@@ -63,7 +59,6 @@ JOBS = {
 def test_a_job_without_its_library_names_it_and_others_work(libraries: str, tmp_path: Path) -> None:
     write_capture(tmp_path / "capture", 3)
     ball(20).save(tmp_path / "gaussians.npz")
-    save(tmp_path / "box.glb", trimesh.creation.box((0.1, 0.1, 0.1)))
     (tmp_path / "a.usda").write_text("#usda 1.0\n")
     (tmp_path / "a.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")
     (tmp_path / "gl.json").write_text('{"settings": {"renderer": "gl"}}')

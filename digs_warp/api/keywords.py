@@ -41,7 +41,6 @@ class SimulateSettings(TypedDict, total=False):
     """Of `simulate` and `stream`: the flags of ``digs-warp simulate``."""
 
     scene: tuple[Path, ...]
-    arrange: Literal["rest", "drop"]
     environment: Path | str | None
     ground: Literal["auto", "floor", "table", "none"]
     profile: str | None

@@ -37,18 +37,18 @@ def unfused_module_options() -> dict[str, Any]:
 
 
 def ray_module_options() -> dict[str, Any]:
-    """Return Warp module options for kernels that cast rays; their results have the same bits as without.
+    """Return Warp module options for kernels that cast rays and shade what they hit.
 
     ``max_unroll`` 1: a short loop of rays would get a whole traversal for each of them, more code than the
-    instruction cache holds. ``-menable-no-nans`` spares the comparisons by which the minima and maxima of a
-    box test skip NaN. Both are for kernels in which finite inputs make no NaN. Warp's own flags, which inline
-    the traversal, stay.
+    instruction cache holds. ``-menable-no-nans`` spares the comparisons by which a box test skips NaN: finite
+    inputs must make none. Shading divides often: ``-freciprocal-math``. Warp's flags, which inline, stay.
     """
     import warp as wp
 
-    # Warp's headers name NaN, and the compiler would warn of each.
     flags = [wp.config.cpu_compiler_flags or "-march=native"]
+    # Warp's headers name NaN, and the compiler would warn of each.
     flags += ["-menable-no-nans", "-Wno-nan-infinity-disabled"]
+    flags += ["-freciprocal-math", "-mreassociate", "-fno-signed-zeros", "-ffp-contract=fast"]
     return {"enable_backward": False, "max_unroll": 1, "cpu_compiler_flags": " ".join(flags)}
 
 

@@ -44,9 +44,7 @@ def meter_walk(session: Session) -> AdaptationTrack:
 
     meter(range(1))  # alone: it prepares the scene for all of them
     others = range(1, count)
-    # OpenGL draws in one thread only.
-    together = count if session.config.renderer == "gl" else TOGETHER
-    over_rows(len(others), lambda rows: meter(others[rows]), together)
+    over_rows(len(others), lambda rows: meter(others[rows]), TOGETHER)
     return AdaptationTrack.following(times, targets(colors, session.rig), session.rig)
 
 

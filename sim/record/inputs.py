@@ -59,16 +59,14 @@ def _load_environment(config: SimulateConfig) -> Environment:
 
 def _load_object(config: SimulateConfig) -> Scene:
     size, up, unit = config.object_size, config.up, config.unit
-    falls = config.arrange == "drop"
-    if config.mesh is not None and not falls:
+    if config.mesh is not None:
         from digs_warp.sim.scene.load import load_scene
 
         return load_scene(config.mesh, size, up, unit)
-    files = (config.mesh,) if config.mesh is not None else config.scene
-    if files:
+    if config.scene:
         from digs_warp.sim.scene.arrange import load_objects
 
-        return load_objects(files, config.seed, size, up, unit, falls)
+        return load_objects(config.scene, config.seed, size, up, unit)
     if config.object_size is not None or (config.up, config.unit) != ("auto", "auto"):
         raise DigsError(
             "--object-size, --mesh-unit and --mesh-up tell how to read a mesh file; the built-in object has "

@@ -1,7 +1,7 @@
 """Everything that is prepared before the first frame: scene, light, camera and its path."""
 
 from dataclasses import dataclass, replace
-from functools import cached_property, partial
+from functools import cached_property, lru_cache, partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -14,8 +14,6 @@ from digs_warp.sim.camera.walk.walk import Subject, Walk
 from digs_warp.sim.camera.working_range import camera_distance
 from digs_warp.sim.config import SimulateConfig
 from digs_warp.sim.record.inputs import Inputs
-from digs_warp.sim.scene.appearance import with_table_top
-from digs_warp.sim.scene.distractors import add_distractors
 from digs_warp.sim.scene.environment import Environment, Ground, set_up
 from digs_warp.sim.scene.scene import Scene
 from digs_warp.sim.sensor.drift import NO_DRIFT, Drift
@@ -179,8 +177,7 @@ class Session:
         """Return what shows the scene as it is in a frame: on a turntable the objects have turned."""
         if self.config.walk.path != "turntable":
             return self.renderer
-        turn = 2 * np.pi * number / self.config.frame_count
-        return _make_renderer(self.config, self.scene.turned(turn), self.environment)
+        return _turned_renderer(self, number)
 
     def _eye(
         self,
@@ -211,19 +208,14 @@ class Session:
 def prepare_session(config: SimulateConfig, inputs: Inputs) -> Session:
     """Place the camera where it sees the object, the object on its ground, and the surround far enough."""
     walk = _walk(config, inputs)
-    beside = (config.distractors, config.distractor_meshes)
-    things = add_distractors(inputs.scene, *beside, config.seed, walk.nearest)
-    ground = config.chosen_ground
-    scene, surround, ground = set_up(things, inputs.environment, ground, walk.farthest)
-    scene = with_table_top(scene, config.look, config.seed)
+    scene, surround, ground = set_up(inputs.scene, inputs.environment, config.ground, walk.farthest)
     renderer = _make_renderer(config, scene, surround)
     return Session(config, scene, surround, inputs.profile, inputs.rig, walk, renderer, ground)
 
 
 def _walk(config: SimulateConfig, inputs: Inputs) -> Walk:
     scene, rig = inputs.scene, inputs.rig
-    stands = config.chosen_ground != "none"
-    ground = float(scene.object_vertices[:, 2].min()) if stands else None
+    ground = None if config.ground == "none" else float(scene.object_vertices[:, 2].min())
     subject = Subject(scene.object_radius, rig.image_intrinsics, ground, rig.image_baseline)
     settings = config.walk.for_frames(config.frame_count)
     return Walk.around(subject, camera_distance(scene, rig, settings), settings, config.seed)
@@ -236,9 +228,15 @@ def _make_renderer(
         from digs_warp.sim.render.gl import GlRenderer
 
         return GlRenderer(scene, environment)
-    from digs_warp.sim.render.raycast import renderer_of
+    from digs_warp.sim.render.raycast import RaycastRenderer
 
-    return renderer_of(scene, environment)
+    return RaycastRenderer(scene, environment)
+
+
+@lru_cache(maxsize=16)  # frames are made side by side, and several eyes look at each
+def _turned_renderer(session: Session, number: int) -> "RaycastRenderer":
+    turn = 2 * np.pi * number / session.config.frame_count
+    return _make_renderer(session.config, session.scene.turned(turn), session.environment)
 
 
 def _triple(vector: np.ndarray) -> Any:

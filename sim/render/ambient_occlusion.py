@@ -30,6 +30,7 @@ BEFORE = wp.constant(0.999)
 RAYS = 64
 RAY_BUDGET = 2_000_000
 MIN_RAYS = 8
+GLANCE = wp.constant(4)
 
 # Of meshes with more nodes, one is measured in each cell of about this part of the surface, with more rays.
 MOST_NODES = 400_000
@@ -164,7 +165,11 @@ def _openness_kernel(
         normal = wp.vec3(0.0, 0.0, 1.0)
     way = inward[node]
     front = open_share(surface, point + offset * normal, way, normal, rays, reach)
-    back = open_share(surface, point - offset * normal, way, -normal, rays, reach)
+    # Bodies are closed: few rays tell that nothing is open inside.
+    behind = point - offset * normal
+    back = open_share(surface, behind, way, -normal, wp.min(rays, GLANCE), reach)
+    if back > 0.0:
+        back = open_share(surface, behind, way, -normal, rays, reach)
     openness[node] = wp.vec2(front, back)
 
 

@@ -4,12 +4,10 @@ The irradiance is that of Ramamoorthi and Hanrahan, "An Efficient Representation
 Maps" (2001), eq. 7 and 8; see `digs_warp.sim.render.lighting`.
 """
 
-import hashlib
-from threading import Lock
-
 import numpy as np
 import warp as wp
 
+from digs_warp.device.kernel_options import ray_module_options
 from digs_warp.device.parallel import launch_parallel
 from digs_warp.geometry.sh import sh_basis
 from digs_warp.sim.render.lighting import (
@@ -27,23 +25,17 @@ from digs_warp.sim.render.lighting import (
 from digs_warp.sim.render.textures import mip_chain
 from digs_warp.sim.scene.environment import Environment, panorama_directions, solid_angles
 
-wp.set_module_options({"enable_backward": False})
+wp.set_module_options(ray_module_options())
 
 # Linear value of a white card lit by the average of the surround; it leaves headroom for the side that
 # faces the light.
 WHITE_CARD = 0.65
 
 # Samples of a blurred texel.
-SPECULAR_SAMPLES = 128
+SPECULAR_SAMPLES = 64
 
 # A curved mirror shrinks its reflection; this width [px] keeps sharp reflections free of aliasing.
 MIRROR_WIDTH = 512
-
-# Surrounds whose copies are kept, with and without spots; half a megabyte each.
-KEPT_COPIES = 16
-
-_lock = Lock()
-_copies: dict[bytes, Panorama] = {}
 
 # Cosine lobe in spherical harmonics, bands 0, 1, 2 (Ramamoorthi and Hanrahan 2001, eq. 8).
 COSINE_LOBE = np.array([np.pi] + [2 * np.pi / 3] * 3 + [np.pi / 4] * 5)
@@ -138,24 +130,11 @@ def _pyramid(levels: list[np.ndarray]) -> Panorama:
     return panorama
 
 
-def _blurred(finest: np.ndarray, panorama: Panorama, threads: int) -> Panorama:
-    """Return the copies that `Light` describes, of a panorama and its finest level, (height, width, 3).
-
-    Objects that are recorded in the same surround, one after another, share them.
-    """
-    content = np.ascontiguousarray(finest)
-    key = hashlib.blake2b(content.data, person=f"{content.shape[1]}".encode()).digest()
-    with _lock:
-        known = _copies.get(key)
-    if known is not None:
-        return known
+def _blurred(panorama: Panorama, threads: int) -> Panorama:
+    """Return the copies of a panorama that `Light` describes."""
     empty = np.zeros((SPECULAR_HEIGHT, SPECULAR_WIDTH, 3), np.float32)
     copies = _pyramid([empty] * SPECULAR_COPIES)
     launch_parallel(_blur_kernel, copies.texels.size, [panorama, copies.texels], threads=threads)
-    with _lock:
-        if len(_copies) == KEPT_COPIES:
-            del _copies[next(iter(_copies))]
-        _copies[key] = copies
     return copies
 
 
@@ -178,11 +157,11 @@ def prepare_light(
 
     light = Light()
     light.panorama = _pyramid(levels)
-    light.specular = _blurred(levels[0], light.panorama, threads)
+    light.specular = _blurred(light.panorama, threads)
     smooth, light.keys = take_out_spots(small)
     light.rest = light.specular
     if light.keys.count:
-        light.rest = _blurred(smooth, _pyramid(mip_chain(smooth)), threads)
+        light.rest = _blurred(_pyramid(mip_chain(smooth)), threads)
     if below is not None:
         arriving = light_from_above(irradiance_coefficients(smooth), light.keys)
         smooth[smooth.shape[0] // 2 :] = below * sum(arriving)

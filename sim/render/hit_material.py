@@ -1,6 +1,5 @@
-"""The material at a hit: color, finish, emission, normal and sheen, filtered over the ray's cone."""
+"""The material at a hit: color, finish, emission and normal, filtered over the ray's cone."""
 
-import numpy as np
 import warp as wp
 
 from digs_warp.sim.render.surface import (
@@ -13,54 +12,6 @@ from digs_warp.sim.render.surface import (
 )
 from digs_warp.sim.render.surround import light_on
 from digs_warp.sim.render.textures import LINEAR, SRGB, sample_texture
-
-wp.set_module_options({"enable_backward": False})
-
-# Cosines to the viewer at which the share is known: (0 ... STEPS)^2 / STEPS^2, denser at grazing views.
-STEPS = wp.constant(32)
-
-# Steps of the integral along the cosine to the light and around the normal.
-FINE = 256
-
-# Smoother fibers have a sheen narrower than a pixel; it is nearly a mirror at grazing views.
-LEAST_ROUGHNESS = 0.07
-
-
-def sheen_shares(roughness: float) -> np.ndarray:
-    """Return the share of even light that a white sheen adds, at each cosine, (STEPS + 1,), float32, 0 to 1.
-
-    Args:
-        roughness: perceptual, 0 to 1.
-    """
-    alpha = max(roughness, LEAST_ROUGHNESS) ** 2
-    light = (np.arange(FINE) + 0.5)[:, None] / FINE
-    azimuth = (np.arange(FINE) + 0.5) / FINE * np.pi
-    ring = np.sqrt(1 - light**2)
-    shares = []
-    for viewer in np.linspace(0.0, 1.0, STEPS + 1) ** 2:
-        slant = np.sqrt(1 - viewer**2)
-        half = np.stack(
-            np.broadcast_arrays(
-                ring * np.cos(azimuth) + slant, ring * np.sin(azimuth), light + viewer
-            )
-        )
-        sine2 = 1 - half[2] ** 2 / (half**2).sum(axis=0)
-        density = (2 + 1 / alpha) * np.maximum(sine2, 1e-12) ** (0.5 / alpha) / (2 * np.pi)
-        visible = 1 / (4 * (light + viewer - light * viewer))
-        shares.append(2 * np.pi * (density * visible * light).mean())
-    return np.clip(shares, 0.0, 1.0).astype(np.float32)
-
-
-@wp.func
-def sheen_at(surface: Surface, material: int, cosine: float) -> wp.vec3:
-    """Share of even light that the sheen of a material adds, at an angle from the normal."""
-    place = wp.sqrt(wp.clamp(cosine, 0.0, 1.0)) * float(STEPS)
-    low = wp.min(int(place), STEPS - 1)
-    share = wp.lerp(
-        surface.sheens[material, low], surface.sheens[material, low + 1], place - float(low)
-    )
-    return share * surface.data[material].sheen
-
 
 # Twice the value of byte 128, which is zero in normal maps.
 MAP_ZERO = wp.constant(256.0 / 255.0)
@@ -78,11 +29,7 @@ class Look:
     metallic: float
     reflectance: float  # of a dielectric, at normal incidence
     roughness: float
-    clear_coat: float  # share under a clear coat
-    clear_coat_roughness: float
-    sheen: wp.vec3  # share of even light that fibers scatter to the viewer
     normal: wp.vec3  # unit, toward the viewer, with the normal map
-    smooth_normal: wp.vec3  # the same without the normal map
     facet_normal: wp.vec3  # of the triangle, toward the viewer
     side: float  # 1: seen from the side of the vertex normals, -1: from the other
     openness: float  # share of the hemisphere that sees the surround
@@ -157,7 +104,6 @@ def material_at_hit(
     outward = vertex_normal(surface, hit)
     look = Look()
     look.side = viewer_side(hit, direction, outward)
-    look.smooth_normal = look.side * outward
     if data.normal_texture >= 0:
         outward = mapped_normal(surface, hit, outward, data.normal_texture, uv, level)
     look.normal = look.side * outward
@@ -166,10 +112,6 @@ def material_at_hit(
     look.roughness = data.roughness
     look.metallic = data.metallic
     look.reflectance = data.reflectance
-    look.clear_coat = data.clear_coat
-    look.clear_coat_roughness = data.clear_coat_roughness
-    if wp.max(data.sheen) > 0.0:
-        look.sheen = sheen_at(surface, surface.materials[hit.face], -wp.dot(look.normal, direction))
     if data.finish_texture >= 0:
         finish = sample_texture(surface.textures, data.finish_texture, uv, level, LINEAR)
         look.roughness = finish[0]
@@ -199,6 +141,5 @@ def look_at_hit(
 
 @wp.func
 def matte_color(look: Look) -> wp.vec3:
-    """Share of the light that arrives which the matte base and the fibers on it reflect."""
-    base = (1.0 - look.metallic) * (1.0 - wp.max(look.sheen)) * look.color
-    return base + look.sheen
+    """Share of the light that arrives which the matte base reflects."""
+    return (1.0 - look.metallic) * look.color

@@ -12,12 +12,11 @@ from digs_warp.sim.render.lighting import Light
 from digs_warp.sim.render.samples import (
     SAMPLE_LIMIT,
     Sample,
-    layered_sample,
+    scene_sample,
     seen_surround,
-    solid_sample,
 )
 from digs_warp.sim.render.surface import Surface, passes_by
-from digs_warp.sim.render.surround import SPHERE, boundary_distance, is_on_floor
+from digs_warp.sim.render.surround import boundary_distance, is_on_floor
 from digs_warp.sim.render.view import (
     Encoding,
     Track,
@@ -37,28 +36,6 @@ GOLDEN = wp.constant(0.6180339887498949)
 HALF_DIAGONAL = wp.constant(0.75)
 
 
-@wp.func
-def way_to_surround(view: View, center: wp.vec3, direction: wp.vec3) -> float:
-    """Distance [m] to what a pixel shows of the surround; of a sphere, at least."""
-    if view.boundary.shape == SPHERE:
-        return view.boundary.radius - wp.length(center)
-    return boundary_distance(view.boundary, center, direction)
-
-
-@wp.func
-def is_floor_shaded(
-    view: View, surface: Surface, light: Light, center: wp.vec3, direction: wp.vec3, spread: float
-) -> bool:
-    """Whether what a pixel shows of the floor may be in a sharp shadow."""
-    if not has_sharp_shadows(surface.floor):
-        return False
-    distance = boundary_distance(view.boundary, center, direction)
-    point = center + distance * direction
-    # A slanted pixel covers more of the floor, and its edge may reach it where its middle does not.
-    slope = wp.max(-direction[2], 0.02)
-    return may_be_shaded(surface, light, point, spread * distance / slope)
-
-
 @wp.struct
 class Pixel:
     """What is known of a pixel before a ray is cast."""
@@ -68,9 +45,21 @@ class Pixel:
     toward_cam: wp.vec3  # unit direction through its middle, in camera axes
     toward: wp.vec3  # the same in the middle of the exposure, in the world
     center: wp.vec3  # of the camera then
+    room: float  # distance from there to the surround [m]
     is_empty: bool  # no ray through it meets the scene
     is_shaded: bool  # what it shows of the floor may be in a sharp shadow
     is_short: bool  # over the exposure, what it shows of the surround is linear
+
+
+@wp.func
+def is_floor_shaded(surface: Surface, light: Light, pixel: Pixel, spread: float) -> bool:
+    """Whether what a pixel shows of the floor may be in a sharp shadow."""
+    if not has_sharp_shadows(surface.floor):
+        return False
+    point = pixel.center + pixel.room * pixel.toward
+    # A slanted pixel covers more of the floor, and its edge may reach it where its middle does not.
+    slope = wp.max(-pixel.toward[2], 0.02)
+    return may_be_shaded(surface, light, point, spread * pixel.room / slope)
 
 
 @wp.func
@@ -88,9 +77,9 @@ def pixel_of(view: View, track: Track, surface: Surface, light: Light, number: i
     pixel.center = center
     spread = HALF_DIAGONAL * view.pixel_angle + track.swings[band]
     pixel.is_empty = passes_by(surface.radius + track.shifts[band], center, toward, spread)
-    pixel.is_shaded = is_floor_shaded(view, surface, light, center, toward, spread)
-    room = way_to_surround(view, center, toward)
-    pixel.is_short = 2.0 * (track.swings[band] + track.shifts[band] / room) <= track.step
+    pixel.room = boundary_distance(view.boundary, center, toward)
+    pixel.is_shaded = is_floor_shaded(surface, light, pixel, spread)
+    pixel.is_short = 2.0 * (track.swings[band] + track.shifts[band] / pixel.room) <= track.step
     return pixel
 
 
@@ -102,12 +91,15 @@ def surround_in(
     level = track.level
     # Over a short path it has its mean value in the middle.
     if pixel.is_short:
-        return seen_surround(view, surface, light, pixel.center, pixel.toward, level, passing)
+        return seen_surround(
+            view, surface, light, pixel.center, pixel.toward, pixel.room, level, passing
+        )
     total = wp.vec3(0.0)
     for moment in range(track.moments):
         toward = track.rotations[pixel.band, moment] * pixel.toward_cam
         start = track.centers[pixel.band, moment]
-        total += seen_surround(view, surface, light, start, toward, level, passing)
+        room = boundary_distance(view.boundary, start, toward)
+        total += seen_surround(view, surface, light, start, toward, room, level, passing)
     return total / float(track.moments)
 
 
@@ -168,25 +160,36 @@ def followed(
     light: Light,
     pixel: Pixel,
     direction: wp.vec3,
-    surround_level: float,
-    sample_number: int,
+    number: int,
 ) -> Sample:
-    """Follow a ray from the camera."""
+    """Follow a ray from the camera; ``number`` of the sample in its pixel."""
     sample = Sample()
     if pixel.is_empty:
         sample.passing = wp.vec3(1.0)
-    elif surface.see_through == 0:
-        sample = solid_sample(view, surface, light, direction)
     else:
-        sample = layered_sample(view, surface, light, direction, surround_level)
+        sample = scene_sample(view, surface, light, direction)
     # A single glint of the sun must not dominate its pixel.
     sample.color = wp.min(sample.color, wp.vec3(SAMPLE_LIMIT))
     if pixel.is_shaded and wp.max(sample.passing) > 0.0:
         end = view.center + boundary_distance(view.boundary, view.center, direction) * direction
         if is_on_floor(view.boundary, end):
-            arrives = sharp_floor_share(surface, light, end, sample_number)
+            arrives = sharp_floor_share(surface, light, end, number)
             sample.passing = wp.cw_mul(sample.passing, arrives)
     return sample
+
+
+@wp.func
+def sample_number(n: int, samples: int, moments: int) -> int:
+    """Place in the pattern of the n-th sample, of so many for each moment.
+
+    Together they cover the pixel evenly, and each pair of a moment lies around the middle.
+    """
+    moment = n // samples
+    s = n % samples
+    if samples == 1:  # neighbors in the pixel are apart in time
+        return (moment * wp.where(moments % 5 == 0, 7, 5)) % moments
+    i = (s // 2) * moments + moment
+    return wp.where(s % 2 == 1, samples * moments - 1 - i, i)
 
 
 @wp.func
@@ -225,34 +228,32 @@ def color_kernel(
     pixel = pixel_of(view, track, surface, light, number)
     row = number // view.width
     total = Sample()
+    # The same even pattern in every pixel, mirrored at random: no moire, little noise.
+    mirrored = wp.randi(wp.rand_init(seed, number))
+    count = wp.max(samples * track.moments, 1)
+    for n in range(count):
+        eye = view_at(view, track, row, n // wp.max(samples, 1))
+        direction = pixel.toward
+        i = wp.int32(0)
+        if samples == 0:
+            eye.center = pixel.center
+        else:
+            i = sample_number(n, samples, track.moments)
+            place = place_in_pixel(i, count, mirrored)
+            x = float(number % view.width) + place[0]
+            y = float(row) + place[1]
+            direction = eye.world_from_cam * ray_direction_cam(eye, x, y)
+        # A second call would leave the function, and copies of the scene for each call, out of line.
+        sample = followed(eye, surface, light, pixel, direction, i)
+        total.color += sample.color
+        total.passing += sample.passing
+        total.covered += sample.covered
     if samples == 0:
-        eye = view_at(view, track, row, 0)
-        eye.center = pixel.center
-        total = followed(eye, surface, light, pixel, pixel.toward, track.level, 0)
         kind = wp.where(total.covered > 0.0, OBJECT, FURNITURE)
         if wp.min(total.passing) >= 1.0 or pixel.is_empty:
             kind = wp.where(pixel.is_shaded, SHADED, NOTHING)
         image.kinds[number] = kind
-    else:
-        # The same even pattern in every pixel, mirrored at random: no moire, little noise.
-        mirrored = wp.randi(wp.rand_init(seed, number))
-        for moment in range(track.moments):
-            eye = view_at(view, track, row, moment)
-            for s in range(samples):
-                # Together they cover the pixel evenly, and each pair of a moment lies around the middle.
-                i = (s // 2) * track.moments + moment
-                i = wp.where(s % 2 == 1, samples * track.moments - 1 - i, i)
-                if samples == 1:  # neighbors in the pixel are apart in time
-                    i = (moment * wp.where(track.moments % 5 == 0, 7, 5)) % track.moments
-                place = place_in_pixel(i, samples * track.moments, mirrored)
-                x = float(number % view.width) + place[0]
-                y = float(row) + place[1]
-                direction = eye.world_from_cam * ray_direction_cam(eye, x, y)
-                sample = followed(eye, surface, light, pixel, direction, track.level, i)
-                total.color += sample.color
-                total.passing += sample.passing
-                total.covered += sample.covered
-    share = 1.0 / float(wp.max(samples * track.moments, 1))
+    share = 1.0 / float(count)
     mean = share * total.color
     # The panorama is filtered: one look-up serves all samples.
     if wp.max(total.passing) > 0.0:

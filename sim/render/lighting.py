@@ -11,8 +11,6 @@ import warp as wp
 
 from digs_warp.sim.scene.environment import panorama_directions, solid_angles
 
-wp.set_module_options({"enable_backward": False})
-
 # A spot is brighter than this multiple of the mean radiance; only the excess is separated.
 SPOT_LEVEL = 4.0
 
@@ -167,6 +165,7 @@ SPECULAR_HEIGHT = 64
 
 TWO_PI = wp.constant(2.0 * np.pi)
 PI = wp.constant(np.pi)
+HALF_PI = wp.constant(0.5 * np.pi)
 
 
 @wp.struct
@@ -192,10 +191,30 @@ class Light:
 
 
 @wp.func
+def angle_of(y: float, x: float) -> float:
+    """atan2 within 1e-7; that of the C library takes longer than all else in a pixel of the surround.
+
+    The polynomial is 4.4.49 of Abramowitz and Stegun, "Handbook of Mathematical Functions".
+    """
+    across = wp.abs(x)
+    up = wp.abs(y)
+    slope = wp.min(across, up) / wp.max(wp.max(across, up), 1.0e-30)
+    s = slope * slope
+    series = -0.0161657367 + 0.0028662257 * s
+    series = 0.1065626393 + s * (-0.0752896400 + s * (0.0429096138 + s * series))
+    series = 1.0 + s * (-0.3333314528 + s * (0.1999355085 + s * (-0.1420889944 + s * series)))
+    angle = slope * series
+    angle = wp.where(up > across, HALF_PI - angle, angle)
+    angle = wp.where(x < 0.0, PI - angle, angle)
+    return wp.where(y < 0.0, -angle, angle)
+
+
+@wp.func
 def panorama_uv(direction: wp.vec3) -> wp.vec2:
-    """Position in the panorama, both in 0..1, of a unit direction; see sim.panorama."""
-    u = 0.5 - wp.atan2(direction[1], direction[0]) / TWO_PI
-    return wp.vec2(u, wp.acos(wp.clamp(direction[2], -1.0, 1.0)) / PI)
+    """Position in the panorama, both in 0..1, of a unit direction; see `panorama_directions`."""
+    ring = wp.sqrt(direction[0] * direction[0] + direction[1] * direction[1])
+    u = 0.5 - angle_of(direction[1], direction[0]) / TWO_PI
+    return wp.vec2(u, angle_of(ring, direction[2]) / PI)
 
 
 @wp.func
@@ -209,8 +228,8 @@ def sample_panorama_level(panorama: Panorama, level: int, uv: wp.vec2) -> wp.vec
     top = int(wp.floor(y))
     fx = x - float(left)
     fy = y - float(top)
-    x0 = (left + width) % width
-    x1 = (left + 1 + width) % width
+    x0 = wp.where(left < 0, left + width, left)
+    x1 = wp.where(left + 1 < width, left + 1, 0)
     first = panorama.offsets[level]
     row0 = first + wp.clamp(top, 0, height - 1) * width
     row1 = first + wp.clamp(top + 1, 0, height - 1) * width

@@ -7,6 +7,7 @@ that surfaces pass on to others is left out: the projector's reflection in a mir
 import numpy as np
 import warp as wp
 
+from digs_warp.device.kernel_options import ray_module_options
 from digs_warp.device.parallel import launch_parallel
 from digs_warp.geometry.camera import Camera
 from digs_warp.sim.render.hit_material import Look, material_at_hit
@@ -19,7 +20,7 @@ from digs_warp.sim.scene.environment import Surround
 from digs_warp.sim.scene.scene import DIELECTRIC_REFLECTANCE
 from digs_warp.sim.sensor.infrared.pair import SPOT, DotPattern, dot_pattern
 
-wp.set_module_options({"enable_backward": False})
+wp.set_module_options(ray_module_options())
 
 # A ray from the projector ends this share of its length before the point that it lights.
 SAME_POINT = wp.constant(1.0e-4)

@@ -1,8 +1,6 @@
-"""The default renderer: rays through a Warp BVH on all cores, and renderers kept for the next recording."""
+"""The default renderer: rays through a Warp BVH on all cores."""
 
-import hashlib
 import math
-import pickle
 from threading import Lock
 
 import numpy as np
@@ -161,32 +159,3 @@ def _empty_image(count: int) -> Image:
     image.mask = wp.empty(count, dtype=wp.uint8, device="cpu")
     image.kinds = wp.empty(count, dtype=wp.uint8, device="cpu")
     return image
-
-
-# What the arrays of all scenes that are kept may have together [bytes]: the training that follows may want
-# the memory. One that is larger alone is not kept.
-LARGEST = 128 << 20
-
-_lock = Lock()
-# With their sizes; the one used last stands last.
-_kept: dict[bytes, tuple[RaycastRenderer, int]] = {}
-
-
-def renderer_of(scene: Scene, environment: Environment) -> RaycastRenderer:
-    """Return a renderer; one that this process used lately, if that was of an equal scene and surround."""
-    arrays: list[pickle.PickleBuffer] = []
-    digest = hashlib.blake2b(pickle.dumps((scene, environment), 5, buffer_callback=arrays.append))
-    size = sum(array.raw().nbytes for array in arrays)
-    if size > LARGEST:
-        return RaycastRenderer(scene, environment)
-    for array in arrays:
-        digest.update(array)
-    key = digest.digest()
-    with _lock:
-        if key in _kept:
-            _kept[key] = _kept.pop(key)
-        else:
-            while _kept and size + sum(kept for _, kept in _kept.values()) > LARGEST:
-                del _kept[next(iter(_kept))]  # the one not used for the longest time
-            _kept[key] = (RaycastRenderer(scene, environment), size)
-        return _kept[key][0]

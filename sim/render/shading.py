@@ -1,8 +1,8 @@
 """The light that leaves a surface point: material, texture, and the environment.
 
-The material model is glTF's metallic-roughness model: a Lambertian base under a GGX coat, with the sheen of
-cloth and a clear coat where the material has them. A coat's reflectance is the second half of the split sum
-in Karis' analytic form ("Physically Based Shading on Mobile", 2014, after Lazarov). Corners are darkened by
+The material model is glTF's metallic-roughness model: a Lambertian base under a GGX coat. A coat's
+reflectance is the second half of the split sum in Karis' analytic form ("Physically Based Shading on Mobile",
+2014, after Lazarov). Corners are darkened by
 occlusion measured at nodes of the mesh, corrected for light that bounces between colored walls (Jimenez et
 al., "Practical Realtime Strategies for Accurate Indirect Occlusion", 2016, eq. 20). Bright spots of the
 environment cast shadows, in which they have no highlights, and smooth metal reflects the object itself; see
@@ -34,9 +34,6 @@ from digs_warp.sim.render.surround import (
     plane_distance,
 )
 from digs_warp.sim.render.view import FAR, View
-from digs_warp.sim.scene.scene import DIELECTRIC_REFLECTANCE
-
-wp.set_module_options({"enable_backward": False})
 
 # Spots that add less than this share of full white are not worth shadow rays.
 FAINT_KEY = wp.constant(0.005)
@@ -127,9 +124,6 @@ def spot_light(
 MIRROR_ROUGHNESS = wp.constant(0.45)
 MIRROR_METALLIC = wp.constant(0.5)
 
-# Reflectance of a clear coat at normal incidence.
-DIELECTRIC = wp.constant(DIELECTRIC_REFLECTANCE)
-
 
 @wp.func
 def with_bounces(openness: float, albedo: float) -> float:
@@ -172,17 +166,12 @@ def key_diffuse(light: Light, look: Look) -> wp.vec3:
 
 
 @wp.func
-def coat_at(look: Look, cosine: float) -> wp.vec3:
-    """Share of the reflected light that reaches a viewer at that angle from the normal."""
-    f0 = wp.lerp(wp.vec3(look.reflectance), look.color, look.metallic)
-    return (1.0 - wp.max(look.sheen)) * coat_reflectance(f0, look.roughness, cosine)
-
-
-@wp.func
 def coat(look: Look, direction: wp.vec3) -> wp.vec3:
     """Share of the reflected light that reaches the viewer."""
     # Interpolated normals may point away from the viewer near a silhouette.
-    return coat_at(look, wp.clamp(-wp.dot(look.normal, direction), 0.0, 1.0))
+    cosine = wp.clamp(-wp.dot(look.normal, direction), 0.0, 1.0)
+    f0 = wp.lerp(wp.vec3(look.reflectance), look.color, look.metallic)
+    return coat_reflectance(f0, look.roughness, cosine)
 
 
 @wp.func
@@ -263,41 +252,6 @@ def mirrored_light(
 
 
 @wp.func
-def clear_coat_look(look: Look) -> Look:
-    """The clear coat as a separate surface, without the normal map of what is below."""
-    coated = Look()
-    coated.roughness = look.clear_coat_roughness
-    coated.reflectance = DIELECTRIC
-    coated.normal = look.smooth_normal
-    coated.facet_normal = look.facet_normal
-    coated.side = look.side
-    coated.openness = look.openness
-    coated.spots_seen = look.spots_seen
-    coated.on_table = look.on_table
-    return coated
-
-
-@wp.func
-def under_clear_coat(
-    view: View,
-    surface: Surface,
-    light: Light,
-    look: Look,
-    place: Place,
-    point: wp.vec3,
-    direction: wp.vec3,
-    below: wp.vec3,
-) -> wp.vec3:
-    """Radiance of a surface with a clear coat, by what the surface alone sends to the viewer."""
-    coated = clear_coat_look(look)
-    reflected = look.clear_coat * coat(coated, direction)[0]
-    mirrored = mirrored_direction(coated, direction)
-    spots = spot_light(surface, light, coated, place, mirrored, reflected).highlights
-    around = environment_light(view, surface, light, point, mirrored, coated.roughness, spots)
-    return (1.0 - reflected) * below + reflected * look.openness * around
-
-
-@wp.func
 def shade(
     view: View,
     surface: Surface,
@@ -329,7 +283,4 @@ def shade(
         spots = keyed.highlights
     width = distance * view.pixel_cone
     around = mirrored_light(view, surface, light, look, point, mirrored, width, spots)
-    own = look.emission + (1.0 - transmission) * diffuse + wp.cw_mul(reflected, around)
-    if look.clear_coat > 0.0:
-        return under_clear_coat(view, surface, light, look, place, point, direction, own)
-    return own
+    return look.emission + (1.0 - transmission) * diffuse + wp.cw_mul(reflected, around)

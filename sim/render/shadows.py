@@ -13,8 +13,6 @@ from digs_warp.sim.render.surface import Surface, is_blocked, smooth_position_at
 from digs_warp.sim.render.view import FAR
 from digs_warp.sim.scene.scene import Scene
 
-wp.set_module_options({"enable_backward": False})
-
 # Shares that are kept, in blocks of neighbors and sets of blocks; newer ones replace older ones.
 # A word is 8 bytes.
 BLOCK = wp.constant(16)

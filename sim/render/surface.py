@@ -6,8 +6,6 @@ from digs_warp.sim.render.surround import LightMap
 from digs_warp.sim.render.textures import LINEAR, TextureSet, sample_texture
 from digs_warp.sim.scene.scene import OPAQUE_SHARE
 
-wp.set_module_options({"enable_backward": False})
-
 # Limits the stretch of a ray cone at grazing angles.
 MIN_COSINE = wp.constant(0.1)
 
@@ -35,12 +33,6 @@ class MaterialData:
     alpha_cutoff: float
     transmission: float
     reflectance: float  # of a dielectric, at normal incidence
-    bends: int  # 1: a body that bends rays; 0: a thin wall
-    ior: float
-    absorption: wp.vec3  # of the body [1/m]
-    clear_coat: float
-    clear_coat_roughness: float
-    sheen: wp.vec3
     texture: int
     finish_texture: int
     opacity_texture: int
@@ -71,7 +63,6 @@ class Surface:
     objects: wp.array[int]  # [m] 0: furniture
     uv_levels: wp.array[float]  # [m] log2(texture widths per metre)
     data: wp.array[MaterialData]  # [materials]
-    sheens: wp.array2d[float]  # [materials, cosines] see `hit_material`; empty without sheen
     textures: TextureSet
     see_through: int  # 1: some material transmits or has an opacity below 1
     step: float  # [m] rays continue this far behind a surface that they pass

@@ -4,8 +4,6 @@ import warp as wp
 
 from digs_warp.sim.scene.environment import Surround
 
-wp.set_module_options({"enable_backward": False})
-
 # Share of a grid's width over which it passes into the next wider one.
 BLEND = wp.constant(0.08)
 

@@ -17,8 +17,6 @@ import warp as wp
 
 from digs_warp.data.images import linear_from_srgb, srgb_from_linear, to_uint8
 
-wp.set_module_options({"enable_backward": False})
-
 # Byte -> value: the table of colors, followed by that of linear quantities. SRGB and LINEAR are their first
 # indices.
 BYTES = np.arange(256) / 255.0
@@ -70,11 +68,11 @@ def sample_texture_level(textures: TextureSet, level: int, uv: wp.vec2, table: i
     top = int(wp.floor(y))
     fx = x - float(left)
     fy = y - float(top)
-    x0 = (left + width) % width
-    x1 = (left + 1) % width
+    x0 = wp.where(left < 0, left + width, left)
+    x1 = wp.where(left + 1 < width, left + 1, 0)
     first = textures.offsets[level]
-    row0 = first + ((top + height) % height) * width
-    row1 = first + ((top + 1) % height) * width
+    row0 = first + wp.where(top < 0, top + height, top) * width
+    row1 = first + wp.where(top + 1 < height, top + 1, 0) * width
     above = wp.lerp(
         fetch_texel(textures, row0 + x0, table), fetch_texel(textures, row0 + x1, table), fx
     )

@@ -6,7 +6,6 @@ import numpy as np
 import warp as wp
 
 from digs_warp.device.warp_start import start_warp
-from digs_warp.sim.render.hit_material import sheen_shares
 from digs_warp.sim.render.surface import MaterialData, Surface
 from digs_warp.sim.render.textures import LINEAR, SRGB, TextureImage, pack_textures
 from digs_warp.sim.scene.scene import Material, Scene
@@ -44,6 +43,7 @@ def upload_scene(scene: Scene) -> DeviceScene:
     mesh = wp.Mesh(
         wp.array(scene.vertices, dtype=wp.vec3, device="cpu"),
         wp.array(scene.faces.reshape(-1), dtype=int, device="cpu"),
+        bvh_leaf_size=2,
     )
     slots, images = _texture_slots(scene.materials)
     surface = Surface()
@@ -61,9 +61,6 @@ def upload_scene(scene: Scene) -> DeviceScene:
     surface.uv_levels = wp.array(_uv_levels(scene), dtype=float, device="cpu")
     data = [_material_data(m, slot) for m, slot in zip(scene.materials, slots, strict=True)]
     surface.data = wp.array(data, dtype=MaterialData, device="cpu")
-    if any(any(material.sheen) for material in scene.materials):
-        shares = [sheen_shares(material.sheen_roughness) for material in scene.materials]
-        surface.sheens = wp.array(np.array(shares), dtype=float, device="cpu")
     surface.textures = pack_textures(images)
     surface.see_through = int(any(is_see_through(material) for material in scene.materials))
     surface.step = STEP_SHARE * scene.radius
@@ -104,18 +101,13 @@ def is_see_through(material: Material) -> bool:
 
 
 # What `Material` and `MaterialData` name alike.
-NUMBERS = (
-    *("roughness", "metallic", "opacity", "alpha_cutoff", "transmission", "reflectance", "ior"),
-    *("clear_coat", "clear_coat_roughness"),
-)
-COLORS = ("base_color", "emission", "sheen")
+NUMBERS = ("roughness", "metallic", "opacity", "alpha_cutoff", "transmission", "reflectance")
+COLORS = ("base_color", "emission")
 
 
 def _material_data(material: Material, textures: dict[str, int]) -> MaterialData:
     data = MaterialData()
     data.see_through = int(is_see_through(material))
-    data.bends = int(material.bends)
-    data.absorption = wp.vec3(*(material.absorption or (0.0, 0.0, 0.0)))
     for name in NUMBERS:
         setattr(data, name, getattr(material, name))
     for name in COLORS:

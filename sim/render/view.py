@@ -13,8 +13,6 @@ from digs_warp.sim.render.surround import Boundary, make_boundary
 from digs_warp.sim.render.views import CameraTrack
 from digs_warp.sim.scene.environment import Surround
 
-wp.set_module_options({"enable_backward": False})
-
 # Steps of linear light from 0 to 1 at which the search for a byte starts: sRGB is at most three bytes further
 # at the end of a step.
 STARTS = wp.constant(4096.0)

@@ -2,15 +2,13 @@
 
 import colorsys
 from dataclasses import dataclass, replace
-from typing import Annotated, Literal
+from typing import Annotated
 
 import numpy as np
 
 from digs_warp.settings import ANGLE, NO_FLAG, Range, Settings
 from digs_warp.sim.scene.environment import Environment
-from digs_warp.sim.scene.finishes import random_finish
 from digs_warp.sim.scene.scene import FURNITURE, Material, Scene
-from digs_warp.sim.scene.table import TABLE_TOP
 
 # Color temperature [K] at which the light of an environment stays as it is.
 NEUTRAL_TEMPERATURE = 6500.0
@@ -48,10 +46,6 @@ class LookSettings(Settings):
     """Hue of the tint [degree]: 0 is red, 120 green, 240 blue; one for all objects, or one for each. Default:
     red."""
 
-    table_top: Annotated[Literal["oak", "random"], NO_FLAG] = "oak"
-    """Top of the table of --ground table: oak laminate, or a random pattern in random colors and of random
-    gloss, which follow from --seed."""
-
 
 def of_object(values: tuple[float, ...], number: int, usual: float) -> float:
     """Return the value of an object, counted from 0, where one value counts for all, and none is ``usual``.
@@ -63,12 +57,6 @@ def of_object(values: tuple[float, ...], number: int, usual: float) -> float:
 
 FULL_TEXEL = 255
 
-# Identifies the table top in the seeds.
-TABLE = 303
-
-# Sides of its texture: 1.4 mm per texel on a desk.
-TABLE_TEXELS = 1024
-
 
 def refinished(scene: Scene, look: LookSettings) -> Scene:
     """Return the scene with the finish that the settings ask for; metal stays metal."""
@@ -79,20 +67,6 @@ def refinished(scene: Scene, look: LookSettings) -> Scene:
         for material, owner in zip(scene.materials, _owners(scene), strict=True)
     )
     return replace(scene, materials=tuple(finished))
-
-
-def with_table_top(scene: Scene, look: LookSettings, seed: int) -> Scene:
-    """Return the scene with the table top that the settings ask for."""
-    if look.table_top == "oak":
-        return scene
-    new = random_finish(np.random.default_rng([seed, TABLE]), TABLE_TEXELS)
-    materials = (
-        replace(new, name=TABLE_TOP)
-        if material.name == TABLE_TOP and owner == FURNITURE
-        else material
-        for material, owner in zip(scene.materials, _owners(scene), strict=True)
-    )
-    return replace(scene, materials=tuple(materials))
 
 
 def tint_color(strength: float, hue: float) -> np.ndarray:

@@ -1,4 +1,4 @@
-"""The scene of several mesh files: each in its size and at rest, together on the ground or in a pile."""
+"""The scene of several mesh files: each in its size and at rest, together on the ground."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -7,7 +7,6 @@ import numpy as np
 
 from digs_warp.checks import DigsError
 from digs_warp.geometry.rigid import rotation_in_plane
-from digs_warp.sim.scene.drop import dropped
 from digs_warp.sim.scene.join import join_scenes
 from digs_warp.sim.scene.load import MeshFile, read_mesh
 from digs_warp.sim.scene.scene import MOST_OBJECTS, Scene
@@ -114,7 +113,6 @@ def load_objects(
     size: float | None = None,
     up: str = "auto",
     unit: str = "auto",
-    falling: bool = False,
 ) -> Scene:
     """Return a scene of several mesh files, numbered in their order; its box is centered on the origin.
 
@@ -125,10 +123,9 @@ def load_objects(
             the files.
         up: for every file; see `digs_warp.sim.scene.load.load_scene`.
         unit: likewise.
-        falling: whether they fall in a pile, instead of standing beside each other.
 
     Raises:
-        DigsError: a file that cannot be used, or too many; see also `digs_warp.sim.scene.drop.dropped`.
+        DigsError: a file that cannot be used, or too many.
     """
     if len(paths) > MOST_OBJECTS:
         raise DigsError(f"--scene: {len(paths)} files, expected at most {MOST_OBJECTS}")
@@ -140,7 +137,7 @@ def load_objects(
         }
     files = [read[path] for path in paths]
     rng = np.random.default_rng([seed, ARRANGEMENT])
-    motions = dropped(files, rng) if falling else beside_each_other(files, rng)
+    motions = beside_each_other(files, rng)
     centered = _centering(files, motions)
     return join_scenes(
         *(each.scene(centered @ motion) for each, motion in zip(files, motions, strict=True))

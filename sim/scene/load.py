@@ -175,19 +175,6 @@ def _scene(
         normals=triangles.normals.astype(np.float32),
         uvs=triangles.uvs.astype(np.float32),
         vertex_colors=triangles.colors.astype(np.float32),
-        materials=_in_metres(materials, world_from_mesh),
+        materials=materials,
         objects=(SceneObject(path.stem, path, world_from_mesh, size, placement),),
-    )
-
-
-def _in_metres(
-    materials: tuple[Material, ...], world_from_mesh: np.ndarray
-) -> tuple[Material, ...]:
-    """Return the materials with the absorption of their bodies in the world, not in the file [1/m]."""
-    scale = float(np.cbrt(abs(np.linalg.det(world_from_mesh[:3, :3]))))
-    return tuple(
-        material
-        if material.absorption is None
-        else replace(material, absorption=tuple(value / scale for value in material.absorption))
-        for material in materials
     )

@@ -11,8 +11,7 @@ from digs_warp.sim.scene.mesh.placement import Placement
 # A surface that hides less than this share of the background counts as transparent.
 OPAQUE_SHARE = 0.5
 
-# Refractive index of glass, plastic and paint, and the light that they reflect at normal incidence.
-DIELECTRIC_IOR = 1.5
+# Light that glass, plastic and paint reflect at normal incidence: that of refractive index 1.5.
 DIELECTRIC_REFLECTANCE = 0.04
 
 
@@ -32,17 +31,10 @@ class Material:
             varies.
         opacity_texture: opacity of each texel, (height, width), uint8; None: the same everywhere.
         alpha_cutoff: where the opacity is lower, there is a hole.
-        transmission: share of the light that passes through the body of the surface (glass), tinted
-            with the base color, 0 to 1; the mean where it varies.
+        transmission: share of the light that goes straight on through the surface, a thin wall (glass),
+            tinted with the base color, 0 to 1; the mean where it varies.
         transmission_texture: transmission of each texel, (height, width), uint8; None: as above.
-        ior: refractive index, >= 1; it matters where a ray enters or leaves a body.
         reflectance: of what is not metal, at normal incidence, 0 to 1.
-        absorption: of the body behind a surface that transmits light, linear RGB [1/m]; None: the
-            surface is a thin wall with air on both sides, and rays go straight on.
-        clear_coat: share of the surface under a layer of clear varnish, 0 to 1; the mean where it varies.
-        clear_coat_roughness: of that layer.
-        sheen: linear RGB of the light that fibers scatter toward grazing views; black: no cloth.
-        sheen_roughness: of the fibers, 0 (seen at the rim only) to 1.
         emission: linear RGB of the light that the surface emits; 1 is full white at any exposure.
         emission_texture: sRGB image that multiplies ``emission``, (height, width, 3), uint8; None: plain.
         normal_texture: tangent-space normals as glTF has them (x along u, y along v, z outward;
@@ -60,21 +52,10 @@ class Material:
     alpha_cutoff: float = 0.0
     transmission: float = 0.0
     transmission_texture: np.ndarray | None = None
-    ior: float = DIELECTRIC_IOR
     reflectance: float = DIELECTRIC_REFLECTANCE
-    absorption: tuple[float, float, float] | None = None
-    clear_coat: float = 0.0
-    clear_coat_roughness: float = 0.0
-    sheen: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    sheen_roughness: float = 0.0
     emission: tuple[float, float, float] = (0.0, 0.0, 0.0)
     emission_texture: np.ndarray | None = None
     normal_texture: np.ndarray | None = None
-
-    @property
-    def bends(self) -> bool:
-        """Whether rays that pass the surface change their direction."""
-        return self.absorption is not None and self.transmission > 0
 
     @property
     def is_transparent(self) -> bool:

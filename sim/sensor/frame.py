@@ -100,11 +100,6 @@ def is_transparent(material: Material) -> bool:
     return material.is_transparent
 
 
-def is_thin_glass(material: Material) -> bool:
-    """Whether what lies behind the surface shows at its own disparity: nothing bends the rays."""
-    return material.is_transparent and not material.bends
-
-
 class FrameRays(Protocol):
     """Rays that only some effects need; a renderer casts them on request."""
 

@@ -7,9 +7,10 @@ a black card, a bead close to the lens, and a surround beyond the camera's range
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
+from scipy.ndimage import gaussian_filter
 
 from digs_warp.geometry.camera import Camera, Intrinsics
 from digs_warp.geometry.rigid import look_at
@@ -18,9 +19,7 @@ from digs_warp.sim.camera.rig import StereoRig
 from digs_warp.sim.render.raycast import RaycastRenderer
 from digs_warp.sim.scene.builtin import builtin_environment
 from digs_warp.sim.scene.environment import Environment
-from digs_warp.sim.scene.finishes import periodic_noise
 from digs_warp.sim.scene.scene import Material, Scene
-from digs_warp.sim.scene.shapes import Patch, revolve
 from digs_warp.sim.sensor.frame import FrameTruth, Motion
 from digs_warp.study.engine.case import STUDIED_CAMERA
 
@@ -34,6 +33,16 @@ EYE, TARGET = np.array([0.0, -1.25, 0.28]), np.array([0.02, 0.1, 0.02])
 
 # A brisk turn of the hand, so that motion shows in a single frame.
 MOTION = Motion((0.25, 0.0, 0.0), (0.0, 0.6, 0.0))
+
+
+class Patch(NamedTuple):
+    """A piece of surface; faces are counterclockwise from outside."""
+
+    vertices: np.ndarray
+    faces: np.ndarray
+    normals: np.ndarray
+    uvs: np.ndarray
+
 
 Part = tuple[Patch, Material]
 Color = tuple[float, float, float]
@@ -105,11 +114,15 @@ def card(center: Sequence[float], right: Sequence[float], up: Sequence[float]) -
 
 def ball(center: Sequence[float], radius: float) -> Patch:
     """Return a sphere."""
-    angle = np.linspace(-np.pi / 2, np.pi / 2, 49)
-    outline = radius * np.stack([np.cos(angle), np.sin(angle)], axis=1)
-    outline[[0, -1], 0] = 0.0
-    patch = revolve(outline, 96)
-    return Patch(patch.vertices + np.asarray(center), patch.faces, patch.normals, patch.uvs)
+    v, u = (each.ravel() for each in np.mgrid[0:1:49j, 0:1:97j])
+    polar, azimuth = np.pi * (v - 0.5), 2 * np.pi * u
+    ring = np.cos(polar)
+    normals = np.stack([ring * np.cos(azimuth), ring * np.sin(azimuth), np.sin(polar)], axis=1)
+    a = (97 * np.arange(48)[:, None] + np.arange(96)).ravel()
+    # At the poles one of the two triangles has no area.
+    lower, upper = np.stack([a, a + 1, a + 98], 1)[96:], np.stack([a, a + 98, a + 97], 1)[:-96]
+    uvs = np.stack([u, v / 2], axis=1)
+    return Patch(center + radius * normals, np.concatenate([lower, upper]), normals, uvs)
 
 
 def _noise(
@@ -121,7 +134,10 @@ def _noise(
 ) -> Material:
     """Return a matte material with a random texture of the given contrast [DN]."""
     shape = (TEXTURE_SIZE, TEXTURE_SIZE)
-    gray = 140 + contrast * periodic_noise(rng, shape, wavelengths)
+    noise = rng.standard_normal(shape)
+    # Between both wavelengths; periodic.
+    fine, coarse = (gaussian_filter(noise, each / 4, mode="wrap") for each in wavelengths)
+    gray = 140 + contrast * (fine - coarse) / np.std(fine - coarse)
     texture = np.clip(gray[..., None] * np.array(tint), 0, 255).astype(np.uint8)
     return Material(name, np.ones(3, np.float32), texture, roughness=0.95)
 

@@ -17,8 +17,6 @@ from digs_warp.checks import DigsError
 from digs_warp.record.typed import from_json, to_json
 from digs_warp.sim.config import SimulateConfig
 from digs_warp.sim.record.randomize.randomization import (
-    DISTRACTOR_MESH_COUNT,
-    LEAST_COUNT,
     OBJECT_COUNT,
     Distribution,
     Randomization,
@@ -109,7 +107,7 @@ def _scene(
     drawn = _meshes(entries, share)
     objects = len(drawn.get("scene", config.scene)) or 1
     for key, entry in entries.items():
-        if key in ("mesh", *LEAST_COUNT):
+        if key in ("mesh", OBJECT_COUNT):
             continue
         value = entry.at(share(key))
         if key in PER_OBJECT and not isinstance(value, list):
@@ -120,20 +118,15 @@ def _scene(
 
 
 def _meshes(entries: Mapping[str, Distribution], share: Callable[..., float]) -> dict[str, Any]:
-    """Return the meshes of objects and distractors: each another one, as long as there are any."""
+    """Return the meshes of the objects: each another one, as long as there are any."""
     if "mesh" not in entries:
         return {}
-    counts = [
-        entries[key].at(share(key)) if key in entries else usual
-        for key, usual in ((OBJECT_COUNT, 1), (DISTRACTOR_MESH_COUNT, 0))
-    ]
+    count = entries[OBJECT_COUNT].at(share(OBJECT_COUNT)) if OBJECT_COUNT in entries else 1
     left, chosen = entries["mesh"], []
-    for item in range(sum(counts)):
+    for item in range(count):
         chosen.append(left.at(share("mesh", item)))
         left = left.without(chosen[-1])
-    objects, others = chosen[: counts[0]], chosen[counts[0] :]
-    found = {"distractor_meshes": others} if others else {}
-    return {**found, **({"mesh": objects[0]} if len(objects) == 1 else {"scene": objects})}
+    return {"mesh": chosen[0]} if count == 1 else {"scene": chosen}
 
 
 def _with(config: SimulateConfig, values: Mapping[str, Any], where: str) -> SimulateConfig:
@@ -164,7 +157,8 @@ def _check(where: str, entries: Mapping[str, Distribution], config: SimulateConf
         what = f"{where}: {key} {entry.words}"
         for value in entry.values:
             try:
-                _check_count(key, value, entries)
+                if key == OBJECT_COUNT:
+                    _check_count(value, entries)
                 tried = _with(config, {**first, key: as_listed(value, known[key])}, "settings")
                 check_effects(tried)
                 rig_of(tried)
@@ -175,13 +169,10 @@ def _check(where: str, entries: Mapping[str, Distribution], config: SimulateConf
                     raise DigsError(f"{what}: '{path}': no such file")
 
 
-def _check_count(key: str, value: Any, entries: Mapping[str, Distribution]) -> None:
-    least = LEAST_COUNT.get(key)
-    if least is None:
-        return
-    if type(value) is not int or not least <= value <= MOST_OBJECTS:
-        raise DigsError(f"{value}, expected a whole number, {least} to {MOST_OBJECTS}")
-    if value > least and "mesh" in entries and None in entries["mesh"].values:
+def _check_count(value: Any, entries: Mapping[str, Distribution]) -> None:
+    if type(value) is not int or not 1 <= value <= MOST_OBJECTS:
+        raise DigsError(f"{value}, expected a whole number, 1 to {MOST_OBJECTS}")
+    if value > 1 and "mesh" in entries and None in entries["mesh"].values:
         raise DigsError(
             f"{value} meshes, but 'mesh' can be the built-in object, which stands alone; leave it out there"
         )

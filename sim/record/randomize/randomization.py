@@ -22,8 +22,7 @@ from digs_warp.sim.config import SimulateConfig
 from digs_warp.words import did_you_mean
 
 # Drawn beside the settings: how many meshes are chosen for a scene, instead of one.
-OBJECT_COUNT, DISTRACTOR_MESH_COUNT = "object_count", "distractor_mesh_count"
-LEAST_COUNT = {OBJECT_COUNT: 1, DISTRACTOR_MESH_COUNT: 0}
+OBJECT_COUNT = "object_count"
 
 # The file of what is built in: the object, the room.
 BUILT_IN = "built-in"
@@ -119,7 +118,7 @@ def known_keys() -> dict[str, Any]:
     """Return the type of all keys by name, in the order of the settings."""
     # The seed of a scene follows from --seed and the number of the scene, or scenes would not differ.
     settings = {name: hint for name, hint in _types(SimulateConfig).items() if name != "seed"}
-    return {OBJECT_COUNT: int, DISTRACTOR_MESH_COUNT: int, **settings}
+    return {OBJECT_COUNT: int, **settings}
 
 
 def _types(kind: type) -> dict[str, Any]:

@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 
 from digs_warp.checks import MeshError
-from digs_warp.data.images import linear_from_srgb
 from digs_warp.sim.scene.mesh.files_beside import UndecodableError, check_texture
 from digs_warp.sim.scene.mesh.gltf import SPLATS, GltfNumbers, image_bytes, image_of
 from digs_warp.sim.scene.mesh.materials import (
@@ -20,15 +19,13 @@ from digs_warp.sim.scene.mesh.materials import (
     rgb_pixels,
 )
 from digs_warp.sim.scene.mesh.parts import MeshPart
-from digs_warp.sim.scene.scene import DIELECTRIC_IOR, Material
+from digs_warp.sim.scene.scene import Material
 from digs_warp.words import cut, quoted
 
 logger = logging.getLogger(__name__)
 
-# Attenuation colors are not darker: black would absorb without limit.
-DARKEST = 1e-4
-
-# glTF's default cut-off for alphaMode MASK.
+# glTF's default refractive index, and cut-off for alphaMode MASK.
+DEFAULT_IOR = 1.5
 DEFAULT_CUTOFF = 0.5
 
 # Zero of x and y in a normal map.
@@ -38,10 +35,15 @@ GLOSSINESS = "KHR_materials_pbrSpecularGlossiness"
 
 # Extensions of materials whose entries are read beside those of the standard; no two name one alike.
 MATERIAL_EXTENSIONS = (
-    *("KHR_materials_clearcoat", "KHR_materials_emissive_strength", "KHR_materials_ior"),
-    *("KHR_materials_sheen", "KHR_materials_specular", "KHR_materials_transmission"),
-    "KHR_materials_volume",
+    *("KHR_materials_emissive_strength", "KHR_materials_ior", "KHR_materials_specular"),
+    "KHR_materials_transmission",
 )
+# Those that are drawn without, and how.
+PLAIN_EXTENSIONS = {
+    "KHR_materials_clearcoat": "without its varnish",
+    "KHR_materials_sheen": "without its sheen",
+    "KHR_materials_volume": "as a thin wall, which bends no light",
+}
 
 Color = tuple[float, float, float]
 BLACK: Color = (0.0, 0.0, 0.0)
@@ -80,9 +82,8 @@ class GltfMaterials:
                 "export it again with PNG or JPEG textures"
             )
         factor = np.array(values.get("baseColorFactor", np.ones(4)), np.float64)
-        ior = max(float(values.get("ior", DIELECTRIC_IOR)), 1.0)
+        ior = max(float(values.get("ior", DEFAULT_IOR)), 1.0)
         specular = float(values.get("specularFactor", 1.0)) * ((ior - 1) / (ior + 1)) ** 2
-        coat = self._mean(values.get("clearcoatTexture"), name, parts)[0]
         return Material(
             name=name,
             base_color=factor[:3].astype(np.float32),
@@ -90,13 +91,7 @@ class GltfMaterials:
             **self._finish(values, name, parts),
             **_opacity(values, float(factor[3]), image, name, parts),
             **self._transmission(values, name, parts),
-            ior=ior,
             reflectance=float(np.clip(specular, 0.0, 1.0)),
-            absorption=_absorption(values),
-            clear_coat=_share(values.get("clearcoatFactor", 0.0)) * float(coat),
-            clear_coat_roughness=_share(values.get("clearcoatRoughnessFactor", 0.0)),
-            sheen=self._sheen(values, name, parts),
-            sheen_roughness=_share(values.get("sheenRoughnessFactor", 0.0)),
             **self._emission(values, name, parts),
             normal_texture=self._normals(values, name, parts),
         )
@@ -140,13 +135,6 @@ class GltfMaterials:
             return None
         return Image.open(BytesIO(data))
 
-    def _mean(self, entry: Any, name: str, parts: Sequence[MeshPart]) -> np.ndarray:
-        """Return the mean of a map over the surface, (3,), 0 to 1; 1 without a map."""
-        image = self._image(entry)
-        if image is None or parts[0].uvs is None:
-            return np.ones(3)
-        return mean_over_surface(rgb_pixels(image, name), parts) / 255.0
-
     def _finish(
         self, values: dict[str, Any], name: str, parts: Sequence[MeshPart]
     ) -> dict[str, Any]:
@@ -171,14 +159,6 @@ class GltfMaterials:
         pixels = _scaled(rgb_pixels(image, name)[..., 0], factor)
         mean = float(mean_over_surface(pixels[..., None], parts)[0] / 255.0)
         return {"transmission": mean, "transmission_texture": pixels}
-
-    def _sheen(self, values: dict[str, Any], name: str, parts: Sequence[MeshPart]) -> Color:
-        """Return the color of the fibers, linear: the mean where it varies."""
-        factor = np.array([_share(value) for value in values.get("sheenColorFactor", BLACK)])
-        if not factor.any():
-            return BLACK
-        mean = linear_from_srgb(self._mean(values.get("sheenColorTexture"), name, parts))
-        return _color(factor * mean)
 
     def _emission(
         self, values: dict[str, Any], name: str, parts: Sequence[MeshPart]
@@ -232,22 +212,6 @@ def _opacity(
         "opacity_texture": alpha,
         "alpha_cutoff": DEFAULT_CUTOFF if mode == "MASK" else MIN_OPACITY,
     }
-
-
-def _absorption(values: dict[str, Any]) -> Color | None:
-    """Return the absorption of a body per unit of the file, by Beer and Lambert; None: a thin wall.
-
-    Light has its attenuation color after the attenuation distance; without one nothing is absorbed.
-    """
-    if not float(values.get("thicknessFactor", 0.0)) > 0:
-        return None
-    distance = float(values.get("attenuationDistance", np.inf))
-    color = np.asarray(values.get("attenuationColor", (1.0, 1.0, 1.0)), dtype=np.float64)
-    return _color(-np.log(np.clip(color, DARKEST, 1.0)) / distance) if distance > 0 else BLACK
-
-
-def _share(value: Any) -> float:
-    return float(np.clip(float(value), 0.0, 1.0))
 
 
 def _color(values: np.ndarray) -> Color:
@@ -311,6 +275,7 @@ def placed_uvs(
 # Extensions that a file may require because they are read, or change nothing that is drawn here.
 READ_EXTENSIONS = {
     *MATERIAL_EXTENSIONS,
+    *PLAIN_EXTENSIONS,
     *("KHR_mesh_quantization", "KHR_texture_transform", "EXT_texture_webp", "KHR_lights_punctual"),
     *(GLOSSINESS, "KHR_materials_unlit", "KHR_materials_variants"),
 }
@@ -319,8 +284,10 @@ READ_EXTENSIONS = {
 def unmodeled_features(header: dict[str, Any]) -> Iterator[str]:
     """Yield a sentence for all that will look different from what its author intended."""
     for index, material in enumerate(header.get("materials", [])):
+        label = f"material {quoted(str(material.get('name', index)))}"
+        for extension in sorted(PLAIN_EXTENSIONS.keys() & material.get("extensions", {})):
+            yield f"{label}: drawn {PLAIN_EXTENSIONS[extension]} ({extension})"
         if len(map_places(material)) > 1:
-            label = f"material {quoted(str(material.get('name', index)))}"
             yield f"{label}: its maps lie in different places, drawn where its first one lies"
     for extension in sorted({*header.get("extensionsRequired", [])} - READ_EXTENSIONS):
         yield f"it requires {cut(extension)}, which is not read; it may look different"

@@ -8,7 +8,7 @@ from digs_warp.sim.sensor.effects import SECOND_SURFACE_NAMES
 from digs_warp.sim.sensor.effects.second_surfaces import Mirror, Transparency
 from digs_warp.sim.sensor.error_attribution import attribute_errors
 from digs_warp.sim.sensor.filters import gray_of
-from digs_warp.sim.sensor.frame import FrameTruth, Sensed, is_mirror, is_thin_glass
+from digs_warp.sim.sensor.frame import FrameTruth, Sensed, is_mirror, is_transparent
 from digs_warp.sim.sensor.guided.blocks import BLOCK, BLOCKS, MAX_BLOCKS
 from digs_warp.sim.sensor.guided.confidence import confidence_of
 from digs_warp.sim.sensor.guided.search import search
@@ -89,7 +89,7 @@ def second_disparity(truth: FrameTruth, effects: Collection[str]) -> np.ndarray 
         truth: its rays find what lies behind and what is reflected.
         effects: names of those whose surfaces to look for; other names change nothing.
     """
-    glass = _if_any(truth.pixels_of(is_thin_glass)) if Transparency.name in effects else None
+    glass = _if_any(truth.pixels_of(is_transparent)) if Transparency.name in effects else None
     mirrors = _if_any(truth.pixels_of(is_mirror)) if Mirror.name in effects else None
     if glass is None and mirrors is None:
         return None

@@ -11,10 +11,11 @@ from digs_warp.data.images import linear_from_srgb
 from digs_warp.geometry.camera import Camera, Intrinsics
 from digs_warp.geometry.rigid import look_at, rigid
 from digs_warp.sim.camera.shutter import BandedRays, Shutter, ShutteredEye
-from digs_warp.sim.render.gl import exposure_by_views
 from digs_warp.sim.render.raycast import RaycastRenderer
+from digs_warp.sim.render.views import CameraTrack
 from digs_warp.sim.scene.environment import Environment
 from digs_warp.sim.scene.scene import Material
+from digs_warp.sim.sensor.color.encoding import decode, encode
 from reference.plates import plate
 
 K = Intrinsics.from_fov(160, 120, 50.0)
@@ -41,6 +42,21 @@ def turning(rate: float, after: float) -> np.ndarray:
 def eye(renderer: RaycastRenderer, shutter: Shutter, rate: float = TURN) -> ShutteredEye:
     pose: Callable[[float], np.ndarray] = partial(turning, rate)
     return ShutteredEye(renderer, shutter, K, pose)
+
+
+def exposure_by_views(
+    renderer: RaycastRenderer, track: CameraTrack, samples: int, seed: int
+) -> tuple[np.ndarray, np.ndarray]:
+    """Image and mask as the means, in linear light, of a whole view for each band and moment."""
+    seeds = iter(np.random.SeedSequence(seed).generate_state(track.world_from_cam[..., 0, 0].size))
+    bands = []
+    for cameras in track.bands():
+        views = [renderer.render_image(each, samples, int(next(seeds))) for each in cameras]
+        light = np.stack([decode(image) for image, _ in views]).mean(axis=0, dtype=np.float32)
+        cover = np.mean([mask for _, mask in views], axis=0)
+        bands.append((encode(light), (cover + 0.5).astype(np.uint8)))
+    images, masks = zip(*bands, strict=True)
+    return np.concatenate(images), np.concatenate(masks)
 
 
 def test_bands_and_views_share_out_their_times() -> None:

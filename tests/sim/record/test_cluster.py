@@ -101,7 +101,6 @@ def test_what_is_recorded_touches_its_ground_and_nothing_else(
         scene=tuple(boxes),
         ground=ground,
         object_turn=35.0,
-        distractors=2,
         frames=1,
         width=32,
     )

@@ -6,16 +6,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from digs_warp.sim.scene.appearance import (
-    LookSettings,
-    refinished,
-    tint_color,
-    with_table_top,
-)
+from digs_warp.sim.scene.appearance import LookSettings, refinished, tint_color
 from digs_warp.sim.scene.builtin import builtin_scene
-from digs_warp.sim.scene.join import join_scenes
 from digs_warp.sim.scene.load import load_scene
-from digs_warp.sim.scene.table import TABLE_TOP, table_scene
 
 SCENE = builtin_scene()
 PYRAMID = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 2\nf 1 3 2\nf 1 2 4\nf 2 3 4\nf 3 1 4\n"
@@ -62,23 +55,6 @@ def test_every_object_gets_its_own_finish_and_furniture_none() -> None:
     for number, (a, b) in enumerate(zip(scene.materials, after.materials, strict=True)):
         wanted = a.base_color * np.array(colors[number % 4])
         np.testing.assert_allclose(b.base_color, wanted, atol=1e-6)
-
-
-def test_a_random_table_top_follows_from_the_seed() -> None:
-    table = table_scene(0.0, -0.7, np.array([(-0.1, -0.1, 0.0), (0.1, 0.1, 0.2)]))
-    scene = join_scenes(SCENE, table)
-    look = LookSettings(table_top="random")
-    first, again, other = (with_table_top(scene, look, seed) for seed in (1, 1, 2))
-    changed = [a is not b for a, b in zip(scene.materials, first.materials, strict=True)]
-    assert [m.name for m, is_new in zip(scene.materials, changed, strict=True) if is_new] == [
-        TABLE_TOP
-    ]
-    tops = [each.materials[changed.index(True)] for each in (first, again, other)]
-    textures = [top.texture for top in tops]
-    assert textures[0] is not None and textures[1] is not None and textures[2] is not None
-    np.testing.assert_array_equal(textures[0], textures[1])
-    assert (textures[0] != textures[2]).any() and tops[0].roughness != tops[2].roughness
-    assert with_table_top(scene, LookSettings(), 1) is scene
 
 
 def test_vertices_normals_and_pose_turn_counterclockwise(tmp_path: Path) -> None:

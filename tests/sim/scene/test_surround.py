@@ -134,9 +134,3 @@ def test_large_objects_get_large_surrounds() -> None:
         assert set_up(scene, environment, "floor", 40.0)[1].radius == 70.0
     sphere = set_up(scene, SHAPES["sphere"], "none", 1.0)[1]
     assert sphere.surround == SHAPES["sphere"].surround
-
-
-def test_opengl_draws_no_ground() -> None:
-    with pytest.raises(DigsError, match="--ground floor: the renderer gl draws no ground"):
-        SimulateConfig(renderer="gl", ground="floor")
-    assert SimulateConfig(renderer="gl").chosen_ground == "none"

@@ -50,7 +50,7 @@ def test_a_film_has_the_poses_of_its_moments_and_resumes_to_the_same_bytes(tmp_p
 @pytest.mark.parametrize("ground", ["floor", "table"])
 def test_nothing_is_in_the_way_of_the_camera(path: PathName, ground: str) -> None:
     walk = WalkSettings(path=path, elevations=(10.0,), unsteadiness=2.0)
-    config = replace(CONFIG, ground=ground, distractors=6, walk=walk)
+    config = replace(CONFIG, ground=ground, walk=walk)
     session = session_of(config)
     lowest = session.scene.object_vertices[:, 2].min()
     things = session.scene.vertices[session.scene.vertices[:, 2] > lowest + 0.001]

@@ -224,21 +224,16 @@ def test_settings_in_the_record_are_the_whole_scene() -> None:
     assert max(seeds) < 2**31 and np.mean(seeds) == pytest.approx(2**30, rel=0.15)
 
 
-def test_objects_and_distractors_are_different_files_of_the_pool(files: list[Path]) -> None:
+def test_objects_are_different_files_of_the_pool(files: list[Path]) -> None:
     meshes, skies = files[:8], files[8:]
-    counted = randomization(
-        object_count={"uniform": [1, 4]},
-        distractor_mesh_count={"uniform": [0, 2]},
-        tint={"uniform": [0, 1]},
-    )
+    counted = randomization(object_count={"uniform": [1, 4]}, tint={"uniform": [0, 1]})
     scenes = draw_scenes(counted, CONFIG, 600, meshes, skies)
     assert {scene.config.environment for scene in scenes} == set(skies)
     objects = [list(scene.config.scene) or [scene.config.mesh] for scene in scenes]
-    others = [scene.config.distractor_meshes for scene in scenes]
-    assert {len(each) for each in objects} == {1, 2, 3, 4} and {len(o) for o in others} == {0, 1, 2}
+    assert {len(each) for each in objects} == {1, 2, 3, 4}
     assert np.mean([len(each) for each in objects]) == pytest.approx(2.5, rel=0.05)
-    for chosen, beside, scene in zip(objects, others, scenes, strict=True):
-        assert len({*chosen, *beside}) == len(chosen) + len(beside)
+    for chosen, scene in zip(objects, scenes, strict=True):
+        assert len(set(chosen)) == len(chosen)
         tints = scene.config.look.tint
         assert len(tints) == len(chosen) == len(set(tints))
         assert "object_count" not in scene.drawn

@@ -14,7 +14,7 @@ from digs_warp.sim.record import session
 from digs_warp.sim.record.inputs import load_inputs
 from digs_warp.sim.record.randomize.draws import draw_scenes
 from digs_warp.sim.record.randomize.randomization import (
-    LEAST_COUNT,
+    OBJECT_COUNT,
     SHIPPED,
     Randomization,
     entries_of,
@@ -105,7 +105,7 @@ def prepared(key: str, value: object, inputs: Path) -> bytes:
     content = {"ground": "table", "tint": 0.5, "roughness_factor": 0.3, key: value}
     mine = Randomization("mine", entries_of(content, inputs, "mine"))
     config = SimulateConfig(profile="bare-matcher", environment=inputs / "day.png", frames=3)
-    meshes = sorted(inputs.glob("*.obj"))[: None if key in LEAST_COUNT else 1]
+    meshes = sorted(inputs.glob("*.obj"))[: None if key == OBJECT_COUNT else 1]
     (scene,) = draw_scenes(mine, config, 1, meshes)
     ready = session.prepare_session(scene.config, load_inputs(scene.config))
     poses = [ready.walk.pose(moment) for moment in ready.moments]

@@ -200,8 +200,10 @@ def test_flat_normal_maps_and_even_finishes_cost_nothing(tmp_path: Path) -> None
     assert material.normal_texture is None and material.finish_texture is None
 
 
-def test_extensions_that_trimesh_leaves_out_are_read(tmp_path: Path) -> None:
-    """Glass, varnish, cloth, strength of emission, scale of the normal map."""
+def test_extensions_are_read_or_said_to_be_left_out(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    """Glass, strength of emission and scale of the normal map; not varnish, cloth and bodies of glass."""
     tilted = np.full((2, 2, 3), (148, 108, 250), np.uint8)
     square = textured_square(
         emissiveFactor=[0.5, 0.5, 0.0],
@@ -222,21 +224,9 @@ def test_extensions_that_trimesh_leaves_out_are_read(tmp_path: Path) -> None:
             "KHR_materials_emissive_strength": {"emissiveStrength": 3.0},
             "KHR_materials_ior": {"ior": 1.33},
             "KHR_materials_specular": {"specularFactor": 0.5},
-            "KHR_materials_clearcoat": {
-                "clearcoatFactor": 0.5,
-                "clearcoatTexture": {"index": color_index},
-                "clearcoatRoughnessFactor": 0.25,
-            },
-            "KHR_materials_sheen": {
-                "sheenColorFactor": [0.5, 0.25, 1.0],
-                "sheenColorTexture": {"index": color_index},
-                "sheenRoughnessFactor": 0.75,
-            },
-            "KHR_materials_volume": {
-                "thicknessFactor": 0.1,
-                "attenuationDistance": 0.5,
-                "attenuationColor": [1.0, 0.5, 0.25],
-            },
+            "KHR_materials_clearcoat": {"clearcoatFactor": 0.5},
+            "KHR_materials_sheen": {"sheenColorFactor": [0.5, 0.25, 1.0]},
+            "KHR_materials_volume": {"thicknessFactor": 0.1},
         }
 
     edit_gltf(path, add_extensions)
@@ -245,12 +235,6 @@ def test_extensions_that_trimesh_leaves_out_are_read(tmp_path: Path) -> None:
     assert found.transmission == pytest.approx(0.8 * 51 / 255, abs=2e-3)
     assert found.normal_texture is not None
     np.testing.assert_array_equal(found.normal_texture[0, 0], [138, 118, 250])
-    assert found.ior == 1.33 and found.bends
     assert found.reflectance == pytest.approx(0.5 * (0.33 / 2.33) ** 2)
-    assert found.absorption == pytest.approx((0.0, 2 * np.log(2), 4 * np.log(2)))
-    assert found.clear_coat == pytest.approx(0.5 * 51 / 255, abs=2e-3)
-    assert (found.clear_coat_roughness, found.sheen_roughness) == (0.25, 0.75)
-    expected = np.array([0.5, 0.25, 1.0]) * linear_from_srgb(np.array(51 / 255))
-    np.testing.assert_allclose(found.sheen, expected, rtol=0.02)
-    (larger,) = load_scene(path, size=2 * load_scene(path).size.max()).materials
-    assert larger.absorption == pytest.approx((0.0, np.log(2), 2 * np.log(2)))
+    for said in ("without its varnish", "without its sheen", "as a thin wall"):
+        assert f"drawn {said}" in caplog.text

@@ -105,12 +105,6 @@ def test_second_disparity_is_that_of_the_formulas_and_of_the_drifted_images() ->
         assert np.abs(expected - BEHIND).max() > 0.5
 
 
-def test_what_a_body_of_glass_bends_has_no_disparity_of_its_own() -> None:
-    body = replace(GLASS, absorption=(0.0, 0.0, 0.0), transmission=1.0)
-    assert body.is_transparent
-    assert second_disparity(layered_frame(body, 0.5), SECOND_SURFACE_NAMES) is None
-
-
 def test_where_nothing_is_clear_or_mirrors_no_ray_is_cast() -> None:
     truth = make_frame(SURFACE)
     rays = CountedRays(truth.depth.shape)
