@@ -87,8 +87,7 @@ def write_compressed(path: Path, gaussians: Gaussians) -> None:
     def shares(values: np.ndarray, names: list[str]) -> np.ndarray:
         """Return values as shares of the bounds of their chunk, which are kept by name."""
         low, high = (
-            np.asarray(end.reduceat(values, starts) if len(starts) else values, np.float32)
-            for end in (np.minimum, np.maximum)
+            end.reduceat(values, starts).astype(np.float32) for end in (np.minimum, np.maximum)
         )
         bounds.update({f"min_{name}": low[:, i] for i, name in enumerate(names)})
         bounds.update({f"max_{name}": high[:, i] for i, name in enumerate(names)})

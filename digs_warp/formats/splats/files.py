@@ -68,7 +68,9 @@ FORMATS = {
     ".ply": SplatFormat(
         read_ply, lambda path, g, how: write_ply(path, g, how.vertex_colors), keeps_offset=True
     ),
-    ".compressed.ply": SplatFormat(read_ply, lambda path, g, _: write_compressed(path, g)),
+    ".compressed.ply": SplatFormat(
+        read_ply, lambda path, g, _: write_compressed(path, g), holds_none=False
+    ),
     ".spz": SplatFormat(
         read_spz,
         lambda path, g, how: write_spz(path, g, how.spz_sh_bits),

@@ -184,8 +184,10 @@ def _webp(pixels: np.ndarray) -> bytes:
 def _code_book(values: np.ndarray) -> tuple[list[float], np.ndarray]:
     """Return 256 ascending numbers that stand for values, and the place of the nearest for each, uint8."""
     flat = np.sort(values.reshape(-1).astype(np.float64))
-    book = np.quantile(flat, (np.arange(_CODES) + 0.5) / _CODES)
-    book[[0, -1]] = flat[[0, -1]]
+    # Half of them where the values are, half evenly over all: few and far ones must not be lost.
+    half = _CODES // 2
+    quantiles = np.quantile(flat, (np.arange(half) + 0.5) / half)
+    book = np.sort(np.concatenate([quantiles, np.linspace(flat[0], flat[-1], half)]))
     sums = np.concatenate([[0.0], np.cumsum(flat)])
     for _ in range(20):  # Lloyd's steps: each number moves to the mean of what it stands for
         ends = np.searchsorted(flat, 0.5 * (book[1:] + book[:-1]))

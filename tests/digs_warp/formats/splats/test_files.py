@@ -1,6 +1,7 @@
-"""Splat files by suffix: frames, broken rows, what happens when writing fails."""
+"""Splat files by suffix: precision, frames, broken rows, what happens when writing fails."""
 
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -13,12 +14,52 @@ from digs_warp.formats.splats.files import SplatWriting, read_splat_file, write_
 from digs_warp.formats.splats.rows import (
     WORLD_FROM_UP,
     codes_from_logits,
+    in_morton_order,
     logits_from_codes,
     turned,
 )
-from digs_warp.geometry.sh import rgb_from_sh
+from digs_warp.formats.splats.spz import COLOR_SCALE
+from digs_warp.geometry.sh import C0, rgb_from_sh
 from reference.full_disk import largest_file
 from reference.splat_files import random_gaussians, shapes
+
+# How far centers [m], log-scales (`shapes`), opacities, and coefficients of band 0 and above may be off.
+CODE = 0.5 / 255 + 1e-6
+OFF = {
+    ".ply": (0, 0, 0, 0, 0),
+    ".glb": (0, 1e-5, 1e-6, 1e-6, 1e-6),
+    # Positions here are within 8 units, so 20 fractional bits; scales to 1/32; rounded in the file's frame.
+    ".spz": (2.0**-21 + 1e-6, 0.05, CODE, CODE / COLOR_SCALE, 0.3),
+    # A quaternion within 1/256 a component turns by at most 1/64; log-scales spread over 10.
+    ".splat": (0, 10 / 64, CODE, CODE / C0, 0),
+    ".compressed.ply": (3e-3, 0.12, CODE, 0.02, 0.03),
+    ".sog": (1e-4, 0.12, CODE, 0.03, 1.2),  # of random colors, a palette keeps little
+}
+
+
+@pytest.mark.parametrize("suffix", OFF)
+@pytest.mark.parametrize(("count", "degree"), [(1, 0), (3, 3), (700, 2)])
+def test_values_come_back_to_the_precision_of_the_format(
+    tmp_path: Path, suffix: str, count: int, degree: int
+) -> None:
+    g = random_gaussians(count, 0 if suffix == ".splat" else degree)
+    path = tmp_path / f"a{suffix}"
+    if suffix in (".compressed.ply", ".sog"):
+        g.log_scales[0, 0], g.sh[-1, 0, 0] = 5.0, 3.0  # far from all others
+        g = in_morton_order(g)
+    write_splat_file(path, g)
+    first = path.read_bytes()
+    write_splat_file(path, g)
+    assert path.read_bytes() == first
+    read = read_splat_file(path)
+    assert (len(read), read.sh_degree) == (len(g), g.sh_degree)
+    means, shape, opacity, base, rest = OFF[suffix]
+    close = partial(np.testing.assert_allclose, rtol=0)
+    close(read.means, g.means, atol=means)
+    close(shapes(read), shapes(g), atol=shape)
+    close(read.opacities, g.opacities, atol=opacity)
+    close(read.sh[:, 0], g.sh[:, 0], atol=base)
+    close(read.sh[:, 1:], g.sh[:, 1:], atol=rest)
 
 
 @pytest.mark.parametrize("up", ["y", "-y"])
@@ -51,13 +92,7 @@ def test_up_is_the_axis_that_the_caller_names(tmp_path: Path, suffix: str, up, a
 
 @pytest.mark.parametrize(
     ("field", "value"),
-    [
-        ("means", np.nan),
-        ("means", np.inf),
-        ("log_scales", np.inf),
-        ("quats", np.nan),
-        ("sh", np.inf),
-    ],
+    [("means", np.nan), ("log_scales", np.inf), ("quats", np.nan), ("sh", np.inf)],
 )
 def test_broken_rows_are_counted_refused_or_dropped(
     tmp_path: Path, field: str, value: float, caplog: pytest.LogCaptureFixture
@@ -102,8 +137,6 @@ def test_targets_that_cannot_be_written(tmp_path: Path) -> None:
             write_splat_file(path, random_gaussians(1, 0))
     with pytest.raises(DigsError, match=r"suffix '.obj', expected one of .ply"):
         write_splat_file(tmp_path / "a.obj", random_gaussians(1, 0))
-    with pytest.raises(DigsError, match="cannot hold 0 Gaussians"):
-        write_splat_file(tmp_path / "a.splat", random_gaussians(0, 0))
 
 
 def test_sources_that_cannot_be_read(tmp_path: Path) -> None:
@@ -123,20 +156,24 @@ def test_every_opacity_code_survives_a_round_trip() -> None:
     np.testing.assert_array_equal(codes_from_logits(logits), every)
 
 
-@pytest.mark.parametrize("suffix", [".ply", ".spz"])
+@pytest.mark.parametrize("suffix", SUFFIXES)
 def test_no_gaussians_at_all(tmp_path: Path, suffix: str) -> None:
     path = tmp_path / f"a{suffix}"
-    write_splat_file(path, random_gaussians(0, 2), SplatWriting("y"))
-    assert len(read_splat_file(path, up="y")) == 0
+    if suffix not in (".ply", ".spz"):
+        with pytest.raises(DigsError, match="cannot hold 0 Gaussians; write PLY or SPZ"):
+            write_splat_file(path, random_gaussians(0, 0))
+    else:
+        write_splat_file(path, random_gaussians(0, 2), SplatWriting("y"))
+        assert len(read_splat_file(path, up="y")) == 0
 
 
 @pytest.mark.parametrize(
     ("suffix", "made_for", "read"),
     [
-        (".ply", NO_FILTER, NO_FILTER),
+        *((suffix, NO_FILTER, NO_FILTER) for suffix in (".ply", ".glb")),
         (".ply", ScreenFilter(0.05), ScreenFilter(0.05)),
         *((suffix, CLASSIC, CLASSIC) for suffix in SUFFIXES),
-        *((suffix, ANTIALIASED, ANTIALIASED) for suffix in (".ply", ".spz")),
+        *((suffix, ANTIALIASED, ANTIALIASED) for suffix in SUFFIXES if suffix != ".splat"),
         # What the formats cannot say: see `nearest_known`.
         (".spz", NO_FILTER, ANTIALIASED),
         (".splat", NO_FILTER, CLASSIC),

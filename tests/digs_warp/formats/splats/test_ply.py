@@ -28,13 +28,6 @@ def assert_equal(a: Gaussians, b: Gaussians) -> None:
         np.testing.assert_array_equal(getattr(a, name), getattr(b, name), err_msg=name)
 
 
-@pytest.mark.parametrize(("count", "degree"), [(0, 3), (1, 0), (50, 0), (50, 1), (50, 2), (50, 3)])
-def test_every_field_comes_back_exactly(tmp_path: Path, degree: int, count: int) -> None:
-    gaussians = random_gaussians(count, degree)
-    write_ply(tmp_path / "a.ply", gaussians)
-    assert_equal(read_ply(tmp_path / "a.ply"), gaussians)
-
-
 def test_layout_is_the_one_of_graphdeco(tmp_path: Path) -> None:
     """Column by column, by the text of the layout: wxyz, red before green before blue."""
     g = random_gaussians(2, 1)
@@ -111,24 +104,17 @@ def rewritten(path: Path, encoding: str, kind: str) -> Path:
 
 
 @pytest.mark.parametrize(
-    ("encoding", "kind"),
+    ("encoding", "kind", "count"),
     [
-        ("ascii", "float"),
-        ("binary_little_endian", "double"),
-        ("binary_big_endian", "float"),
-        ("binary_big_endian", "double"),
+        ("ascii", "float", 5000),  # read in pieces
+        ("binary_little_endian", "double", 5),
+        ("binary_big_endian", "float", 5),
     ],
 )
-def test_other_encodings_say_the_same(tmp_path: Path, encoding: str, kind: str) -> None:
-    gaussians = random_gaussians(5, 2)
+def test_other_encodings_say_the_same(tmp_path: Path, encoding: str, kind: str, count: int) -> None:
+    gaussians = random_gaussians(count, 2 if count == 5 else 0)
     write_ply(tmp_path / "a.ply", gaussians)
     assert_equal(read_ply(rewritten(tmp_path / "a.ply", encoding, kind)), gaussians)
-
-
-def test_text_is_read_in_pieces_without_a_seam(tmp_path: Path) -> None:
-    gaussians = random_gaussians(5000, 0)
-    write_ply(tmp_path / "a.ply", gaussians)
-    assert_equal(read_ply(rewritten(tmp_path / "a.ply", "ascii", "float")), gaussians)
 
 
 def test_infinite_logits_mean_opaque_and_invisible(tmp_path: Path) -> None:
@@ -141,56 +127,35 @@ def test_infinite_logits_mean_opaque_and_invisible(tmp_path: Path) -> None:
     assert 0.0 <= read.opacities[1] < 1e-16
 
 
-def broken(text: str, *replacements: tuple[str, str]) -> str:
-    for old, new in replacements:
-        assert old in text
-        text = text.replace(old, new)
-    return text
-
-
 @pytest.mark.parametrize(
     ("old", "new", "message"),
     [
         ("ply\n", "plx\n", "not a PLY file"),
         ("end_header", "end_headex", "end_header"),
         ("vertex 3", "vertex 1000000000000", "1000000000000 rows of 68 bytes need"),
-        ("vertex 3", "vertex 99999999999999999999999", "expected a whole number"),
         ("vertex 3", "vertex -3", "expected a whole number"),
         ("vertex 3", "vertex 4", "truncated or damaged"),
-        ("vertex 3", "vertex 2", "truncated or damaged"),
         ("element vertex", "element points", "no 'vertex' element; found points"),
-        ("float opacity", "float opaqueness", "no property opacity, so no Gaussians"),
+        ("float opacity", "float opaqueness", "no property opacity.*a mesh or a point cloud"),
         ("float opacity", "uint opacity", "'opacity' holds uint32, expected float"),
-        ("float opacity", "complex opacity", "header line"),
         ("float opacity", "list uchar int opacity", "holds lists"),
         ("float scale_1", "float scale_0", "'scale_0' occurs twice"),
         ("float nx", "float f_rest_0", "1 properties f_rest"),
         ("format binary_little_endian 1.0\n", "", "no 'format' line"),
-        ("binary_little_endian", "binary_middle_endian", "header line 2"),
         ("binary_little_endian", "ascii", "do not fit|expected 17 numbers"),
         ("element vertex", "element chunk 0\nelement vertex", "chunk. has no properties"),
-        ("element vertex 3\n", "element vertex 3\nelement vertex 3\n", "no properties"),
     ],
 )
 def test_damage_is_named(tmp_path: Path, old: str, new: str, message: str) -> None:
     path = tmp_path / "a.ply"
     write_ply(path, random_gaussians(3, 0))
-    header, _, body = path.read_bytes().partition(b"end_header\n")
-    text = broken((header + b"end_header\n").decode(), (old, new))
-    path.write_bytes(text.encode() + body)
+    header, end, body = path.read_bytes().partition(b"end_header\n")
+    text = (header + end).decode()
+    assert old in text
+    path.write_bytes(text.replace(old, new).encode() + body)
     with pytest.raises(DigsError, match=message) as error:
         read_ply(path)
     assert str(path) in str(error.value)
-
-
-def test_a_mesh_is_no_gaussians(tmp_path: Path) -> None:
-    path = tmp_path / "cloud.ply"
-    path.write_text(
-        "ply\nformat ascii 1.0\nelement vertex 1\nproperty float x\nproperty float y\n"
-        "property float z\nend_header\n0 0 0\n"
-    )
-    with pytest.raises(DigsError, match="a mesh or a point cloud"):
-        read_ply(path)
 
 
 def test_open3d_reads_the_same_values(tmp_path: Path) -> None:
@@ -209,22 +174,14 @@ def test_open3d_reads_the_same_values(tmp_path: Path) -> None:
     np.testing.assert_array_equal(rest, g.sh[:, 1:])
 
 
-@pytest.fixture
-def colored(tmp_path: Path) -> tuple[Path, np.ndarray]:
-    """A PLY with vertex colors, and the colors without view dependence, 0 to 255."""
+def test_vertex_colors_are_for_programs_of_points(tmp_path: Path) -> None:
     gaussians = random_gaussians(40, 2)
     gaussians.sh[:2, 0] = [-9.0, 0.0, 9.0]  # beyond what 8 bits hold
-    write_ply(tmp_path / "plain.ply", gaussians)
-    write_ply(tmp_path / "colored.ply", gaussians, vertex_colors=True)
-    return tmp_path / "colored.ply", (0.5 + C0 * gaussians.sh[:, 0]).clip(0.0, 1.0) * 255.0
-
-
-def test_vertex_colors_change_nothing_for_gaussians(colored: tuple[Path, np.ndarray]) -> None:
-    assert_equal(read_ply(colored[0]), read_ply(colored[0].with_name("plain.ply")))
-
-
-def test_trimesh_shows_vertex_colors(colored: tuple[Path, np.ndarray]) -> None:
-    cloud = trimesh.load(colored[0])
+    path = tmp_path / "colored.ply"
+    write_ply(path, gaussians, vertex_colors=True)
+    assert_equal(read_ply(path), gaussians)
+    cloud = trimesh.load(path)
     assert isinstance(cloud, trimesh.PointCloud)
-    np.testing.assert_allclose(cloud.vertices, read_ply(colored[0]).means)
-    np.testing.assert_allclose(cloud.colors[:, :3], colored[1], atol=0.5001)
+    np.testing.assert_allclose(cloud.vertices, gaussians.means)
+    expected = (0.5 + C0 * gaussians.sh[:, 0]).clip(0.0, 1.0) * 255.0
+    np.testing.assert_allclose(cloud.colors[:, :3], expected, atol=0.5001)

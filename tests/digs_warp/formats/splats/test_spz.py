@@ -11,50 +11,30 @@ import zstandard
 from fuzzing.originals import spz_4
 
 from digs_warp.checks import DigsError
+from digs_warp.data.gaussians import FIELDS
 from digs_warp.formats.splats import spz as codes
 from digs_warp.formats.splats.files import read_splat_file
 from digs_warp.formats.splats.rows import WORLD_FROM_Y_UP, turned
 from digs_warp.formats.splats.spz import read_spz, write_spz
-from digs_warp.geometry.sh import C0, rgb_from_sh
+from digs_warp.geometry.sh import C0
 from reference.splat_files import random_gaussians, shapes
-
-
-@pytest.mark.parametrize(("count", "degree"), [(0, 3), (1, 0), (300, 2), (300, 3)])
-def test_values_come_back_to_the_precision_of_the_format(
-    tmp_path: Path, count: int, degree: int
-) -> None:
-    g = random_gaussians(count, degree)
-    write_spz(tmp_path / "a.spz", g)
-    read = read_spz(tmp_path / "a.spz")
-    assert (len(read), read.sh_degree) == (count, degree)
-    # Positions here are within 8 units, so 20 fractional bits.
-    np.testing.assert_allclose(read.means, g.means, atol=2.0**-21 + 1e-6)
-    np.testing.assert_allclose(read.opacities, g.opacities, atol=0.5 / 255 + 1e-6)
-    base = 0.5 / 255 / codes.COLOR_SCALE
-    np.testing.assert_allclose(read.sh[:, 0], g.sh[:, 0], atol=base + 1e-6)
-    # Scales to 1/32, turned by quaternions whose components are off by half a step.
-    np.testing.assert_allclose(shapes(read), shapes(g), atol=0.05)
-    # Colors as seen from a few sides: the coefficients themselves are rounded in the file's frame.
-    for direction in np.random.default_rng(1).normal(size=(5, 3)):
-        directions = np.tile(direction / np.linalg.norm(direction), (count, 1))
-        bound = C0 * 0.5 / 255 / codes.COLOR_SCALE + 0.49 * 3 / 32 + 1.1 * 12 / 16 * (degree > 1)
-        np.testing.assert_allclose(
-            rgb_from_sh(read.sh, directions), rgb_from_sh(g.sh, directions), atol=bound
-        )
-    (tmp_path / "4.spz").write_bytes(spz_4((tmp_path / "a.spz").read_bytes(), count, degree))
-    newer = read_spz(tmp_path / "4.spz")
-    for name in ("means", "log_scales", "quats", "opacity_logits", "sh"):
-        np.testing.assert_array_equal(getattr(newer, name), getattr(read, name))
 
 
 def test_reading_and_writing_again_changes_nothing_but_turns(tmp_path: Path) -> None:
     write_spz(tmp_path / "a.spz", random_gaussians(200, 3))
     write_spz(tmp_path / "b.spz", read_spz(tmp_path / "a.spz"))
     a, b = (gzip.decompress((tmp_path / f"{name}.spz").read_bytes()) for name in "ab")
-    rotations = slice(16 + 200 * 16, 16 + 200 * 20)
-    assert (
-        a[: rotations.start] == b[: rotations.start] and a[rotations.stop :] == b[rotations.stop :]
-    )
+    turns = slice(16 + 200 * 16, 16 + 200 * 20)
+    assert a[: turns.start] == b[: turns.start] and a[turns.stop :] == b[turns.stop :]
+
+
+@pytest.mark.parametrize(("count", "degree"), [(0, 3), (1, 0), (300, 3)])
+def test_version_four_holds_the_same(tmp_path: Path, count: int, degree: int) -> None:
+    write_spz(tmp_path / "a.spz", random_gaussians(count, degree))
+    (tmp_path / "4.spz").write_bytes(spz_4((tmp_path / "a.spz").read_bytes(), count, degree))
+    read, newer = (read_spz(tmp_path / f"{name}.spz") for name in "a4")
+    for name in FIELDS:
+        np.testing.assert_array_equal(getattr(newer, name), getattr(read, name))
 
 
 def test_rotations_of_version_two_are_three_bytes(tmp_path: Path) -> None:
@@ -127,11 +107,12 @@ def test_quaternions_smallest_three() -> None:
 
 
 def test_samples_of_the_format_mean_the_same_in_every_version(sample_data: Path) -> None:
+    """Of other programs; version 4 lists a stream of length 0."""
     folder = sample_data / "splats/splat_transform_minimal"
     plain = read_splat_file(folder / "minimal.splat", up="-y")
-    for name, digits in (("v3", 12), ("v4", 12)):
+    for name in ("v3", "v4"):
         read = read_splat_file(folder / f"minimal-{name}.spz")
-        np.testing.assert_allclose(read.means, plain.means, atol=2.0**-digits)
+        np.testing.assert_allclose(read.means, plain.means, atol=2.0**-12)
         np.testing.assert_allclose(read.log_scales, plain.log_scales, atol=1 / 32)
         np.testing.assert_allclose(read.opacities, plain.opacities, atol=1 / 255)
         np.testing.assert_allclose(read.sh, plain.sh, atol=0.5 / 255 / 0.15 + 1 / 255)
@@ -168,12 +149,17 @@ def header(version: int = 3, count: int = 1, degree: int = 0, bits: int = 12, fl
 ONE = bytes(20)  # the attributes of one Gaussian of degree 0, version 3
 
 
+def wrong_checksum() -> bytes:
+    data = bytearray(gzip.compress(header() + ONE, mtime=0))
+    data[-8] ^= 1
+    return bytes(data)
+
+
 @pytest.mark.parametrize(
     ("data", "message"),
     [
         (b"hello, world", "begins with b'hell'"),
         (gzip.compress(b"hello, hello, hello", mtime=0), "expected b'NGSP'"),
-        (gzip.compress(b"hi", mtime=0), "begins with b'hi'"),
         (gzip.compress(header() + ONE, mtime=0)[:-9], "need 20 bytes|broken or truncated"),
         (gzip.compress(header() + ONE, mtime=0)[:20], "begins with|damaged|truncated"),
         (gzip.compress(header() + ONE + ONE, mtime=0), "need 20 bytes, found more"),
@@ -194,6 +180,7 @@ ONE = bytes(20)  # the attributes of one Gaussian of degree 0, version 3
         (gzip.compress(header(bits=24) + ONE, mtime=0), "24 fractional bits"),
         (header() + ONE[:-1], "need 20 bytes, found 19"),
         (header()[:12], "begins with"),
+        (wrong_checksum(), "incorrect data check"),
     ],
 )
 def test_damage_is_named(tmp_path: Path, data: bytes, message: str) -> None:
@@ -202,14 +189,6 @@ def test_damage_is_named(tmp_path: Path, data: bytes, message: str) -> None:
     with pytest.raises(DigsError, match=message) as error:
         read_spz(path)
     assert str(path) in str(error.value)
-
-
-def test_a_wrong_checksum_is_found(tmp_path: Path) -> None:
-    data = bytearray(gzip.compress(header() + ONE, mtime=0))
-    data[-8] ^= 1
-    (tmp_path / "a.spz").write_bytes(data)
-    with pytest.raises(DigsError, match="incorrect data check"):
-        read_spz(tmp_path / "a.spz")
 
 
 def version_four(count: int, streams: list[bytes], sizes: list[int], table: int = 32) -> bytes:
@@ -232,24 +211,15 @@ SIZES = [9, 1, 3, 3, 4]
         (version_four(1, [zstd(n) for n in SIZES[:4]], SIZES[:4]), "4 streams, expected 5"),
         (version_four(1, [zstd(n) for n in SIZES], [9, 1, 3, 3, 5]), "5 streams, expected 5 of"),
         (version_four(1, [zstd(2 * n) for n in SIZES], SIZES), "unpacks to other than 9"),
-        (version_four(1, [zstd(1) for n in SIZES], SIZES), "unpacks to other than 9"),
         (version_four(1, [b"junk"] * 5, SIZES), "export the file again"),
         (version_four(1, [zstd(n) for n in SIZES], SIZES, table=9000), "broken or truncated"),
         (version_four(1, [zstd(n) for n in SIZES], SIZES, table=0), "5 streams"),
-        (version_four(1, [zstd(10**7)] * 5, [10**7] * 5), "expected 5 of"),
     ],
 )
 def test_damage_of_version_four_is_named(tmp_path: Path, data: bytes, message: str) -> None:
     (tmp_path / "a.spz").write_bytes(data)
     with pytest.raises(DigsError, match=message):
         read_spz(tmp_path / "a.spz")
-
-
-def test_version_four_with_an_empty_stream_listed_is_read(tmp_path: Path) -> None:
-    (tmp_path / "a.spz").write_bytes(
-        version_four(1, [*(zstd(n) for n in SIZES), zstd(0)], [*SIZES, 0])
-    )
-    assert len(read_spz(tmp_path / "a.spz")) == 1
 
 
 def test_a_gzip_bomb_is_not_unpacked(tmp_path: Path) -> None:
@@ -267,24 +237,3 @@ def test_a_gzip_bomb_is_not_unpacked(tmp_path: Path) -> None:
         assert tracemalloc.get_traced_memory()[1] < 20e6
     finally:
         tracemalloc.stop()
-
-
-def test_gsply_reads_the_same_values(tmp_path: Path) -> None:
-    """Another program's reader on our files (not among the dependencies: `pip install gsply zstandard`)."""
-    gsply = pytest.importorskip("gsply")
-    g = random_gaussians(50, 3)
-    for path in (tmp_path / "a.spz",):
-        write_spz(path, g)
-        theirs = gsply.read_spz(str(path))
-        ours = turned(read_spz(path), WORLD_FROM_Y_UP.T)  # gsply stays in the file's frame
-        np.testing.assert_allclose(theirs.means, ours.means, atol=1e-6)
-        np.testing.assert_allclose(theirs.scales, ours.log_scales, atol=1e-6)
-        np.testing.assert_allclose(theirs.sh0, ours.sh[:, 0], atol=1e-6)
-        np.testing.assert_allclose(theirs.shN, ours.sh[:, 1:], atol=1e-6)
-        middle = (ours.opacities > 0.01) & (ours.opacities < 0.99)
-        np.testing.assert_allclose(
-            np.ravel(theirs.opacities)[middle], ours.opacity_logits[middle], atol=1e-4
-        )
-        quats = theirs.quats[:, [1, 2, 3, 0]]  # wxyz
-        aligned = np.abs(np.einsum("ni,ni->n", quats, ours.quats))
-        np.testing.assert_allclose(aligned, 1.0, atol=1e-5)
