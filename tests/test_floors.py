@@ -50,7 +50,7 @@ LINE_BUDGETS = {
     "pipeline": 2_332,
     "poses": 4_649,
     "record": 1_856,
-    "show": 2_824,
+    "show": 2_793,
     "sim.camera": 1_394,
     "sim.fit": 1_615,
     "sim.record": 1_945,

@@ -9,6 +9,7 @@ import numpy as np
 from digs_warp.data.capture import Capture
 from digs_warp.data.frame import Frame
 from digs_warp.data.layers import Layer
+from digs_warp.data.viewpoints import evenly
 from digs_warp.show.report.causes import describe_causes, paint_causes
 from digs_warp.show.report.markup import (
     legend,
@@ -52,7 +53,7 @@ def capture_section(capture: Capture, findings: Sequence[str] = ()) -> str:
         capture: the recording.
         findings: what does not fit together in it.
     """
-    frames = _evenly(capture.frames, MAX_FRAMES)
+    frames = evenly(capture.frames, MAX_FRAMES)
     depths = _depth_scale(frames)
     errors = _error_scale(frames)
     columns = [
@@ -147,11 +148,6 @@ def _cell(column: _Column, frame: Frame) -> str:
     return picture(
         data_uri(image), f"Frame {frame.name}: {column.alt}", image.shape[1], image.shape[0]
     )
-
-
-def _evenly(frames: Sequence[Frame], count: int) -> list[Frame]:
-    chosen = np.linspace(0, len(frames) - 1, min(count, len(frames))).round().astype(int)
-    return [frames[i] for i in chosen]
 
 
 def _depth_scale(frames: Sequence[Frame]) -> ColorScale:

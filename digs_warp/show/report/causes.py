@@ -20,17 +20,11 @@ PAIR_STEP = 7
 TILE = 8
 DARKER = 0.4
 _ROW, _COLUMN = np.mgrid[:TILE, :TILE]
+_RISING, _FALLING = (_ROW + _COLUMN) % TILE < 2, (_ROW - _COLUMN) % TILE < 2
+_LEVEL, _UPRIGHT, _NONE = _ROW % 4 < 1, _COLUMN % 4 < 1, np.zeros((TILE, TILE), dtype=bool)
+_DOTS = (_ROW % 4 < 2) & (_COLUMN % 4 < 2)
 PATTERNS = np.array(
-    [
-        (_ROW + _COLUMN) % TILE < 2,  # rising lines
-        _ROW % 4 < 1,  # level lines
-        (_ROW % 4 < 2) & (_COLUMN % 4 < 2),  # dots
-        (_ROW - _COLUMN) % TILE < 2,  # falling lines
-        _COLUMN % 4 < 1,  # upright lines
-        (_ROW % TILE < 2) | (_COLUMN % TILE < 2),  # a grid
-        ((_ROW + _COLUMN) % TILE < 1) | ((_ROW - _COLUMN) % TILE < 1),  # crossed lines
-        np.zeros((TILE, TILE), dtype=bool),  # plain
-    ]
+    [_RISING, _LEVEL, _DOTS, _FALLING, _UPRIGHT, _LEVEL | _UPRIGHT, _RISING | _FALLING, _NONE]
 )
 
 # A smaller share of the pixels is not told exactly.

@@ -135,6 +135,17 @@ dt { font-weight: 600; } dd { margin: 0 0 .5rem; color: var(--soft); }
 """
 
 
+def html_page(title: str, allowed: str, body: str, css: str = "") -> str:
+    """Return a page; ``allowed`` is what browsers let it load, ``css`` comes after the style sheet."""
+    return (
+        '<!doctype html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
+        '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
+        f'<meta http-equiv="Content-Security-Policy" content="{allowed}">\n'
+        f"<title>{escape(title)}</title>\n<style>{CSS}{css}</style>\n</head>\n"
+        f"<body>\n{body}\n</body>\n</html>\n"
+    )
+
+
 UNKNOWN = "–"  # noqa: RUF001 (a dash, not a minus)
 
 

@@ -12,7 +12,7 @@ from digs_warp.record import layout
 from digs_warp.record.files import write_atomically
 from digs_warp.show.report.capture_section import capture_section
 from digs_warp.show.report.course_section import course_section
-from digs_warp.show.report.markup import CSS, card, number, part
+from digs_warp.show.report.markup import card, html_page, number, part
 from digs_warp.show.report.run_section import (
     RunRecords,
     figures_section,
@@ -99,15 +99,8 @@ def write_report(capture: Capture, result: Reconstruction, path: Path) -> None:
                 f"{command}(..., out=FOLDER)"
             )
     records = RunRecords.find(capture, result, path)
-    body = _body(capture, result, records, path)
-    name = escape(_subject(capture, records))
-    page = (
-        '<!doctype html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
-        '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
-        f'<meta http-equiv="Content-Security-Policy" content="{_ALLOWED}">\n'
-        f"<title>{name} · digs-warp report</title>\n<style>{CSS}</style>\n</head>\n"
-        f"<body>\n<main>\n{body}\n</main>\n</body>\n</html>\n"
-    )
+    body = f"<main>\n{_body(capture, result, records, path)}\n</main>"
+    page = html_page(f"{_subject(capture, records)} · digs-warp report", _ALLOWED, body)
     write_atomically(path, page.encode("utf-8", "backslashreplace"))
 
 

@@ -6,11 +6,11 @@ import numpy as np
 
 from digs_warp.data.frame import Frame
 from digs_warp.data.gaussians import Gaussians
-from digs_warp.data.images import to_uint8
 from digs_warp.data.layers import Layer
 from digs_warp.data.point_cloud import PointCloud
 from digs_warp.geometry.sh import sh_from_rgb
 from digs_warp.show.report.causes import paint_causes
+from digs_warp.show.report.pictures import depth_scale, shrink, shrink_factor
 
 # The standard deviation of a point, as a share of the radius of what is shown.
 POINT_SIZE = 0.003
@@ -34,12 +34,13 @@ def points_as_splats(cloud: PointCloud, radius: float) -> Gaussians:
 
 def _depth_picture(frame: Frame) -> np.ndarray:
     depth = frame.load_depth()
-    return painted_depth(depth, np.isfinite(depth) & (depth > 0))
+    depth[~(depth > 0)] = np.nan
+    return depth_scale(depth.ravel()).paint(depth)
 
 
 def _cause_picture(frame: Frame) -> np.ndarray:
     causes = frame.load_cause()
-    return paint_causes(causes, max(1, causes.shape[1] // WIDTH))
+    return paint_causes(causes, shrink_factor(causes.shape[1], WIDTH))
 
 
 # What is shown of a camera: the layer that it needs, and how it is painted, (height, width, 3), uint8.
@@ -66,18 +67,4 @@ def load_picture(frame: Frame, name: str) -> np.ndarray | None:
     layer, paint = PICTURES[name]
     if not frame.has(layer):
         return None
-    full = paint(frame)
-    step = max(1, full.shape[1] // WIDTH)
-    return np.ascontiguousarray(full[::step, ::step])
-
-
-def painted_depth(depth: np.ndarray, seen: np.ndarray) -> np.ndarray:
-    """Return depth in colors, near bright, white where nothing is seen, (height, width, 3), uint8."""
-    import matplotlib
-
-    picture = np.full((*depth.shape, 3), 255, np.uint8)
-    if seen.any():
-        low, high = np.percentile(depth[seen], [1, 99])
-        share = np.clip((depth[seen] - low) / max(high - low, 1e-9), 0.0, 1.0)
-        picture[seen] = to_uint8(matplotlib.colormaps["viridis"](1.0 - share)[:, :3])
-    return picture
+    return shrink(paint(frame), WIDTH)

@@ -4,7 +4,7 @@ import json
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from digs_warp.show.report.markup import CSS
+from digs_warp.show.report.markup import html_page
 from digs_warp.show.report.view3d.section import BUTTONS, HELP, LEGEND, cameras_of, data, script
 from digs_warp.show.view.contents import GAUSSIANS, Contents
 from digs_warp.show.view.layers import pictures_of
@@ -41,16 +41,13 @@ def page_of(contents: Sequence[Contents], layers: Sequence[Mapping[str, int]]) -
         "help": HELP,
         "contents": [_about(n, *pair) for n, pair in enumerate(zip(contents, layers, strict=True))],
     }
-    return (
-        '<!doctype html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
-        '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
-        f'<meta http-equiv="Content-Security-Policy" content="{_ALLOWED}">\n'
-        f"<title>digs-warp view</title>\n<style>{CSS}{_CSS}</style>\n</head>\n<body>\n"
+    body = (
         f"<section id=view3d><div class=stage><canvas tabindex=0 aria-label='{HELP}'></canvas>"
         "<img class=photo alt='what the camera saw' hidden></div><div class=panel></div>"
         f"<div><div class=tools>{BUTTONS}</div>{LEGEND}<p class=note role=status></p></div></section>\n"
-        f"{data('view3d-about', 'application/json', json.dumps(about))}{script('view')}\n</body>\n</html>\n"
+        f"{data('view3d-about', 'application/json', json.dumps(about))}{script('view')}"
     )
+    return html_page("digs-warp view", _ALLOWED, body, _CSS)
 
 
 def _about(number: int, content: Contents, layers: Mapping[str, int]) -> dict[str, Any]:
