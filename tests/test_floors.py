@@ -41,7 +41,7 @@ LINE_BUDGETS = {
     "device": 906,
     "engines": 973,
     "files at the top": 766,
-    "formats": 5_726,
+    "formats": 5_724,
     "geometry": 621,
     "init": 4_116,
     "losses": 672,

@@ -26,7 +26,6 @@ from digs_warp.formats.splats.rows import (
 )
 from digs_warp.geometry.sh import C0, MAX_DEGREE, coefficient_count
 
-SUFFIX = ".compressed.ply"
 CHUNK = 256
 _POINT, _COLOR, _QUATERNION = (11, 10, 11), (8, 8, 8, 8), (2, 10, 10, 10)
 _BOUNDED = ("", "scale_")

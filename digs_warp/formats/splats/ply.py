@@ -19,11 +19,7 @@ import numpy as np
 from digs_warp.checks import DigsError
 from digs_warp.data.gaussians import Gaussians
 from digs_warp.data.images import to_uint8
-from digs_warp.data.ply_table import (
-    read_ply_header,
-    read_table,
-    write_tables,
-)
+from digs_warp.data.ply_table import read_ply_header, read_table, write_tables
 from digs_warp.formats.splats.compressed_ply import read_compressed
 from digs_warp.formats.splats.rows import (
     LARGEST_LOGIT,
