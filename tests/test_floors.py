@@ -35,20 +35,20 @@ FLOORS = {
 # The most lines of a room. A change that needs more says in its message what the weight buys.
 LINE_BUDGETS = {
     "api": 394,
-    "check": 1_722,
+    "check": 1_700,
     "commands": 3_009,
     "data": 3_266,
-    "device": 906,
+    "device": 874,
     "engines": 973,
     "files at the top": 766,
     "formats": 5_724,
     "geometry": 621,
     "init": 4_116,
     "losses": 672,
-    "masks": 806,
+    "masks": 674,
     "measure": 1_541,
     "pipeline": 2_332,
-    "poses": 4_649,
+    "poses": 4_580,
     "record": 1_856,
     "show": 2_793,
     "sim.camera": 1_394,
@@ -65,7 +65,7 @@ LINE_BUDGETS = {
     "train": 3_578,
     "usd": 2_370,
 }
-MOST_FILES = 492  # of the product; 65,000 lines in 500 files are the goal
+MOST_FILES = 476  # of the product; 65,000 lines in 500 files are the goal
 # A shorter file with a single client in its folder belongs into that client.
 CRUMB = 60
 

@@ -12,7 +12,7 @@ FOLDERS = {"digs_warp": "digs_warp", "sim": "digs_warp.sim", "usd": "digs_warp.u
 # Slow to load, or in need of system libraries: imported inside functions only.
 HEAVY = (
     *("pxr", "pycolmap", "open3d", "pyrender", "torch", "trimesh", "OpenImageIO"),
-    *("scipy", "sklearn", "matplotlib", "cv2", "PIL", "onnxruntime"),
+    *("scipy", "sklearn", "matplotlib", "cv2", "PIL"),
 )
 MODULES = sorted(
     ".".join([package, *path.relative_to(REPOSITORY / folder).with_suffix("").parts])

@@ -27,7 +27,7 @@ SMALL = "simulate --frames 1 --width 32 --out {folder}/out"
 
 # The library to install for each job, or None: it needs none of those that are blocked together.
 JOBS = {
-    "av,pycolmap,open3d,pyrender,sklearn,trimesh,zstandard,onnxruntime": {
+    "av,pycolmap,open3d,pyrender,sklearn,trimesh,zstandard": {
         "--help": None,
         "info {folder}/capture": None,
         "info {folder}/gaussians.npz": None,
@@ -41,9 +41,6 @@ JOBS = {
         "mesh {folder}/gaussians.npz --out {folder}/out.ply": "open3d",
         "info {folder}/a.obj": None,
         f"{SMALL} --config {{folder}}/gl.json": "pyrender",
-        "reconstruct {folder}/capture --masks isnet --mask-model {folder}/a.usda --out {folder}/out": (
-            "'digs-warp[masks]'"
-        ),
     },
     "pxr,cv2": {
         "--help": None,

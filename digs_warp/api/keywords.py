@@ -15,11 +15,10 @@ class ReconstructSettings(TypedDict, total=False):
     readout_time: float | None
     min_registered: float
     refine_poses: Literal["off", "auto", "on"]
-    masks: Literal["capture", "folder", "isnet", "depth"]
+    masks: Literal["capture", "folder", "depth"]
     instance: int | None
     mask_folder: Path | str | None
     ignore_mask: Path | str | None
-    mask_model: Path | str | None
     voxel_size: float | None
     target_points: int | None
     time_budget: float | None

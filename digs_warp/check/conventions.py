@@ -63,14 +63,6 @@ class Explanation:
     corrected: Callable[[SmallFrame], SmallFrame]
 
 
-@dataclass(frozen=True)
-class Trial:
-    """An explanation, and how well the frames agree with it."""
-
-    agreement: Agreement
-    explanation: Explanation
-
-
 def explained(kind: str) -> Callable[[Evidence, float], dict[str, Any] | None]:
     """Return the check whether an explanation of a kind brings the frames into agreement.
 
@@ -78,13 +70,13 @@ def explained(kind: str) -> Callable[[Evidence, float], dict[str, Any] | None]:
     """
 
     def look(evidence: Evidence, convincing: float) -> dict[str, Any] | None:
-        best, recorded = _best(evidence), evidence.agreement
-        if best is None or recorded is None or best.explanation.kind != kind:
+        best, recorded = evidence.once(_best), evidence.agreement
+        if best is None or recorded is None or best[1].kind != kind:
             return None
-        found = best.agreement
+        found, explanation = best
         if found.overlap < limits.LEAST_OVERLAP or found.score <= _enough(recorded, convincing):
             return None
-        return {"recorded": recorded.score, "then": found.score, "cause": best.explanation.cause}
+        return {"recorded": recorded.score, "then": found.score, "cause": explanation.cause}
 
     return look
 
@@ -179,24 +171,16 @@ def _enough(recorded: Agreement, convincing: float) -> float:
     return max(convincing, gain)
 
 
-def _best(evidence: Evidence) -> Trial | None:
-    return max(evidence.once(trials), key=lambda trial: trial.agreement.score, default=None)
-
-
-def trials(evidence: Evidence) -> list[Trial]:
-    """Return how well the frames agree with each explanation; nothing where they cannot agree better."""
+def _best(evidence: Evidence) -> tuple[Agreement, Explanation] | None:
+    """Return the explanation with which the frames agree best; None where they cannot agree better."""
     recorded = evidence.agreement
     if recorded is None or _enough(recorded, 0.0) >= 1.0:
-        return []
-    return [
-        Trial(
-            agreement(
-                {n: each.corrected(frame) for n, frame in evidence.compared.items()}, evidence.pairs
-            ),
-            each,
-        )
-        for each in explanations([frame.camera for frame in evidence.capture.frames])
-    ]
+        return None
+    trials = []
+    for each in explanations([frame.camera for frame in evidence.capture.frames]):
+        frames = {n: each.corrected(frame) for n, frame in evidence.compared.items()}
+        trials.append((agreement(frames, evidence.pairs), each))
+    return max(trials, key=lambda trial: trial[0].score)
 
 
 def explanations(cameras: Sequence[Camera]) -> Iterator[Explanation]:

@@ -156,8 +156,8 @@ CHECKS = (
         measure=alignment.masks_of_nothing,
         limit=0.01,  # of the image; a smaller share counts as well if it has 50 px
         message="The masks mark almost nothing: {pixels} pixels (median).",
-        remedy="255, or any number but 0, marks the object. Look at them, or make them again: --masks depth, "
-        "or --masks isnet.",
+        remedy="255, or any number but 0, marks the object. Look at them, or make them again: --masks "
+        "depth.",
         is_error=True,
     ),
     Check(
@@ -241,8 +241,7 @@ CHECKS = (
         measure=outliers.masks_contradicted,
         limit=0.75,  # of the usual overlap; masks cut in half or with a neighboring object have 0.5
         message="{masks} of {count} contradict those of the frames before and after: {names}.",
-        remedy="Make these masks again (all of them: --masks depth, or --masks isnet), or leave these frames "
-        "out.",
+        remedy="Make these masks again (all of them: --masks depth), or leave these frames out.",
         asked_by="run",
         unless=(ERRORS,),
     ),

@@ -12,9 +12,9 @@ from digs_warp.settings import Range, Settings
 class SegmentConfig(Settings):
     """Where object masks come from."""
 
-    masks: Literal["capture", "folder", "isnet", "depth"] = "capture"
-    """Object masks. capture: those of the recording; folder: those in --mask-folder; isnet: the network
-    isnet-general-use; depth: the foreground of the depth maps, without a network."""
+    masks: Literal["capture", "folder", "depth"] = "capture"
+    """Object masks. capture: those of the recording; folder: those in --mask-folder, of
+    any network; depth: the foreground of the depth maps."""
 
     instance: Annotated[int | None, Range(1, 65_535)] = None
     """For capture: the number of one object of a recording of several ('digs-warp info' lists them). Default:
@@ -28,10 +28,6 @@ class SegmentConfig(Settings):
     255 there. It is neither trained nor scored. Black borders of undistorted photographs are found by
     themselves."""
 
-    mask_model: Path | None = None
-    """For isnet: the network as an ONNX file. Default: isnet-general-use.onnx in ~/.u2net,
-    where rembg keeps it."""
-
     def __post_init__(self) -> None:
         super().__post_init__()
         if (self.masks == "folder") != (self.mask_folder is not None):
@@ -40,8 +36,6 @@ class SegmentConfig(Settings):
             )
         if self.instance is not None and self.masks != "capture":
             raise DigsError(f"--instance {self.instance}: needs --masks capture")
-        if self.mask_model is not None and self.masks != "isnet":
-            raise DigsError("--mask-model needs --masks isnet")
 
     @property
     def source(self) -> str:

@@ -48,43 +48,19 @@ def mask_from_depth(image: np.ndarray, depth: np.ndarray) -> np.ndarray:
 
     height, width = depth.shape
     check_shape("image", image, (height, width, 3))
-    size = cut_size(height, width)
+    factor = min(1.0, CUT_SIZE / max(height, width))
+    size = max(1, round(width * factor)), max(1, round(height * factor))
     small_depth = cv2.resize(depth, size, interpolation=cv2.INTER_NEAREST)
     gap, known = round(GAP * max(size)), np.isfinite(small_depth)
     measured = object_by_depth(with_gaps_filled(small_depth, gap)) & known
     if not measured.any():
         return np.full((height, width), SURROUND, np.uint8)
-    return cut_out(image, measured, known)
-
-
-def cut_out(image: np.ndarray, measured: np.ndarray, known: np.ndarray) -> np.ndarray:
-    """Return the mask of an object that is known at some pixels; colors decide at its border and elsewhere.
-
-    Args:
-        image: sRGB, shape (height, width, 3), uint8.
-        measured: pixels of the object, bool, of the image's shape or smaller in proportion.
-        known: pixels of the object or the surround, of the same shape.
-
-    Returns:
-        Shape (height, width), uint8, 0 to 255.
-    """
-    import cv2
-
-    height, width = image.shape[:2]
-    size = (known.shape[1], known.shape[0])
-    gap = round(GAP * max(size))
     near = without_enclosed_holes(closed(measured, gap) & (measured | ~known), known)
     far = closed(known & ~measured, gap) & ~near
     small_image = cv2.resize(image, size, interpolation=cv2.INTER_AREA)
     cut = refine_by_color(small_image, near, far)
     # Bilinear enlargement gives the border the soft edge of a network's mask.
     return cv2.resize(np.where(cut, OBJECT, SURROUND).astype(np.uint8), (width, height))
-
-
-def cut_size(height: int, width: int) -> tuple[int, int]:
-    """Return (width, height) of the image that is cut: at most CUT_SIZE."""
-    factor = min(1.0, CUT_SIZE / max(height, width))
-    return max(1, round(width * factor)), max(1, round(height * factor))
 
 
 def object_by_depth(depth: np.ndarray) -> np.ndarray:

@@ -20,7 +20,6 @@ from digs_warp.data.posed_frames import PosedFrames
 from digs_warp.device.threads import default_threads
 from digs_warp.masks.config import SegmentConfig
 from digs_warp.masks.from_depth import mask_from_depth
-from digs_warp.masks.network import MaskNetwork, default_model_path, require_network
 from digs_warp.record.files import read_json, remove, to_json, write_atomically
 from digs_warp.record.manifest import is_kept
 from digs_warp.record.progress import progress
@@ -39,7 +38,6 @@ _INPUTS = {
     "capture": (Layer.MASK,),
     "instance": (Layer.MASK, Layer.INSTANCES),
     "folder": (Layer.IMAGE,),
-    "isnet": (Layer.IMAGE,),
     "depth": (Layer.IMAGE, Layer.DEPTH),
 }
 
@@ -58,8 +56,8 @@ def segment(frames: Sequence[Frame], config: SegmentConfig, folder: Path) -> lis
         folder: where masks are written; created when missing. 'capture' writes nothing.
 
     Raises:
-        DigsError: a frame lacks what the source needs, a mask has another size than its image or not 8
-            or 16 bits, or the network is missing or cannot be loaded.
+        DigsError: a frame lacks what the source needs, or a mask has another size than its image or not 8 or
+            16 bits.
     """
     check_inputs(frames, config)
     if config.source == "capture":
@@ -68,7 +66,7 @@ def segment(frames: Sequence[Frame], config: SegmentConfig, folder: Path) -> lis
     _forget_other_masks(paths, _key(frames, config), folder)
     missing = [number for number, path in enumerate(paths) if not is_kept(path)]
     if missing:
-        _make(frames, paths, missing, _mask_maker(frames, config), _workers(config))
+        _make(frames, paths, missing, _mask_maker(frames, config))
     return paths
 
 
@@ -97,7 +95,6 @@ def _make(
     paths: Sequence[Path],
     missing: list[int],
     mask_of: MaskOf,
-    workers: int,
 ) -> None:
     def work(number: int) -> float:
         mask = mask_of(frames[number])
@@ -105,7 +102,7 @@ def _make(
         return float(np.mean(mask > 127))
 
     odd: dict[str, list[str]] = {"empty": [], "full": []}
-    with ThreadPoolExecutor(workers, thread_name_prefix="mask") as pool:
+    with ThreadPoolExecutor(default_threads(), thread_name_prefix="mask") as pool:
         with progress(len(frames), "Masks", "frame", len(frames) - len(missing)) as bar:
             for number, share in zip(missing, pool.map(work, missing), strict=True):
                 if share < ALMOST_EMPTY:
@@ -124,18 +121,10 @@ def _make(
 def _mask_maker(frames: Sequence[Frame], config: SegmentConfig) -> MaskOf:
     if config.instance is not None:
         return partial(_mask_of_instance, config.instance)
-    if config.masks == "isnet":
-        network = MaskNetwork(config.mask_model or default_model_path(), default_threads())
-        return lambda frame: network.mask(frame.load_image())
     if config.masks == "depth":
         return lambda frame: mask_from_depth(frame.load_image(), frame.load_depth())
     assert config.mask_folder is not None
     return partial(_mask_from_folder, _masks_named(frames, config.mask_folder))
-
-
-def _workers(config: SegmentConfig) -> int:
-    # onnxruntime spreads one image over all cores.
-    return 1 if config.masks == "isnet" else default_threads()
 
 
 def _mask_of_instance(instance: int, frame: Frame) -> np.ndarray:
@@ -162,9 +151,7 @@ def _masks_named(frames: Sequence[Frame], folder: Path) -> dict[str, Path]:
 
 
 def check_source(config: SegmentConfig) -> None:
-    """Raise a `DigsError` when the network or the folder that the settings name is missing."""
-    if config.masks == "isnet":
-        require_network(config.mask_model or default_model_path())
+    """Raise a `DigsError` when the folder that the settings name is missing."""
     if config.mask_folder is not None and not config.mask_folder.is_dir():
         raise DigsError(f"--mask-folder '{config.mask_folder}': no such folder. Check the path.")
 
@@ -193,9 +180,6 @@ def _key(frames: Sequence[Frame], config: SegmentConfig) -> str:
     sources = [frame.layers[layer] for frame in frames for layer in _INPUTS[config.source]]
     if config.mask_folder is not None:
         sources += _masks_named(frames, config.mask_folder).values()
-    if config.masks == "isnet":
-        model = config.mask_model or default_model_path()
-        sources += [model] if model.is_file() else []
     return hashlib.sha256(to_json([config, list(map(_state, sources))]).encode()).hexdigest()
 
 

@@ -199,6 +199,8 @@ def correlation(first: View, second: View, second_from_first: np.ndarray) -> flo
 
 
 def _correlation_one_way(view: View, other: View, motion: np.ndarray) -> float:
+    from scipy.ndimage import map_coordinates
+
     k = other.picture.intrinsics
     moved = transform_points(motion, view.points.astype(np.float64))
     u, v, z = project(_when_read(moved, other.picture), k)
@@ -211,7 +213,9 @@ def _correlation_one_way(view: View, other: View, motion: np.ndarray) -> float:
         thresholds.MIN_CORRELATED, thresholds.MIN_CORRELATED_SHARE * len(view.points)
     ):
         return 0.0
-    seen, expected = _between_pixels(other.image, u[same], v[same]), values[same].astype(np.float64)
+    places = np.stack([v[same], u[same]])
+    seen = map_coordinates(other.image, places, np.float64, order=1)
+    expected = values[same].astype(np.float64)
     seen, expected = seen - seen.mean(), expected - expected.mean()
     lengths = np.linalg.norm(seen) * np.linalg.norm(expected)
     return float(seen @ expected / lengths) if lengths > 0 else 0.0
@@ -222,12 +226,3 @@ def _when_read(points: np.ndarray, picture: Picture) -> np.ndarray:
     _, row, depth = project(points, picture.intrinsics)
     moment = np.where(depth > 0, row / picture.intrinsics.height - 0.5, 0.0)[:, None]
     return points - moment * (np.cross(picture.turn, points) + picture.shift)
-
-
-def _between_pixels(image: np.ndarray, u: np.ndarray, v: np.ndarray) -> np.ndarray:
-    """Return bilinear values; whole u and v are centers of pixels."""
-    column, row = u.astype(np.intp), v.astype(np.intp)
-    right, down = u - column, v - row
-    top = image[row, column] * (1 - right) + image[row, column + 1] * right
-    below = image[row + 1, column] * (1 - right) + image[row + 1, column + 1] * right
-    return top * (1 - down) + below * down

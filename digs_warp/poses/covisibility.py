@@ -7,6 +7,7 @@ import numpy as np
 
 from digs_warp.geometry.camera import Camera, pixel_centers
 from digs_warp.geometry.reproject import ROUGH_POSES, Pinholes, compare_depth, reproject
+from digs_warp.geometry.rigid import invert_rigid
 from digs_warp.poses import thresholds
 from digs_warp.poses.views import Picture
 
@@ -27,16 +28,17 @@ def overlapping_pairs(pictures: Sequence[Picture], poses: np.ndarray) -> np.ndar
         poses: ``world_from_cam``, (n, 4, 4).
     """
     n = len(pictures)
-    cameras = [Camera(each.intrinsics, pose) for each, pose in zip(pictures, poses, strict=True)]
     shared = np.zeros((n, n))
-    everything = _Everything(pictures, cameras)
+    everything = _Everything(pictures, poses)
     for i in range(n):
-        points, nearness = _samples(pictures[i], cameras[i])
-        if not len(points):
+        points, nearness = _samples(pictures[i], Camera(pictures[i].intrinsics, poses[i]))
+        others = np.delete(np.arange(n), i)
+        if not len(points) or not len(others):
             continue
-        for j in everything.worth_a_look(i, points[::SCREENED_BY], nearness[::SCREENED_BY]):
-            seen = _seen(points, cameras[i], pictures[j], cameras[j])
-            shared[i, j] = float(nearness @ seen) / float(nearness.sum())
+        if len(others) > SCREENED:
+            seen = everything.seen(i, others, points[::SCREENED_BY]) @ nearness[::SCREENED_BY]
+            others = others[np.argsort(-seen, kind="stable")[:SCREENED]]
+        shared[i, others] = everything.seen(i, others, points) @ nearness / nearness.sum()
     shared += shared.T
     nearest = np.argsort(-shared, axis=1, kind="stable")[:, :NEIGHBORS]
     chosen = {
@@ -50,32 +52,27 @@ def overlapping_pairs(pictures: Sequence[Picture], poses: np.ndarray) -> np.ndar
 
 
 class _Everything:
-    """All frames at once, to leave out most pairs: their number grows with the square of the frames."""
+    """All frames, to look up points of one in many others at once."""
 
-    def __init__(self, pictures: Sequence[Picture], cameras: Sequence[Camera]) -> None:
-        self._from_world = np.stack([camera.cam_from_world for camera in cameras])
-        self._centers = np.stack([camera.center_world for camera in cameras])
-        fields = [astuple(picture.intrinsics) for picture in pictures]
-        self._intrinsics = Pinholes(*np.array(fields).T[..., None])
+    def __init__(self, pictures: Sequence[Picture], poses: np.ndarray) -> None:
+        self._from_world = np.stack([invert_rigid(pose) for pose in poses])
+        self._centers = poses[:, :3, 3]
+        self._intrinsics = np.array([astuple(picture.intrinsics) for picture in pictures])
         self._depth = np.concatenate([picture.depth.reshape(-1) for picture in pictures])
         self._starts = np.cumsum([0, *(picture.depth.size for picture in pictures)])[:-1, None]
 
-    def worth_a_look(self, number: int, points: np.ndarray, nearness: np.ndarray) -> list[int]:
-        """Return the `SCREENED` frames that see most of some points of a frame, best first; all if few."""
-        others = [j for j in range(len(self._centers)) if j != number]
-        if len(others) <= SCREENED:
-            return others
-        seen = reproject(points, self._from_world, self._intrinsics)
-        widths = self._intrinsics.width.astype(np.intp)
-        measured = self._depth[self._starts + seen.rows * widths + seen.columns]
+    def seen(self, number: int, others: np.ndarray, points: np.ndarray) -> np.ndarray:
+        """Return how well others see the points of a frame, 0 to 1, (others, points)."""
+        cameras = Pinholes(*self._intrinsics[others].T[..., None])
+        seen = reproject(points, self._from_world[others], cameras)
+        widths = cameras.width.astype(np.intp)
+        measured = self._depth[self._starts[others] + seen.rows * widths + seen.columns]
         same = seen.inside & compare_depth(seen.depth, measured, ROUGH_POSES).agrees
-        rays = points - self._centers[:, None]
-        rays /= np.maximum(np.linalg.norm(rays, axis=2, keepdims=True), 1e-12)
-        cosines = np.einsum("nki,ki->nk", rays, rays[number])
+        here, there = (points - self._centers[of] for of in (number, others[:, None]))
+        lengths = np.linalg.norm(here, axis=-1) * np.linalg.norm(there, axis=-1)
+        cosines = np.einsum("ki,nki->nk", here, there) / np.maximum(lengths, 1e-12)
         angles = np.degrees(np.arccos(np.clip(cosines, -1, 1)))
-        shared = (same * np.clip(1 - angles / thresholds.MAX_VIEW_ANGLE, 0, 1)) @ nearness
-        shared[number] = -1.0
-        return np.argsort(-shared, kind="stable")[:SCREENED].tolist()
+        return same * np.clip(1 - angles / thresholds.MAX_VIEW_ANGLE, 0, 1)
 
 
 def _samples(picture: Picture, camera: Camera) -> tuple[np.ndarray, np.ndarray]:
@@ -85,15 +82,3 @@ def _samples(picture: Picture, camera: Camera) -> tuple[np.ndarray, np.ndarray]:
     depth = picture.depth[rows, columns].astype(np.float64)
     k = picture.intrinsics
     return camera.unproject(pixel_centers(k.width, k.height)[rows, columns], depth), 1 / depth
-
-
-def _seen(points: np.ndarray, first: Camera, picture: Picture, second: Camera) -> np.ndarray:
-    """Return how well each point of the first camera is seen by the second, 0 to 1, (k,)."""
-    seen = reproject(points, second.cam_from_world, second.intrinsics)
-    measured = picture.depth[seen.rows, seen.columns]
-    same = seen.inside & compare_depth(seen.depth, measured, ROUGH_POSES).agrees
-    here, there = (points - camera.center_world for camera in (first, second))
-    lengths = np.linalg.norm(here, axis=1) * np.linalg.norm(there, axis=1)
-    cosines = np.einsum("ki,ki->k", here, there) / np.maximum(lengths, 1e-12)
-    angles = np.degrees(np.arccos(np.clip(cosines, -1, 1)))
-    return same * np.clip(1 - angles / thresholds.MAX_VIEW_ANGLE, 0, 1)

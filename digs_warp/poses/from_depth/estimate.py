@@ -2,7 +2,7 @@
 
 import logging
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -155,18 +155,13 @@ def _quality(poses: np.ndarray, rough: np.ndarray, loops: Sequence[Edge]) -> Tra
     )
 
 
-def _points(picture: Picture) -> np.ndarray:
-    """Return every tenth measured point in the axes of the camera, (k, 3)."""
-    rows, columns = np.argwhere(np.isfinite(picture.depth))[::10].T
-    depth = picture.depth[rows, columns].astype(np.float64)
-    return unproject_pixels(rows, columns, depth, picture.intrinsics)
-
-
 def _middle(pictures: Sequence[Picture], poses: np.ndarray) -> np.ndarray:
     """Return the median of the nearer half of what each frame sees, (3,): walls are not what is looked at."""
-    near = [
-        replace(each, depth=np.where(each.depth <= np.nanmedian(each.depth), each.depth, np.nan))
-        for each in pictures
-    ]
-    points = [transform_points(pose, _points(p)) for pose, p in zip(poses, near, strict=True)]
+    points = []
+    for picture, pose in zip(pictures, poses, strict=True):
+        rows, columns = np.nonzero(picture.depth <= np.nanmedian(picture.depth))
+        rows, columns = rows[::10], columns[::10]
+        depth = picture.depth[rows, columns].astype(np.float64)
+        seen = unproject_pixels(rows, columns, depth, picture.intrinsics)
+        points.append(transform_points(pose, seen))
     return np.median(np.concatenate(points), axis=0)

@@ -90,11 +90,9 @@ def odometry(first: Picture, second: Picture, start: np.ndarray) -> np.ndarray:
 
 def _rgbd_image(picture: Picture):
     geometry = import_open3d().geometry
-    image = geometry.RGBDImage()
-    image.color = geometry.Image(np.ascontiguousarray(picture.brightness, np.float32))
-    depth = np.nan_to_num(picture.depth, nan=0.0).astype(np.float32)
-    image.depth = geometry.Image(np.ascontiguousarray(depth))
-    return image
+    planes = np.float32(picture.brightness), np.nan_to_num(picture.depth, nan=0.0)
+    color, depth = (geometry.Image(np.ascontiguousarray(each, np.float32)) for each in planes)
+    return geometry.RGBDImage.create_from_color_and_depth(color, depth, 1.0, np.inf, False)
 
 
 # A hand that walks round something turns the camera about what it sees, by up to this [degree], about an axis

@@ -30,28 +30,28 @@ POLL_SECONDS = 0.2
 
 
 def run_interruptible(
-    call: Callable[[], Result], cancel: Callable[[], Any], watch: Callable[[], Any] = lambda: None
+    call: Callable[..., Result], watch: Callable[[], Any] = lambda: None
 ) -> Result:
-    """Run ``call`` on a separate thread and return its result.
+    """Run ``call(cancellation_token=...)`` on a separate thread and return its result.
 
     Python handles Ctrl-C on the main thread only when that one runs Python code, and a call into COLMAP
-    takes minutes; so the main thread waits here.
+    takes minutes; so the main thread waits here. Ctrl-C is raised once the cancelled call has returned: what
+    it writes is then whole.
 
     Args:
-        call: the work; it must release the interpreter lock while it computes.
-        cancel: asks ``call`` to return soon; called on Ctrl-C, which is raised once ``call`` has returned:
-            what it writes is then whole.
+        call: of COLMAP; it releases the interpreter lock while it computes.
         watch: called several times a second meanwhile, and once at the end.
     """
+    token = import_pycolmap().CancellationToken()
     with ThreadPoolExecutor(
         1, thread_name_prefix="colmap"
     ) as pool:  # waits for the call at its end
-        running = pool.submit(call)
+        running = pool.submit(call, cancellation_token=token)
         try:
             while not wait([running], POLL_SECONDS).done:
                 watch()
         except BaseException:
-            cancel()
+            token.cancel()
             raise
     watch()
     return running.result()
@@ -125,14 +125,10 @@ def extract_features(
             reader = _reader_options(pycolmap, images.intrinsics[0] if shared else None, database)
             if masks is not None:
                 reader.mask_path = masks
-            token = pycolmap.CancellationToken()
+            paths = database, images.root
             run_interruptible(
-                partial(
-                    pycolmap.extract_features, database, images.root, names, mode, reader, options,
-                    cancellation_token=token,
-                ),
-                token.cancel,
-            )  # fmt: skip
+                partial(pycolmap.extract_features, *paths, names, mode, reader, options)
+            )
             bar.update(len(names))
     if not shared:
         _write_intrinsics(images, database)
@@ -214,13 +210,8 @@ def match_pairs(
             check_room(database, LOG_BYTES + len(some) * config.features * BYTES_PER_MATCH)
             lines = [f"{images.names[i]} {images.names[j]}\n" for i, j in some]
             write_atomically(pair_list, "".join(lines).encode())
-            token = pycolmap.CancellationToken()
             run_interruptible(
-                partial(
-                    pycolmap.match_image_pairs, database, options, pairing, verification,
-                    cancellation_token=token,
-                ),
-                token.cancel,
-            )  # fmt: skip
+                partial(pycolmap.match_image_pairs, database, options, pairing, verification)
+            )
             bar.update(len(some))
     remove(pair_list)

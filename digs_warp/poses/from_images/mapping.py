@@ -4,6 +4,7 @@ What COLMAP is told here decides the result, so every option that is not its def
 """
 
 from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -32,19 +33,15 @@ def map_images(
     pycolmap = quiet_pycolmap()
     pycolmap.set_random_seed(config.sfm_seed)
     folder.mkdir(parents=True, exist_ok=True)
-    token = pycolmap.CancellationToken()
     placed: list[int] = []  # counted on COLMAP's thread, shown by this one
+    call = partial(
+        pycolmap.incremental_mapping,
+        *(database, images.root, folder, incremental_options(pycolmap, config, threads)),
+        initial_image_pair_callback=lambda: placed.append(2),
+        next_image_callback=lambda: placed.append(1),
+    )
     with progress(len(images.names), "Placing cameras", "image") as bar:
-        models = run_interruptible(
-            lambda: pycolmap.incremental_mapping(
-                database, images.root, folder, incremental_options(pycolmap, config, threads),
-                initial_image_pair_callback=lambda: placed.append(2),
-                next_image_callback=lambda: placed.append(1),
-                cancellation_token=token,
-            ),
-            token.cancel,
-            lambda: _show(bar, sum(placed)),
-        )  # fmt: skip
+        models = run_interruptible(call, lambda: _show(bar, sum(placed)))
     return sorted(models.values(), key=lambda model: -model.num_reg_images())
 
 
@@ -79,13 +76,10 @@ def triangulate(
     model = _model_of_known_poses(pycolmap, images, world_from_cams, database)
     options = incremental_options(pycolmap, config, threads)
     folder.mkdir(parents=True, exist_ok=True)
-    token = pycolmap.CancellationToken()
+    paths = database, images.root, folder
     with progress(len(images.names), "Triangulating", "image") as bar:
         model = run_interruptible(
-            lambda: pycolmap.triangulate_points(
-                model, database, images.root, folder, options=options, cancellation_token=token
-            ),
-            token.cancel,
+            partial(pycolmap.triangulate_points, model, *paths, options=options)
         )
         _show(bar, bar.total)
     model.extract_colors_for_all_images(images.root)

@@ -16,6 +16,8 @@ from digs_warp.poses.from_images.colmap import ImageSet
 from digs_warp.poses.photo_matches import agreeing_shares
 from digs_warp.words import counted
 
+logger = logging.getLogger(__name__)
+
 
 @dataclass(frozen=True)
 class SfmQuality:
@@ -29,8 +31,6 @@ class SfmQuality:
         observations_per_image: mean number of points that a placed image sees.
         track_length: mean number of images that see a point.
         reprojection_error_px: mean distance [px] between where points are and where they were measured.
-        ray_angle_deg: median over the points of the widest angle [degree] at which two of its cameras see
-            it; a few degrees are needed for exact depth.
     """
 
     images: int
@@ -40,14 +40,12 @@ class SfmQuality:
     observations_per_image: float
     track_length: float
     reprojection_error_px: float
-    ray_angle_deg: float
 
     def __str__(self) -> str:
         return (
             f"{self.registered} of {counted(self.images, 'image')} in {counted(self.models, 'model')}, "
             f"{counted(self.points, 'point')} seen in "
-            f"{self.track_length:.1f} images, {self.reprojection_error_px:.2f} px, "
-            f"rays meet at {self.ray_angle_deg:.0f} degrees"
+            f"{self.track_length:.1f} images, {self.reprojection_error_px:.2f} px"
         )
 
 
@@ -64,29 +62,7 @@ def measure_quality(model: SfmModel, images: int, models: int) -> SfmQuality:
         observations_per_image=count / max(1, len(model.names)),
         track_length=count / max(1, points),
         reprojection_error_px=float(np.average(errors, weights=lengths)) if points else 0.0,
-        ray_angle_deg=float(np.median(ray_angles_deg(model))) if points else 0.0,
     )
-
-
-def ray_angles_deg(model: SfmModel) -> np.ndarray:
-    """Return, per point, twice the widest angle [degree] between a viewing ray and the mean one, (n,).
-
-    For two views that is the angle at which their rays meet; for more it bounds the widest one from below.
-    """
-    seen = model.observations
-    centers = np.array([camera.center_world for camera in model.cameras])
-    rays = centers[seen.cameras] - model.points.points_world[seen.points]
-    rays /= np.maximum(np.linalg.norm(rays, axis=1, keepdims=True), 1e-30)
-    count = len(model.points)
-    sums = np.stack(
-        [np.bincount(seen.points, weights=rays[:, axis], minlength=count) for axis in range(3)],
-        axis=1,
-    )
-    means = sums / np.maximum(np.linalg.norm(sums, axis=1, keepdims=True), 1e-30)
-    cosines = np.clip((rays * means[seen.points]).sum(axis=1), -1.0, 1.0)
-    widest = np.ones(count)
-    np.minimum.at(widest, seen.points, cosines)
-    return np.degrees(2.0 * np.arccos(widest))
 
 
 def check_completeness(quality: SfmQuality, min_registered: float) -> None:
@@ -190,6 +166,3 @@ def no_model_error(images: ImageSet, database: Path) -> DigsError:
         f"{np.median(features):.0f} features per image, {len(matched)} of {len(configs)} compared pairs "
         f"match; {hint}"
     )
-
-
-logger = logging.getLogger(__name__)

@@ -54,7 +54,6 @@ def test_a_reconstruction_that_cannot_be_made_changes_nothing(
     before = state(tmp_path)
     for flags in [
         ["--mask-folder", "empty", "--masks", "folder"],
-        ["--masks", "isnet", "--mask-model", "missing.onnx"],
         ["--device", "cuda:7"],
         ["--voxel-size", "1e-9"],
         ["--test-every", "1"],

@@ -15,9 +15,7 @@ from digs_warp.data.layers import Layer
 from digs_warp.data.posed_frames import PosedFrames
 from digs_warp.masks.config import SegmentConfig
 from digs_warp.masks.masks import masked, segment
-from digs_warp.masks.network import MaskNetwork, mask_from_output, network_input
 from reference.tiny_capture import HEIGHT, WIDTH, write_tiny_capture
-from reference.tiny_network import write_network
 
 
 @pytest.fixture(scope="module")
@@ -146,65 +144,6 @@ def test_odd_masks_are_pointed_out(
     assert f"4 of 4 are almost {word} (the first is '0000')" in caplog.text
 
 
-# A network
-
-
-def test_the_network_gets_and_gives_what_rembg_would(tmp_path: Path) -> None:
-    rng = np.random.default_rng(0)
-    image = rng.integers(0, 200, (1024, 1024, 3), dtype=np.uint8)  # no resizing: every step by hand
-    network = MaskNetwork(write_network(tmp_path / "net.onnx"), threads=1)
-    red = image[..., 0] / image.max() - 0.485
-    pooled = red.reshape(512, 2, 512, 2).mean(axis=(1, 3))
-    expected = np.floor((pooled - pooled.min()) / np.ptp(pooled) * 255)
-    from PIL import Image
-
-    gray = Image.fromarray(expected.astype(np.uint8))
-    enlarged = np.asarray(gray.resize((1024, 1024), Image.Resampling.LANCZOS))
-    difference = np.abs(network.mask(image).astype(int) - enlarged)
-    assert difference.max() <= 1  # float32 inside, and a floor
-
-
-def test_the_network_sees_the_brightest_value_as_one_and_means_taken_off() -> None:
-    values = network_input(np.full((30, 50, 3), (50, 100, 80), np.uint8))
-    expected = np.array([0.5, 1.0, 0.8]) - [0.485, 0.456, 0.406]
-    np.testing.assert_allclose(values[0, :, 500, 500], expected, rtol=1e-6)
-    assert np.isfinite(network_input(np.zeros((30, 50, 3), np.uint8))).all()
-    constant = mask_from_output(np.full((8, 8), 0.3), 20, 10)
-    assert constant.shape == (10, 20) and not constant.any()
-
-
-def test_masks_by_the_network_are_written(frames: list[Frame], tmp_path: Path) -> None:
-    model = write_network(tmp_path / "net.onnx")
-    config = SegmentConfig(masks="isnet", mask_model=model)
-    for frame, found in zip(frames, masks_of(segment(frames, config, tmp_path / "m")), strict=True):
-        red = frame.load_image()[..., 0].astype(float)
-        assert found.shape == red.shape
-        assert np.corrcoef(found.ravel(), red.ravel())[0, 1] > 0.98
-
-
-def test_a_missing_network_is_said_where_to_get(
-    frames: list[Frame], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setenv("U2NET_HOME", str(tmp_path))
-    with pytest.raises(
-        DigsError, match=rf"{tmp_path}/isnet-general-use\.onnx': no such.*Download https"
-    ):
-        segment(frames, SegmentConfig(masks="isnet"), tmp_path / "m")
-
-
-def test_a_file_that_is_no_network_is_refused(tmp_path: Path) -> None:
-    broken = tmp_path / "net.onnx"
-    broken.write_bytes(b"no network")
-    with pytest.raises(DigsError, match="not a network that onnxruntime can load"):
-        MaskNetwork(broken, threads=1)
-
-
-def test_a_network_of_another_kind_is_refused(tmp_path: Path) -> None:
-    network = MaskNetwork(write_network(tmp_path / "net.onnx", channels=2), threads=1)
-    with pytest.raises(DigsError, match=r"shape \(1, 2, 512, 512\), expected \(1, 1"):
-        network.mask(np.zeros((20, 20, 3), np.uint8))
-
-
 # Settings and frames that do not go together
 
 
@@ -219,7 +158,6 @@ def test_a_frame_without_depth_needs_another_source(frames: list[Frame], tmp_pat
     [
         ({"masks": "folder"}, "--mask-folder"),
         ({"mask_folder": Path("x")}, "--mask-folder"),
-        ({"mask_model": Path("x")}, "--masks isnet"),
     ],
 )
 def test_settings_that_contradict_each_other_are_refused(settings: dict, message: str) -> None:

@@ -25,7 +25,7 @@ from reference.sfm_views import arc, record
 UP = np.array([0.0, 0.0, 1.0])
 GOOD = SfmQuality(
     images=100, registered=100, models=1, points=5000, observations_per_image=200.0,
-    track_length=4.0, reprojection_error_px=0.2, ray_angle_deg=10.0,
+    track_length=4.0, reprojection_error_px=0.2,
 )  # fmt: skip
 
 
@@ -56,13 +56,6 @@ def test_the_numbers_are_those_of_the_model() -> None:
     assert quality.observations_per_image == pytest.approx(17 / 3)
     assert quality.track_length == pytest.approx(17 / 6)
     assert quality.reprojection_error_px == pytest.approx(40 / 17)
-
-
-def test_two_rays_meet_at_their_angle() -> None:
-    model = model_from(
-        np.array([[0.0, -1.0, 0.0], [0.0, 1.0, 0.0]]), np.array([[1.0, 0.0, 0.0]] * 3)
-    )
-    assert measure_quality(model, 2, 1).ray_angle_deg == pytest.approx(90.0, abs=1e-3)
 
 
 def test_models_with_too_few_of_the_images_are_refused(caplog: pytest.LogCaptureFixture) -> None:

@@ -1,7 +1,7 @@
 """Structure from motion on rendered photographs, end to end through COLMAP."""
 
 import shutil
-import threading
+import time
 from dataclasses import replace
 from pathlib import Path
 
@@ -88,7 +88,6 @@ def test_the_quality_counts_what_is_in_the_model(estimated: SfmResult) -> None:
     assert quality.reprojection_error_px == pytest.approx(
         float(reprojection_distances(model).mean()), rel=0.01
     )
-    assert 2.0 < quality.ray_angle_deg < 60.0
     assert "12 of 12 images in 1 model" in str(quality)
 
 
@@ -120,11 +119,11 @@ def test_an_interrupted_run_goes_on(
     calls: list[int] = []
     real = colmap.run_interruptible
 
-    def interrupted_in_the_second_portion_of_pairs(call, cancel):
+    def interrupted_in_the_second_portion_of_pairs(call):
         calls.append(1)
         if len(calls) == 4:  # two portions of images, one of pairs
             raise KeyboardInterrupt
-        return real(call, cancel)
+        return real(call)
 
     config = replace(CONFIG, poses="capture", pairing="exhaustive")
     monkeypatch.setattr(colmap, "run_interruptible", interrupted_in_the_second_portion_of_pairs)
@@ -140,24 +139,21 @@ def test_an_interrupted_run_goes_on(
 
 
 def test_ctrl_c_cancels_and_waits_for_the_call() -> None:
-    cancelled = threading.Event()
-    finished = threading.Event()
+    finished: list[bool] = []
 
-    def call() -> None:
-        cancelled.wait(10)
-        finished.set()
+    def call(cancellation_token) -> None:
+        while not cancellation_token.is_cancelled:
+            time.sleep(0.01)
+        finished.append(True)
 
     def interrupted() -> None:
         raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        colmap.run_interruptible(call, cancelled.set, watch=interrupted)
-    assert finished.is_set()
-
-
-def test_an_error_in_the_call_reaches_the_caller() -> None:
-    with pytest.raises(ZeroDivisionError):
-        colmap.run_interruptible(lambda: 1 / 0, lambda: None)
+        colmap.run_interruptible(call, watch=interrupted)
+    assert finished
+    with pytest.raises(ZeroDivisionError):  # what is raised there reaches the caller
+        colmap.run_interruptible(lambda cancellation_token: 1 / 0)
 
 
 def test_given_poses_stay_and_points_are_metric(own_workspace: Path, views: list[Frame]) -> None:
