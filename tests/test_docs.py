@@ -3,6 +3,7 @@
 import re
 import shlex
 from collections.abc import Callable, Iterable
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -10,7 +11,7 @@ import pytest
 
 import digs_warp
 from digs_warp import cli
-from digs_warp.commands.command import COMMANDS
+from digs_warp.commands.command import COMMANDS, Group
 from digs_warp.data.capture import read_capture
 
 REPOSITORY = Path(__file__).resolve().parent.parent
@@ -105,6 +106,31 @@ def test_named_commands_exist() -> None:
     def lost(document: Path) -> Iterable[str]:
         named = re.findall(r"`digs-warp ([a-z][a-z-]*)", document.read_text(encoding="utf-8"))
         return set(named) - COMMANDS.members.keys()
+
+    assert lost_in_documents(lost) == {}
+
+
+def every_flag(group: Group, capsys: pytest.CaptureFixture[str], *words: str) -> set[str]:
+    """The flags of all commands of a group."""
+    found: set[str] = set()
+    for name, member in group.members.items():
+        if isinstance(member, Group):
+            found |= every_flag(member, capsys, *words, name)
+        else:
+            with suppress(SystemExit):
+                cli.main([*words, name, "--help-all"])
+            found |= set(re.findall(r"--[a-z][a-z-]*", capsys.readouterr().out))
+    return found
+
+
+def test_named_flags_exist(capsys: pytest.CaptureFixture[str]) -> None:
+    flags = every_flag(COMMANDS, capsys) | {"--version"}
+    flags |= {"--cpus-per-task", "--mem", "--time", "--eval"}  # of Slurm, of 3D Gaussian splatting
+
+    def lost(document: Path) -> Iterable[str]:
+        text = document.read_text(encoding="utf-8")
+        is_history = document.parent.name == "research"
+        return () if is_history else set(re.findall(r"`(--[a-z][a-z-]*)", text)) - flags
 
     assert lost_in_documents(lost) == {}
 
