@@ -42,14 +42,6 @@ _MAX_TRANSMITTANCE = wp.constant(1.0 - MIN_COVERAGE)
 _DEPTH, _WEIGHTS, _SLOPE, _BIAS = 4, 5, 7, 8
 
 
-@wp.struct
-class _Compared:
-    """What a pixel adds to the sum, and its gradient."""
-
-    term: float
-    gradient: float
-
-
 @wp.func
 def compared(
     packed: wp.uint8,  # w * 255
@@ -59,8 +51,8 @@ def compared(
     slope: float,
     bias: float,
     before: float,  # the gradient of a pixel that does not count
-) -> _Compared:
-    """Compare a pixel, without branches."""
+) -> wp.vec2:
+    """Return what a pixel adds to the sum, and its gradient; without branches."""
     weight = float(packed) * (1.0 / 255.0)
     true = measured / larger(1.0 - bias * measured, 0.1)
     error = depth - true
@@ -69,10 +61,8 @@ def compared(
     ratio = 1.0 + apart / scale
     counts = weight > 0.0 and transmittance <= _MAX_TRANSMITTANCE
     steep = slope * weight * wp.where(error < 0.0, -1.0, 1.0) / (scale + apart)
-    found = _Compared()
-    found.term = wp.where(counts, weight * wp.where(ratio < _LARGEST, log_of(ratio), ratio), 0.0)
-    found.gradient = wp.where(counts, steep, before)
-    return found
+    term = weight * wp.where(ratio < _LARGEST, log_of(ratio), ratio)
+    return wp.vec2(wp.where(counts, term, 0.0), wp.where(counts, steep, before))
 
 
 @wp.kernel
@@ -115,15 +105,15 @@ def depth_kernel(
                     of_px = compared(
                         packed[px], behind[px], goal[px], shown[px], slope, bias, gradient[px]
                     )
-                    terms[px] = terms[px] + of_px.term
-                    gradient[px] = of_px.gradient
+                    terms[px] = terms[px] + of_px[0]
+                    gradient[px] = of_px[1]
             else:
                 for t in range(count):
                     of_t = compared(
                         packed[t], behind[t], goal[t], shown[t], slope, bias, gradient[t]
                     )
-                    terms[t] = terms[t] + of_t.term
-                    gradient[t] = of_t.gradient
+                    terms[t] = terms[t] + of_t[0]
+                    gradient[t] = of_t[1]
         for column in range(_PIECE):
             total += terms[column]
     sums[y] = total
@@ -176,12 +166,9 @@ def _steepness(image: np.ndarray, box: PixelBox) -> np.ndarray:
     beyond = (y1 - y0 + 1 - near.shape[0], x1 - x0 + 1 - near.shape[1])
     near = np.pad(near, ((0, beyond[0]), (0, beyond[1]), (0, 0)), mode="edge")
     here = near[:-1, :-1]
-    across, down = np.abs(near[:-1, 1:] - here), np.abs(near[1:, :-1] - here)
-    return np.hypot(_mean_of_channels(across), _mean_of_channels(down))
-
-
-def _mean_of_channels(values: np.ndarray) -> np.ndarray:
-    return (values[..., 0] + values[..., 1] + values[..., 2]) / np.float32(3.0)
+    both = np.abs(near[:-1, 1:] - here), np.abs(near[1:, :-1] - here)
+    across, down = ((d[..., 0] + d[..., 1] + d[..., 2]) / np.float32(3.0) for d in both)
+    return np.hypot(across, down)
 
 
 class DepthLoss:

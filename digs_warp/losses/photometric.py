@@ -5,52 +5,47 @@ of the step, so the mask also supervises the area outside the object: a Gaussian
 penalized.
 """
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 import warp as wp
 
 from digs_warp.device.image_planes import ImagePlanes
-from digs_warp.device.parallel import ParallelLaunch, put
-from digs_warp.measure.ssim import BLOCK_COLUMNS, BLOCK_ROWS, SEGMENT_ROWS, similarity_kernel
-from digs_warp.measure.ssim_pixels import PixelSimilarity
+from digs_warp.device.parallel import ParallelLaunch, packed, put
+from digs_warp.measure.ssim import (
+    BLOCK_COLUMNS,
+    BLOCK_ROWS,
+    SEGMENT_ROWS,
+    Terms,
+    similarity_kernel,
+)
+from digs_warp.measure.ssim_pixels import similarity_of_pixels
 
 # lambda of the 3DGS reference.
 DSSIM_WEIGHT = 0.2
 
-# Positions of the arguments of `similarity_kernel` that change from view to view.
-_LAYOUT, _L1_WEIGHT, _DSSIM_WEIGHT = 0, 4, 5
 
+def similarity_of_strips(
+    terms: Any, active: wp.array, image: ImagePlanes, target: ImagePlanes, adj_image: ImagePlanes
+) -> tuple[list[ParallelLaunch], wp.array]:
+    """Record `similarity_kernel`, for CPUs.
 
-class StripSimilarity:
-    """`similarity_kernel`, for CPUs; arguments and attributes are those of `PixelSimilarity`."""
+    Args:
+        terms: `Terms`, the first input of each launch.
+        active: the blocks that count, (blocks_y, blocks_x).
+        image: three planes, as the next two.
+        target: what it is compared with.
+        adj_image: where the gradient goes.
 
-    def __init__(
-        self,
-        active: wp.array,
-        image: ImagePlanes,
-        target: ImagePlanes,
-        adj_image: ImagePlanes,
-    ) -> None:
-        device = str(image.data.device)
-        strips = 3 * active.shape[1] * -(-image.max_height // SEGMENT_ROWS)
-        self.sums = wp.zeros((strips, 2), dtype=float, device=device)
-        self._launch = ParallelLaunch(
-            similarity_kernel,
-            strips,
-            [image.layout(), active, image.data, target.data, 0.0, 0.0, adj_image.data, self.sums],
-            device,
-        )
-
-    def weigh(self, layout: Any, l1_weight: float, dssim_weight: float) -> None:
-        """Set the `PlaneLayout` of the view, and the weights of a pixel's terms."""
-        self._launch.set_param(_LAYOUT, layout)
-        self._launch.set_param(_L1_WEIGHT, l1_weight)
-        self._launch.set_param(_DSSIM_WEIGHT, dssim_weight)
-
-    def run(self) -> None:
-        """Compute the gradient and the sums."""
-        self._launch.run()
+    Returns:
+        The launches, and sums of |x - y| and of 1 - SSIM over parts of the image, (n, 2).
+    """
+    device = str(image.data.device)
+    strips = 3 * active.shape[1] * -(-image.max_height // SEGMENT_ROWS)
+    sums = wp.zeros((strips, 2), dtype=float, device=device)
+    inputs = [terms, active, image.data, target.data, adj_image.data, sums]
+    return [ParallelLaunch(similarity_kernel, strips, inputs, device)], sums
 
 
 class PhotometricLoss:
@@ -71,16 +66,17 @@ class PhotometricLoss:
         image: ImagePlanes,
         target: ImagePlanes,
         adj_image: ImagePlanes,
-        similarity: type[StripSimilarity] | type[PixelSimilarity] | None = None,
+        similarity: Callable[..., tuple[list[ParallelLaunch], wp.array]] | None = None,
     ) -> None:
         device = str(image.data.device)
         width, height = image.max_width, image.max_height
         blocks_x, blocks_y = -(-width // BLOCK_COLUMNS), -(-height // BLOCK_ROWS)
         self._active = wp.zeros((blocks_y, blocks_x), dtype=int, device=device)
-        self._layout = image.layout()
-        chosen = similarity or (StripSimilarity if device == "cpu" else PixelSimilarity)
-        self._similarity = chosen(self._active, image, target, adj_image)
-        self.sums = self._similarity.sums
+        sizes = {"columns": width, "rows": height, "size": 3 * image.plane}
+        self._terms = packed(Terms, layout=image.layout(), **sizes)
+        usual = similarity_of_strips if device == "cpu" else similarity_of_pixels
+        given = self._terms, self._active, image, target, adj_image
+        self._launches, self.sums = (similarity or usual)(*given)
         self._resize(width, height)
 
     def run(self, size: tuple[int, int], blocks: np.ndarray) -> None:
@@ -95,7 +91,8 @@ class PhotometricLoss:
         active = np.zeros(self._active.shape, dtype=np.int32)
         active[: blocks.shape[0], : blocks.shape[1]] = blocks
         put(self._active, active)
-        self._similarity.run()
+        for launch in self._launches:
+            launch.run()
 
     def value(self) -> float:
         """Return the loss of the last `run`; waits for the device."""
@@ -105,6 +102,9 @@ class PhotometricLoss:
     def _resize(self, width: int, height: int) -> None:
         self._size = width, height
         self._count = 3 * width * height
-        self._layout.width, self._layout.height = width, height
-        weights = (1.0 - DSSIM_WEIGHT) / self._count, DSSIM_WEIGHT / self._count
-        self._similarity.weigh(self._layout, *weights)
+        terms = self._terms
+        terms.layout.width, terms.layout.height = width, height
+        terms.l1_weight = (1.0 - DSSIM_WEIGHT) / self._count
+        terms.dssim_weight = DSSIM_WEIGHT / self._count
+        for launch in self._launches:
+            launch.set_param(0, terms)

@@ -5,7 +5,8 @@ reach over from known pixels, so their gradient is erased.
 """
 
 # Warp's stubs do not type device code.
-# pyright: reportArgumentType=false, reportIndexIssue=false, reportGeneralTypeIssues=false
+# pyright: reportArgumentType=false, reportIndexIssue=false, reportOperatorIssue=false
+# pyright: reportGeneralTypeIssues=false
 
 import numpy as np
 import warp as wp

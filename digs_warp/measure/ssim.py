@@ -161,6 +161,18 @@ _GRADIENTS_AT = wp.constant(wp.uint64(4 * (_LINES_SIZE + _MOMENTS_SIZE)))
 _ROWS_AT = wp.constant(wp.uint64(4 * (_LINES_SIZE + _MOMENTS_SIZE + _GRADIENTS_SIZE)))
 
 
+@wp.struct
+class Terms:
+    """What is the same for all pixels of a view."""
+
+    layout: PlaneLayout  # of all planes
+    columns: int  # of the largest view
+    rows: int
+    size: int  # of 3 planes
+    l1_weight: float
+    dssim_weight: float
+
+
 @wp.func
 def ring_place(row: int) -> int:
     """Return the position of a row in a ring.
@@ -175,12 +187,10 @@ def ring_place(row: int) -> int:
 @wp.kernel
 def similarity_kernel(
     first: int,
-    layout: PlaneLayout,  # of all planes
+    terms: Terms,
     active: wp.array2d[int],  # [blocks_y, blocks_x] not 0 where the loss counts
     image: wp.array[float],  # 3 padded planes
     target: wp.array[float],  # 3 padded planes
-    l1_weight: float,
-    dssim_weight: float,
     # outputs
     adj_image: wp.array[float],  # 3 padded planes
     sums: wp.array2d[float],  # [strips, 2] sums of |x - y| and of 1 - SSIM
@@ -192,10 +202,11 @@ def similarity_kernel(
     strip = first + wp.tid()
     blocks_x = active.shape[1]
     blocks_y = active.shape[0]
-    width = layout.width
-    height = layout.height
-    pitch = layout.pitch
-    origin = layout.origin
+    width = terms.layout.width
+    height = terms.layout.height
+    pitch = terms.layout.pitch
+    l1_weight = terms.l1_weight
+    dssim_weight = terms.dssim_weight
     segments = (blocks_y + _SEGMENT_BLOCKS - 1) // _SEGMENT_BLOCKS
     channel = strip // (blocks_x * segments)
     block_x = strip % blocks_x
@@ -212,7 +223,7 @@ def similarity_kernel(
         return
     left = block_x * _COLUMNS
     columns = wp.min(_COLUMNS, width - left)
-    base = origin + channel * layout.plane + left
+    base = terms.layout.origin + channel * terms.layout.plane + left
     memory = wp.zeros(shape=(wp.static(_MEMORY),), dtype=float)
     start = cache_line_at(memory.ptr)
     line = wp.array(ptr=start, shape=(wp.static(_LINES_SIZE),), dtype=float)

@@ -6,11 +6,22 @@ addresses, and the windows of a row overlap in the cache. All pixels are compute
 that takes less time than a GPU needs to begin.
 """
 
+from typing import Any
+
 import warp as wp
 
-from digs_warp.device.image_planes import ImagePlanes, PlaneLayout
+from digs_warp.device.image_planes import ImagePlanes
 from digs_warp.device.parallel import ParallelLaunch
-from digs_warp.measure.ssim import BLOCK_COLUMNS, BLOCK_ROWS, C1, C2, REACH, WINDOW, window_weights
+from digs_warp.measure.ssim import (
+    BLOCK_COLUMNS,
+    BLOCK_ROWS,
+    C1,
+    C2,
+    REACH,
+    WINDOW,
+    Terms,
+    window_weights,
+)
 
 # As in `digs_warp.measure.ssim`: if products and sums were fused, equal images would differ.
 wp.set_module_options({"enable_backward": False, "fuse_fp": False})
@@ -27,20 +38,6 @@ _C2 = wp.constant(C2)
 _ROWS = wp.constant(BLOCK_ROWS)
 _COLUMNS = wp.constant(BLOCK_COLUMNS)
 _SUMMED = wp.constant(SUMMED_ROWS)
-
-
-@wp.struct
-class Terms:
-    """What is the same for all pixels of a view."""
-
-    layout: PlaneLayout  # of all planes
-    columns: int  # of the largest view
-    rows: int
-    size: (
-        int  # floats from one value of a pixel to the next in ``moments`` and ``slopes``: 3 planes
-    )
-    l1_weight: float
-    dssim_weight: float
 
 
 @wp.func
@@ -198,54 +195,22 @@ def sum_kernel(
     sums[i, 1] = dssim
 
 
-class PixelSimilarity:
-    """Records the passes for planes of one layout; the interface is that of `digs_warp.losses.photometric`.
-
-    Args:
-        active: the blocks that count, (blocks_y, blocks_x).
-        image, target: three planes each.
-        adj_image: where the gradient goes, three planes.
-
-    Attributes:
-        sums: sums of |x - y| and of 1 - SSIM over parts of the image, (n, 2).
-    """
-
-    def __init__(
-        self,
-        active: wp.array,
-        image: ImagePlanes,
-        target: ImagePlanes,
-        adj_image: ImagePlanes,
-    ) -> None:
-        device = str(image.data.device)
-        pixels = 3 * image.max_width * image.max_height
-        summed = 3 * image.max_width * -(-image.max_height // SUMMED_ROWS)
-        self.sums = wp.zeros((summed, 2), dtype=float, device=device)
-        self._terms = Terms()
-        self._terms.columns, self._terms.rows = image.max_width, image.max_height
-        self._terms.size = 3 * image.plane
-        moments = wp.zeros(4 * self._terms.size, dtype=float, device=device)
-        slopes = wp.zeros_like(moments)
-        x, y = image.data, target.data
-        self._launches = [
-            ParallelLaunch(kernel, count, [self._terms, *inputs], device)
-            for kernel, count, inputs in (
-                (moments_kernel, pixels, [x, y, moments]),
-                (slopes_kernel, pixels, [moments, slopes]),
-                (row_blur_kernel, pixels, [slopes, moments]),
-                (gradient_kernel, pixels, [active, x, y, moments, adj_image.data]),
-                (sum_kernel, summed, [active, x, y, slopes, self.sums]),
-            )
-        ]
-
-    def weigh(self, layout: PlaneLayout, l1_weight: float, dssim_weight: float) -> None:
-        """Set the size of the view, and the weights of a pixel's terms."""
-        self._terms.layout = layout
-        self._terms.l1_weight, self._terms.dssim_weight = l1_weight, dssim_weight
-        for launch in self._launches:
-            launch.set_param(0, self._terms)
-
-    def run(self) -> None:
-        """Compute the gradient and the sums."""
-        for launch in self._launches:
-            launch.run()
+def similarity_of_pixels(
+    terms: Any, active: wp.array, image: ImagePlanes, target: ImagePlanes, adj_image: ImagePlanes
+) -> tuple[list[ParallelLaunch], wp.array]:
+    """Record the passes; the interface is that of `digs_warp.losses.photometric.similarity_of_strips`."""
+    device = str(image.data.device)
+    pixels = 3 * image.max_width * image.max_height
+    summed = 3 * image.max_width * -(-image.max_height // SUMMED_ROWS)
+    sums = wp.zeros((summed, 2), dtype=float, device=device)
+    moments = wp.zeros(12 * image.plane, dtype=float, device=device)
+    slopes = wp.zeros_like(moments)
+    x, y = image.data, target.data
+    passes = (
+        (moments_kernel, pixels, [x, y, moments]),
+        (slopes_kernel, pixels, [moments, slopes]),
+        (row_blur_kernel, pixels, [slopes, moments]),
+        (gradient_kernel, pixels, [active, x, y, moments, adj_image.data]),
+        (sum_kernel, summed, [active, x, y, slopes, sums]),
+    )
+    return [ParallelLaunch(kernel, n, [terms, *given], device) for kernel, n, given in passes], sums

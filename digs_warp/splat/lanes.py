@@ -105,29 +105,21 @@ def put_float(memory: wp.uint64, at: int, value: float):
     ...
 
 
-def halvings(fields: int) -> list[tuple[int, int, int]]:
-    """Return the steps of `put_sums`: distance of the lanes, values before, values after.
+def sums_on_cuda(fields: int) -> str:
+    """Return the C++ of `put_sums` for a warp of 32 lanes.
 
     In each step two lanes share the work: one goes on with the first half of the values, the other with the
     second, and each adds what the other has of its half. Nine values take 12 exchanges instead of 45.
     """
-    steps: list[tuple[int, int, int]] = []
-    count = fields
-    for distance in (16, 8, 4, 2, 1):
-        steps.append((distance, count, (count + 1) // 2))
-        count = (count + 1) // 2
-    return steps
-
-
-def sums_on_cuda(fields: int) -> str:
-    """Return the C++ of `put_sums` for a warp of 32 lanes."""
     lines = [f"float s[{fields}];", f"for (int i = 0; i < {fields}; ++i) s[i] = share[i];"]
     lines += ["int field = 0;", f"int most = {fields};", "bool last = true;"]
-    for distance, count, kept in halvings(fields):
+    count = fields
+    for distance in (16, 8, 4, 2, 1):
         exchange = f"__shfl_xor_sync(0xffffffffu, %s, {distance})"
         if count == 1:
             lines += [f"s[0] += {exchange % 's[0]'};", f"last = last && !(lane & {distance});"]
             continue
+        kept = (count + 1) // 2
         lines += ["{", f"const bool upper = lane & {distance};"]
         for i in range(kept):
             other = f"s[{i + kept}]" if i + kept < count else "0.0f"
@@ -135,6 +127,7 @@ def sums_on_cuda(fields: int) -> str:
             lines.append(f"s[{i}] = (upper ? {other} : s[{i}]) + {sent};")
         lines += [f"if (upper) {{ field += {kept}; most -= {kept}; }}"]
         lines += [f"else if (most > {kept}) most = {kept};", "}"]
+        count = kept
     lines.append("if (last && most > 0) ((float*)memory)[at + field] = s[0];")
     return "\n".join(lines)
 

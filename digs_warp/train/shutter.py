@@ -33,21 +33,13 @@ Drawn = Literal["auto", "on", "off"]
 
 @dataclass(frozen=True)
 class _Effect:
-    """What moves the image in a time, in words.
+    """What moves the image in a time, in words."""
 
-    Attributes:
-        flag: that says whether it is drawn.
-        meanwhile: what goes on.
-        time: the name of its time.
-        gives: what gives that.
-        worth: it is drawn where the image moves by as much [px].
-    """
-
-    flag: str
+    flag: str  # that says whether it is drawn
     meanwhile: str
     time: str
-    gives: str
-    worth: float
+    gives: str  # what gives that time
+    worth: float  # it is drawn where the image moves by as much [px]
 
 
 # Less is not worth the two percent that a step costs.

@@ -8,11 +8,11 @@ import warp as wp
 from digs_warp.data.gaussians import FIELDS, Gaussians
 from digs_warp.device.image_planes import ImagePlanes
 from digs_warp.geometry.camera import Camera
-from digs_warp.losses.photometric import PhotometricLoss, StripSimilarity
+from digs_warp.losses.photometric import PhotometricLoss, similarity_of_strips
 from digs_warp.losses.regions import read_region
 from digs_warp.losses.target import Target, pack_view
 from digs_warp.measure.ssim import BLOCK_COLUMNS, BLOCK_ROWS
-from digs_warp.measure.ssim_pixels import PixelSimilarity
+from digs_warp.measure.ssim_pixels import similarity_of_pixels
 from digs_warp.splat.backend import RasterBackend
 from digs_warp.splat.device import DeviceGaussians
 from digs_warp.splat.renderer import SplatRenderer
@@ -136,7 +136,7 @@ def ssim(run: Run, findings: Findings) -> None:
     shown = rng.uniform(size=(*shape, 3)).cumsum(axis=1) % 1.0
     wanted = np.clip(shown + 0.2 * rng.normal(size=shown.shape), 0, 1)
     found = []
-    for device, kernels in (("cpu", StripSimilarity), (run.device, PixelSimilarity)):
+    for device, kernels in (("cpu", similarity_of_strips), (run.device, similarity_of_pixels)):
         image, target = (ImagePlanes.of(x, device) for x in (shown, wanted))
         adjoint = ImagePlanes(*size, 3, device)
         loss = PhotometricLoss(image, target, adjoint, similarity=kernels)

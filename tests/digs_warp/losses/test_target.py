@@ -7,12 +7,8 @@ import warp as wp
 from digs_warp.device.image_planes import ImagePlanes
 from digs_warp.geometry.rigid import PixelBox, mask_box
 from digs_warp.losses.regions import (
-    blocks_of,
-    grown,
     loss_blocks,
     read_region,
-    tiles_of,
-    union,
 )
 from digs_warp.losses.target import Target, pack_view
 from digs_warp.measure.color_gain import SATURATED, ColorGain
@@ -92,26 +88,6 @@ def test_a_smaller_view_finds_nothing_of_a_larger_one() -> None:
     small = wp.array(pack_view(image[:9, :8], image[:9, :8, 0]), dtype=wp.uint8, device="cpu")
     target.compose(small, (0, 0, 8, 9), BACKGROUND, (0, 0, 8, 9), (8, 9))
     assert np.count_nonzero(target.image.to_numpy()) == 8 * 9 * 3
-
-
-def test_boxes() -> None:
-    mask = np.zeros((10, 12), dtype=np.uint8)
-    assert mask_box(mask) == (0, 0, 0, 0)
-    mask[3, 4] = mask[7, 9] = 1
-    assert mask_box(mask) == (4, 3, 10, 8)
-    assert union((0, 0, 0, 0), (4, 3, 10, 8)) == (4, 3, 10, 8)
-    assert union((1, 5, 5, 9), (4, 3, 10, 8)) == (1, 3, 10, 9)
-    assert grown((4, 3, 10, 8), 3, 12, 20) == (1, 0, 12, 11)
-    assert grown((5, 5, 5, 9), 3, 12, 20) == (0, 0, 0, 0)
-
-
-def test_tiles_and_blocks() -> None:
-    mask = np.zeros((40, 100))
-    mask[20, 70] = mask[39, 99] = 1
-    tiles = tiles_of(mask)
-    assert tiles.shape == (3, 7)
-    assert np.argwhere(tiles).tolist() == [[1, 4], [2, 6]]
-    assert np.argwhere(blocks_of(tiles)).tolist() == [[1, 1], [2, 1]]
 
 
 def test_the_loss_looks_one_tile_further_and_reads_a_window_more() -> None:

@@ -9,7 +9,7 @@ from digs_warp.losses.photometric import PhotometricLoss
 from digs_warp.losses.regions import blocks_of, loss_blocks, tiles_of
 from digs_warp.measure.metrics import psnr, ssim_map
 from digs_warp.measure.ssim import window_weights
-from digs_warp.measure.ssim_pixels import PixelSimilarity
+from digs_warp.measure.ssim_pixels import similarity_of_pixels
 
 # Sizes below, at and across the kernel's blocks of 64 x 16.
 SIZES = [(1, 1), (64, 16), (150, 70)]
@@ -19,7 +19,7 @@ SIZES = [(1, 1), (64, 16), (150, 70)]
 def kernels(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
     """All tests here are of both kinds of kernels."""
     if request.param == "for GPUs":
-        monkeypatch.setattr(photometric, "StripSimilarity", PixelSimilarity)
+        monkeypatch.setattr(photometric, "similarity_of_strips", similarity_of_pixels)
 
 
 def brute_force_ssim(x: np.ndarray, y: np.ndarray, row: int, column: int) -> float:

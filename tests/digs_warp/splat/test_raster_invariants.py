@@ -38,6 +38,20 @@ def rendered(gaussians: Gaussians, view: Camera = VIEW, **options) -> SplatRende
     return renderer
 
 
+def pulled_back(renderer: SplatRenderer, view: Camera = VIEW) -> list[np.ndarray]:
+    """The image, and the gradients for a gradient image that depends on the pixel alone."""
+    k = view.intrinsics
+    renderer.forward(view, near=NEAR, background=BACKGROUND)
+    gradient = np.random.default_rng(3).normal(size=(SIZE[1], SIZE[0], 3))
+    renderer.adj_image.assign(gradient[: k.height, : k.width])
+    renderer.backward()
+    return [renderer.image.to_numpy(), *(a.numpy().copy() for a in renderer.gradients.arrays)]
+
+
+def renderer_of(gaussians: Gaussians = MANY) -> SplatRenderer:
+    return SplatRenderer(DeviceGaussians.from_numpy(gaussians), *SIZE)
+
+
 def test_same_bits_for_any_number_of_threads() -> None:
     options = RasterOptions(outputs="depth", depth_of="skin")
     one, more = (rendered(MANY, threads=count, options=options) for count in (1, 8))
@@ -120,3 +134,30 @@ def test_what_gaussians_are_made_for_is_drawn_without_being_asked() -> None:
     found.set_gaussians(DeviceGaussians.from_numpy(MANY))
     found.forward(VIEW, near=NEAR, background=BACKGROUND)
     np.testing.assert_array_equal(found.image.to_numpy(), rendered(MANY).image.to_numpy())
+
+
+@pytest.mark.parametrize("size", [(41, 110), (1, 1)])
+def test_a_smaller_view_equals_that_of_a_renderer_of_its_size(size: tuple[int, int]) -> None:
+    small = VIEW.resized(*size)
+    one = renderer_of()
+    pulled_back(one, VIEW)
+    found = pulled_back(one, small)
+    expected = pulled_back(SplatRenderer(DeviceGaussians.from_numpy(MANY), *size), small)
+    for a, b in zip(found, expected, strict=True):
+        np.testing.assert_array_equal(a, b)
+    # And the large view is the same after the small one.
+    for a, b in zip(pulled_back(one, VIEW), pulled_back(renderer_of(), VIEW), strict=True):
+        np.testing.assert_array_equal(a, b)
+
+
+@pytest.mark.parametrize("count", [0, 1700])
+def test_other_gaussians_take_the_place_of_the_first(count: int) -> None:
+    other = random_gaussians(count, seed=9)
+    renderer = renderer_of()
+    image = renderer.image
+    pulled_back(renderer, VIEW)
+    renderer.set_gaussians(DeviceGaussians.from_numpy(other))
+    assert renderer.image is image
+    found, expected = pulled_back(renderer, VIEW), pulled_back(renderer_of(other), VIEW)
+    for a, b in zip(found, expected, strict=True):
+        np.testing.assert_array_equal(a, b)

@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-from scipy.optimize import brentq
 from scipy.spatial.transform import Rotation
 
 from digs_warp.data.gaussians import Gaussians
@@ -11,6 +10,7 @@ from digs_warp.geometry.rigid import look_at
 from digs_warp.splat.config import EXPECTED, MEDIAN, REACH, RasterOptions
 from digs_warp.splat.device import DeviceGaussians
 from digs_warp.splat.renderer import SplatRenderer
+from digs_warp.splat.surface_depth import surface_depth
 from reference.splat_scenes import random_gaussians
 
 POSE = look_at(np.array([0.4, -3.0, 0.5]), np.zeros(3), np.array([0.0, 0.0, 1.0]))
@@ -42,10 +42,7 @@ def twin(gaussians: Gaussians) -> float:
     variances = np.exp(2.0 * gaussians.log_scales[0].astype(np.float64))
     inverse = axes @ np.diag(1.0 / variances) @ axes.T
 
-    def above_one(t: float) -> float:
-        return t * t * (ray @ inverse @ ray) - 1.0
-
-    deviation = float(brentq(above_one, 0.0, 1.0))  # pyright: ignore[reportArgumentType]
+    deviation = 1.0 / np.sqrt(ray @ inverse @ ray)
     return float((distance - REACH * deviation) * (ray @ CAMERA.world_from_cam[:3, 2]))
 
 
@@ -97,3 +94,10 @@ def test_a_huge_splat_has_its_skin_in_front_of_the_camera() -> None:
     depth = drawn(one(0.99, (30.0, 30.0, 30.0)), "skin").depth.to_numpy()[..., EXPECTED]
     assert np.all(np.isfinite(depth))
     assert depth.max() > 0
+
+
+def test_the_median_counts_between_two_surfaces_and_nothing_without_one() -> None:
+    channels = np.array([[0.0, 0.0], [1.0, 0.0], [1.001, 1.0], [1.2, 1.0]], np.float32)
+    np.testing.assert_array_equal(
+        surface_depth(channels), np.array([np.nan, np.nan, 1.001, 1.0], np.float32)
+    )

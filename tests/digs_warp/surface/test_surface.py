@@ -17,7 +17,6 @@ from digs_warp.geometry.camera import Camera, Intrinsics
 from digs_warp.geometry.rigid import quat_xyzw_from_matrix
 from digs_warp.geometry.sh import C0
 from digs_warp.show.film.camera_path import Subject, orbit
-from digs_warp.splat.config import REACH
 from digs_warp.surface.depth_views import DepthView, depth_views
 from digs_warp.surface.extract import Scene, extract_surface, remove_floaters
 from digs_warp.surface.files import write_mesh
@@ -224,20 +223,3 @@ def test_meshes_that_cannot_be_written(tmp_path: Path, mesh: TriangleMesh) -> No
     with pytest.raises(DigsError, match="0 triangles"):
         write_mesh(tmp_path / "a.glb", empty)
     assert list(tmp_path.iterdir()) == []
-
-
-def test_thin_fog_before_the_surface_does_not_move_it() -> None:
-    """The median passes over what covers less than half; the mean of the depths would not."""
-    camera = cameras()[8]
-    forward = camera.world_from_cam[:3, 2]
-    near, far = camera.center_world + 0.4 * forward, camera.center_world + 0.6 * forward
-    layers = Gaussians(
-        means=np.stack([near, far]),
-        log_scales=np.full((2, 3), np.log(0.05)),
-        quats=np.tile([0.0, 0.0, 0.0, 1.0], (2, 1)),
-        opacity_logits=np.array([np.log(0.3 / 0.7), 4.0]),
-        sh=np.zeros((2, 1, 3)),
-    )
-    view = next(depth_views(layers, [camera], far))
-    skin = REACH * 0.05  # in front of the far center
-    np.testing.assert_allclose(view.depth[48, 48], 0.6 - skin, rtol=1e-5)

@@ -29,14 +29,6 @@ def measured(frames: tuple[Frame, ...] | list[Frame], gaussians: Gaussians) -> f
     return adherence(DeviceGaussians.from_numpy(gaussians), load_measured_views(frames))
 
 
-def test_is_the_median_over_the_object_in_all_views(capture: Capture) -> None:
-    distances = []
-    for frame in capture.frames:
-        distance = np.abs(drawn_depth(frame) - frame.load_depth())[frame.load_mask() >= 128]
-        distances.append(distance[np.isfinite(distance)])
-    assert measured(capture.frames, ball()) == pytest.approx(np.median(np.concatenate(distances)))
-
-
 def test_a_surface_that_slides_off_is_measured(capture: Capture) -> None:
     for off in (0.0, -0.007, 0.02):
         frames = [f.with_layer(Layer.DEPTH, drawn_depth(f) + off) for f in capture.frames]

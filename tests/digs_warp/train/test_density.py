@@ -133,24 +133,15 @@ def test_moments_follow_their_gaussians() -> None:
     )
 
 
-def test_the_schedule_is_that_of_the_reference() -> None:
-    schedule = Schedule(30_000)
-    refines = [step for step in range(1, 30_001) if schedule.refines(step)]
-    assert (refines[0], refines[-1], len(refines)) == (600, 15_000, 145)
-    # After what is measured or written at a round number.
-    assert [step for step in range(1, 30_001) if schedule.resets(step)] == [
-        3001,
-        6001,
-        9001,
-        12_001,
-    ]
-
-
-def test_short_runs_refine_more_often() -> None:
+def test_the_schedule_is_that_of_the_reference_and_short_runs_refine_more_often() -> None:
     def steps(schedule: Schedule) -> list[int]:
         return [step for step in range(1, schedule.iterations + 1) if schedule.refines(step)]
 
-    assert steps(Schedule(1000)) == [150, 200, 250, 300, 350, 400, 450, 500]
-    assert steps(Schedule(300)) == [45, 60, 75, 90, 105, 120, 135, 150]
+    long, resets = Schedule(30_000), (3001, 6001, 9001, 12_001)
+    assert steps(long) == [*range(600, 15_001, 100)]
+    # After what is measured or written at a round number.
+    assert [step for step in range(1, 30_001) if long.resets(step)] == [*resets]
+    assert steps(Schedule(1000)) == [*range(150, 501, 50)]
+    assert steps(Schedule(300)) == [*range(45, 151, 15)]
     assert steps(Schedule(60)) == [10, 20, 30]
-    assert Schedule(2000).every == Schedule(30_000).every == 100
+    assert Schedule(2000).every == long.every == 100

@@ -39,14 +39,6 @@ def disc(width: int = 40, height: int = 30, share: float = 0.35) -> np.ndarray:
     return np.clip(255 * (share * height - radius), 0, 255).astype(np.uint8)
 
 
-def painted(number: int, width: int = 40, height: int = 30, color: int | None = None) -> View:
-    rng = np.random.default_rng(number)
-    image = rng.integers(0, 256, (height, width, 3), dtype=np.uint8)
-    if color is not None:
-        image[:] = color
-    return packed_view(f"{number:04d}", camera(number, width, height), image, disc(width, height))
-
-
 def train(views: list[View], config: TrainConfig, seeds: Gaussians | None = None) -> Trainer:
     trainer = Trainer(ball(200) if seeds is None else seeds, store(views), config)
     for _ in range(config.stop.iterations):
@@ -71,33 +63,6 @@ def test_views_without_foreground_push_everything_away() -> None:
     gaussians = trainer.gaussians.to_numpy()
     assert_finite(gaussians)
     assert np.median(gaussians.opacities) < 0.5 * np.median(ball(200).opacities)
-
-
-def test_views_of_several_sizes() -> None:
-    """A smaller view is compared as if it were alone: nothing of a larger one reaches it."""
-    sizes = [(40, 30), (64, 48), (17, 33), (40, 30), (1, 1), (90, 7)]
-    mixed = [painted(n, *size) for n, size in enumerate(sizes)]
-    config = TrainConfig(stop=Stop(iterations=1))
-    trainer = Trainer(ball(200), store(mixed), config)
-    for step in (*range(len(mixed)), *range(len(mixed))):
-        trainer.optimizer.step = step
-        view = trainer._view()
-        alone = Trainer(ball(200), store([view]), config)
-        alone.gaussians.log_scales.assign(trainer.gaussians.log_scales)  # filtered for all views
-        for one in (trainer, alone):
-            background = np.array([0.2, 0.5, 0.7])
-            one.renderer.forward(view.camera, near=0.01, background=background)
-            one.objective.compare(view, background)
-            one.renderer.backward()
-        assert trainer.loss_value() == pytest.approx(alone.loss_value(), rel=1e-6)
-        for name in FIELDS:
-            np.testing.assert_allclose(
-                getattr(trainer.renderer.gradients, name).numpy(),
-                getattr(alone.renderer.gradients, name).numpy(),
-                rtol=1e-4,
-                atol=1e-9,
-                err_msg=name,
-            )
 
 
 def test_the_crop_changes_no_gradient() -> None:

@@ -5,7 +5,6 @@ from dataclasses import astuple
 import numpy as np
 import pytest
 
-from digs_warp.checks import DigsError
 from digs_warp.splat.device import DeviceGaussians
 from digs_warp.train.config import Density, DensityStrategy, Stop, TrainConfig
 from digs_warp.train.optimizer import BLOCK, Adam
@@ -55,16 +54,6 @@ def test_five_steps_equal_the_twin(block: int, monkeypatch: pytest.MonkeyPatch) 
         np.testing.assert_allclose(found, expected, rtol=1e-5, atol=1e-6)
 
 
-def test_rates_of_the_reference() -> None:
-    gaussians = DeviceGaussians.from_numpy(random_gaussians(3, seed=0))
-    config = TrainConfig(stop=Stop(iterations=30_000), density=Density(strategy="adaptive"))
-    adam = adam_of(gaussians, config, 2.0)
-    means, scales, quats, opacities, colors = adam.rates(0.0)
-    assert means == pytest.approx(3.2e-4)
-    assert (scales, quats, opacities, colors) == (5e-3, 1e-3, 5e-2, 2.5e-3)
-    assert adam.rates(1.0)[0] == pytest.approx(3.2e-6)
-
-
 def test_short_runs_from_sparse_points_learn_as_fast_as_dense_ones() -> None:
     def rates(steps: int, strategy: DensityStrategy = "adaptive") -> list[float]:
         config = TrainConfig(stop=Stop(iterations=steps), density=Density(strategy=strategy))
@@ -72,7 +61,7 @@ def test_short_runs_from_sparse_points_learn_as_fast_as_dense_ones() -> None:
 
     dense, reference = (rates(30_000, strategy) for strategy in ("fixed", "adaptive"))
     assert rates(1000) == pytest.approx(dense) == rates(100)
-    assert rates(100_000) == reference
+    assert rates(100_000) == reference == [1.6e-4, 5e-3, 1e-3, 5e-2, 2.5e-3]
     halfway = round((1000 * 30_000) ** 0.5)
     expected = [(a * b) ** 0.5 for a, b in zip(dense, reference, strict=True)]
     assert rates(halfway) == pytest.approx(expected, rel=1e-3)
@@ -87,17 +76,6 @@ def test_rates_of_a_dense_start_fall_to_a_share() -> None:
     for progress, share in ((0.5, 1.0), (0.75, 0.525), (1.0, 0.05)):
         assert adam.rates(progress)[1:] == pytest.approx(start[1:] * share)
     assert adam.rates(1.0)[0] == pytest.approx(start[0] / 100)
-
-
-def test_settings_out_of_range_are_refused_by_their_flag() -> None:
-    for settings, wrong, message in (
-        (Stop, {"iterations": -1}, "--iterations: -1, expected 0 to 10,000,000"),
-        (TrainConfig, {"learning_rate": float("nan")}, "learning_rate"),
-        (Density, {"max_splats": 0}, "--max-splats: 0, expected 1 to 10,000,000"),
-        (TrainConfig, {"sh_degree": 4}, "--sh-degree: 4, expected 0 to 3"),
-    ):
-        with pytest.raises(DigsError, match=message):
-            settings(**wrong)  # pyright: ignore[reportArgumentType]
 
 
 def test_held_gaussians_stay_where_they_are_and_the_others_do_not_notice() -> None:
@@ -122,23 +100,16 @@ def test_held_gaussians_stay_where_they_are_and_the_others_do_not_notice() -> No
         assert (values[~held] != getattr(start, name)[~held]).any()
 
 
-def test_a_parameter_that_is_no_longer_finite_is_noticed() -> None:
+@pytest.mark.parametrize(("name", "row", "value"), [("means", 0, np.nan), ("sh", -1, np.inf)])
+def test_a_parameter_that_is_no_longer_finite_is_noticed(name: str, row: int, value: float) -> None:
     start = random_gaussians(BLOCK + 3, seed=0, degree=0)
-    for name, row, value in (
-        ("means", 0, np.nan),
-        ("opacity_logits", -1, -np.inf),
-        ("sh", -1, np.inf),
-    ):
-        gaussians = DeviceGaussians.from_numpy(start)
-        adam = adam_of(gaussians, TrainConfig(), 2.0)
-        adam.update(0.0)
-        assert adam.is_finite
-        array = getattr(gaussians, name)
-        values = array.numpy().copy()
-        values[row] = value
-        array.assign(values)
+    gaussians = DeviceGaussians.from_numpy(start)
+    adam = adam_of(gaussians, TrainConfig(), 2.0)
+    adam.update(0.0)
+    assert adam.is_finite
+    values = getattr(start, name).copy()
+    values[row] = value
+    for given in (values, getattr(start, name)):  # once False, it stays False
+        getattr(gaussians, name).assign(given)
         adam.update(0.0)
         assert not adam.is_finite
-        array.assign(getattr(start, name))
-        adam.update(0.0)
-        assert not adam.is_finite, "once False, it stays False"

@@ -18,7 +18,6 @@ from digs_warp.train.other_sizes import (
     SIZES,
     at_size,
     measure_other_sizes,
-    over_areas,
     psnr_at_size,
 )
 
@@ -91,12 +90,6 @@ def test_a_scene_that_erodes_when_drawn_larger_loses_and_a_filtered_one_does_not
     assert at["double"][0] < 15 < 25 < at["double"][1]
     assert at["double"][0] < at["four_thirds"][0] - 2 < at["trained"][0] - 4
     assert at["half"][1] > at["half"][0] + 2
-
-
-def test_pixels_are_means_over_their_areas() -> None:
-    image = np.random.default_rng(1).uniform(-0.5, 1.5, (48, 64, 3)).astype(np.float32)
-    parts = np.repeat(np.repeat(image, 3, axis=0), 3, axis=1).reshape(36, 4, 48, 4, 3)
-    np.testing.assert_allclose(over_areas(image, 48, 36), parts.mean(axis=(1, 3)), atol=2e-6)
 
 
 def test_a_view_from_afar_has_the_photograph_of_fewer_pixels() -> None:

@@ -3,7 +3,6 @@
 import json
 import re
 import signal
-import tracemalloc
 from pathlib import Path
 
 import numpy as np
@@ -139,11 +138,8 @@ def test_held_out_views_beyond_the_memory_are_read_when_they_are_asked_for(
     gaussians = DeviceGaussians.from_numpy(ball())
     kept = load_test_views(frames)
     monkeypatch.setattr(evaluate, "MEMORY", 1)
-    tracemalloc.start()
     views = load_test_views(frames)
-    held = tracemalloc.get_traced_memory()[0]
-    tracemalloc.stop()
-    assert held < 2 * kept[0].target.nbytes + 2 * kept[0].share.nbytes
+    assert len(views._kept) == 1
     moved = views.seen_from([frame.camera for frame in frames[::-1]])
     assert measure_views(gaussians, views).scores == measure_views(gaussians, kept).scores
     assert [view.camera for view in moved] == [view.camera for view in kept[::-1]]

@@ -7,8 +7,8 @@ from digs_warp.train.silhouette import MARGIN, NEIGHBORS, REACH, without_surroun
 HEIGHT, WIDTH = 24, 30
 
 
-def scene() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """A red-to-yellow disc before a blue room: photograph, mask, and the disc's color everywhere."""
+def scene() -> tuple[np.ndarray, np.ndarray]:
+    """A red-to-yellow disc before a blue room: photograph and mask."""
     rows, columns = np.mgrid[:HEIGHT, :WIDTH]
     distance = np.hypot(rows - 11.5, columns - 14.5)
     mask = np.rint(255 * np.clip(8.0 - distance, 0, 1)).astype(np.uint8)
@@ -16,7 +16,7 @@ def scene() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     room = np.stack([10 + rows, 60 + 0 * rows, 230 - columns], axis=-1).astype(np.float64)
     share = mask[..., None] / 255
     photo = np.rint(share * disc + (1 - share) * room).astype(np.uint8)
-    return photo, mask, disc
+    return photo, mask
 
 
 def twin(image: np.ndarray, mask: np.ndarray) -> np.ndarray:
@@ -51,7 +51,7 @@ def twin(image: np.ndarray, mask: np.ndarray) -> np.ndarray:
 
 
 def test_agrees_with_the_twin() -> None:
-    photo, mask, _ = scene()
+    photo, mask = scene()
     rng = np.random.default_rng(0)
     noisy = np.clip(photo + rng.normal(0, 12, photo.shape), 0, 255).astype(np.uint8)
     cut = np.s_[5:12, 12:30]  # the rim at the edge of the image
@@ -61,35 +61,10 @@ def test_agrees_with_the_twin() -> None:
             assert np.abs(without_surround(image, mask[part]) - expected).max() <= 0.51
 
 
-def test_the_rim_on_white_comes_near_the_disc_on_white() -> None:
-    photo, mask, disc = scene()
-    share = mask[..., None] / 255
-    rim = (mask > 0) & (mask < 255)
-    white = 255 * (1 - share)
-
-    def error(image: np.ndarray) -> float:
-        return float(np.sqrt(np.mean((share * (image - disc))[rim] ** 2)))
-
-    cleaned = without_surround(photo, mask)
-    assert error(cleaned) < 0.15 * error(photo)
-    assert np.array_equal(cleaned[~rim], photo[~rim])
-    assert np.all(np.abs(share * cleaned + white - (share * disc + white))[rim] < 12)
-
-
 def test_a_hard_or_a_constant_mask_changes_nothing() -> None:
-    photo, mask, _ = scene()
+    photo, mask = scene()
     hard = np.where(mask >= 128, 255, 0).astype(np.uint8)
     assert without_surround(photo, hard) is photo
     for level in (0, 128, 255):
         found = without_surround(photo, np.full((HEIGHT, WIDTH), level, np.uint8))
         assert np.array_equal(found, photo)
-
-
-def test_no_color_is_invented_where_the_mask_is_wrong() -> None:
-    # Half coverage all over a disc that in truth covers its pixels: only colors near the object's may come.
-    _, mask, _ = scene()
-    photo = np.full((HEIGHT, WIDTH, 3), 100, np.uint8)
-    photo[mask == 0] = 250
-    wrong = np.where((mask > 0) & (np.arange(WIDTH) < 15), 128, mask).astype(np.uint8)
-    cleaned = without_surround(photo, wrong)
-    assert np.abs(cleaned[mask > 128].astype(int) - 100).max() <= MARGIN

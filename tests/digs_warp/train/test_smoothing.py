@@ -22,7 +22,6 @@ from digs_warp.train.smoothing import (
     SmoothingFilter,
     for_classic_viewers,
     sampling_distances,
-    without_filter,
 )
 from reference.smoothing_twin import effective_twin, sampling_distances_twin
 from reference.splat_scenes import random_gaussians
@@ -81,17 +80,6 @@ def test_learned_and_effective_scales_and_gradients_equal_the_twin() -> None:
     np.testing.assert_array_equal(smoothing.learned.numpy(), moved)
     expected = effective_twin(moved, distances, VARIANCE)
     np.testing.assert_allclose(gaussians.log_scales.numpy(), expected, rtol=1e-5, atol=2e-6)
-
-
-def test_what_the_filter_adds_is_taken_out_again() -> None:
-    rng = np.random.default_rng(3)
-    own, distances = rng.uniform(-9.0, -3.0, (300, 3)), rng.uniform(1e-4, 0.02, 300)
-    whole = effective_twin(own, distances, 0.3)
-    found = without_filter(whole, distances, 0.3)
-    # A share of the whole stays where less than it was its own.
-    floor = whole + 0.5 * np.log(OWN_SHARE)
-    np.testing.assert_allclose(found, np.maximum(own, floor), rtol=1e-9)
-    assert 0.1 < (own < floor).mean() < 0.9
 
 
 def test_a_classic_viewer_shows_what_we_show_at_the_size_it_is_for() -> None:

@@ -61,16 +61,6 @@ def test_the_plan_is_recorded_and_kept_by_a_resumed_run(
     assert str(plan.step_seconds) in (before / "run.json").read_text()
 
 
-def test_a_budget_too_small_for_a_step_takes_one(
-    capture: Capture, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    stop = Stop(iterations=40, time_budget=1e-3)
-    config = ReconstructConfig(init=CONFIG.init, train=TrainConfig(stop=stop, sh_degree=0))
-    result = reconstruct(capture, config, tmp_path)
-    assert result.training.iterations == 1 and result.training.stopped_by == "time budget"
-    assert result.training.plan is not None and result.training.plan.iterations == 1
-
-
 def test_planning_times_steps_of_a_copy(capture: Capture, monkeypatch: pytest.MonkeyPatch) -> None:
     step = Trainer.step
 

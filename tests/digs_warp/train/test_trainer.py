@@ -1,4 +1,4 @@
-"""The training loop: it learns, it repeats itself bit for bit, and it says when it cannot go on."""
+"""The training loop: it learns, and it says when it cannot go on."""
 
 from dataclasses import replace
 
@@ -12,7 +12,7 @@ from digs_warp.train.config import Stop, TrainConfig
 from digs_warp.train.trainer import Trainer
 from digs_warp.train.view_store import open_views, view_index
 from reference.tiny_capture import ball
-from reference.trained_ball import assert_same_bits, trained
+from reference.trained_ball import trained
 
 
 def gray_start() -> Gaussians:
@@ -27,17 +27,6 @@ def test_the_loss_falls(capture: Capture) -> None:
     for _ in range(149):
         trainer.step()
     assert trainer.loss_value() < 0.5 * first
-
-
-def test_the_same_seed_gives_the_same_bits_and_another_seed_does_not(capture: Capture) -> None:
-    config = TrainConfig(stop=Stop(iterations=20))
-    a, b = (
-        trained(capture.frames, config, gray_start(), 12),
-        trained(capture.frames, config, gray_start(), 12),
-    )
-    assert_same_bits(a.gaussians.to_numpy(), b.gaussians.to_numpy())
-    c = trained(capture.frames, replace(config, seed=1), gray_start(), 12)
-    assert not np.array_equal(a.gaussians.to_numpy().means, c.gaussians.to_numpy().means)
 
 
 def test_the_background_supervises_the_outside(capture: Capture) -> None:
@@ -56,6 +45,7 @@ def test_the_background_supervises_the_outside(capture: Capture) -> None:
 def test_every_view_is_seen_once_an_epoch() -> None:
     seen = [view_index(0, 8, step) for step in range(16)]
     assert sorted(seen[:8]) == sorted(seen[8:]) == list(range(8))
+    assert seen[:8] not in (seen[8:], [view_index(1, 8, step) for step in range(8)])
 
 
 @pytest.mark.parametrize(("name", "value"), [("log_scales", np.nan), ("sh", np.inf)])
