@@ -1,6 +1,7 @@
 """Finds files by names that differ a little: names from another system, or the mask of an image."""
 
 import re
+import unicodedata
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from pathlib import Path, PurePath, PurePosixPath
@@ -19,12 +20,17 @@ def is_readable(path: Path) -> bool:
         return False
 
 
+def _folded(name: str) -> str:
+    """Return a name without what systems write differently: case, and letters with their accents apart."""
+    return unicodedata.normalize("NFC", name.lower())
+
+
 def folder_named(folder: Path, name: str) -> Path:
     """Return a folder below another by its path, where it is written in another case, too."""
     for part in PurePosixPath(name).parts:
         exact = folder / part
         near = (
-            (p for p in folder.iterdir() if p.name.lower() == part.lower())
+            (p for p in folder.iterdir() if _folded(p.name) == _folded(part))
             if folder.is_dir()
             else ()
         )
@@ -91,19 +97,19 @@ class FileNames:
         return None
 
     def _in_any_case(self, parts: Sequence[str]) -> str | None:
-        """Return the path below the folder that differs in nothing but case, if there is one."""
+        """Return the path below the folder that differs in case or accents only, if there is one."""
         found: list[str] = []
         for part in parts:
             here = self._names(self.folder.joinpath(*found))
-            if part.lower() not in here:
+            if _folded(part) not in here:
                 return None
-            found.append(here[part.lower()])
+            found.append(here[_folded(part)])
         return "/".join(found) if is_readable(self.folder.joinpath(*found)) else None
 
     def _names(self, place: Path) -> dict[str, str]:
         if place not in self._listed:
             try:
-                self._listed[place] = {path.name.lower(): path.name for path in place.iterdir()}
+                self._listed[place] = {_folded(path.name): path.name for path in place.iterdir()}
             except OSError:
                 self._listed[place] = {}
         return self._listed[place]
@@ -126,9 +132,9 @@ def masks_in(folder: Path, images: Sequence[str]) -> tuple[dict[str, Path], int]
     files = {_stem(path.relative_to(folder)): path for path in paths}
 
     def of(image: str) -> Path | None:
-        name = PurePosixPath(image.lower())
+        name = PurePosixPath(_folded(image))
         stems = [_stem(each) for each in (name, PurePosixPath(name.name))]
-        tried = [image.lower(), name.name]
+        tried = [str(name), name.name]
         tried += [form.format(*stem.rpartition("/")) for stem in stems for form in _MASK_NAMES]
         return next((files[each] for each in tried if each in files), None)
 
@@ -145,7 +151,7 @@ _NUMBER = re.compile(r"\d+")
 
 
 def _stem(path: PurePath) -> str:
-    return path.with_suffix("").as_posix().lower()
+    return _folded(path.with_suffix("").as_posix())
 
 
 def _by_number(names: Mapping[str, T]) -> dict[int, T]:

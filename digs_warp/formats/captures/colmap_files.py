@@ -177,8 +177,8 @@ def _binary_points(path: Path) -> Iterator[tuple[float, ...]]:
 def _lines(path: Path) -> Iterator[str]:
     """Yield all lines but comments; empty ones count: an image without points has one."""
     for line in text_lines(path, "COLMAP file"):
-        if not line.startswith("#"):
-            yield line.strip()
+        if not (line := line.strip()).startswith("#"):
+            yield line
 
 
 def _text_cameras(path: Path) -> Iterator[tuple[int, ModelCamera]]:

@@ -178,7 +178,7 @@ class Recording:
                 else frame.image.name
                 for frame in self.frames
             ]
-            for folder in (top / "masks", top / "mask"):
+            for folder in (folder_named(top, "masks"), folder_named(top, "mask")):
                 found, left = masks_in(folder, names)
                 if left:
                     fit = "no image" if not found else "no other image"
@@ -327,7 +327,7 @@ def read_numbers(path: Path, shape: tuple[int, ...], what: str) -> np.ndarray:
     """Return the numbers of a text file, separated by blanks or commas, without lines that begin with #."""
     lines = read_text(path, what, errors="replace").splitlines()
     words = re.split(
-        r"[\s,]+", " ".join(line for line in lines if not line.startswith("#")).strip()
+        r"[\s,]+", " ".join(line for line in lines if not line.lstrip().startswith("#")).strip()
     )
     with expecting(f"{what} '{path}'", f"{shape} numbers"):
         return np.array([float(word) for word in words if word]).reshape(shape)

@@ -214,7 +214,8 @@ def read_polycam(folder: Path) -> Recording:
         fx, fy = (camera.number(key, ABOVE_ZERO, what="pixels above 0") for key in ("fx", "fy"))
         cameras[number] = Intrinsics(*size, fx, fy, camera.number("cx"), camera.number("cy"))
         rows = [[camera.number(f"t_{row}{column}") for column in range(4)] for row in range(3)]
-        poses[number] = _Z_UP @ np.array([*rows, [0, 0, 0, 1]]) @ OPENCV_FROM_OPENGL
+        pose = known_pose(np.array([*rows, [0, 0, 0, 1]]))
+        poses[number] = None if pose is None else _Z_UP @ pose @ OPENCV_FROM_OPENGL
     return files.recording(cameras, poses, frame_rate=_PER_SECOND)
 
 

@@ -106,7 +106,7 @@ def _read_list(files: FileNames, name: str) -> tuple[np.ndarray, list[Path]]:
             f"recording '{files.folder}': no {name} in it; is this the right --from?"
         )
     lines = read_text(path, "list of a recording").splitlines()
-    rows = [line.split() for line in lines if line.strip() and not line.startswith("#")]
+    rows = [line.split() for line in lines if line.strip() and not line.lstrip().startswith("#")]
     if not rows:
         raise CaptureError(f"'{path}': no lines, expected some of time and file name")
     with expecting(f"'{path}'", "lines of time and file name"):

@@ -32,7 +32,7 @@ def test_colmap_text_needs_no_second_line(capture: Capture, tmp_path: Path, blan
     export_capture(capture, "colmap-text", folder)
     path = folder / "sparse/0/images.txt"
     images = [line for line in path.read_text().splitlines() if line.endswith(".png")]
-    path.write_text("# images\n" + "".join(f"{line}\n{blank}" for line in images))
+    path.write_text("  # images\n" + "".join(f"{line}\n{blank}" for line in images))
     assert len(read_recording(folder, "colmap").frames) == len(capture)
     path.write_text(f"{images[0]}\n1.5 2.5 -1\n{images[1]}\n{images[2]}\n1 2 3 4 5 6 7 8 9 1 2 3\n")
     assert len(read_recording(folder, "colmap").frames) == len(capture)
@@ -176,7 +176,7 @@ def test_an_index_of_training_frames_alone_is_read(
 @pytest.mark.parametrize(
     ("form", "kind"),
     [
-        *product(["nerfstudio", "colmap-text", "tum"], ["backslash", "case"]),
+        *product(["nerfstudio", "colmap-text", "tum"], ["backslash", "case", "accents apart"]),
         *(("nerfstudio", "folder"), ("tum", "folder")),
     ],
 )
@@ -197,8 +197,13 @@ def test_names_from_another_system_are_read(
             image.rename(folder / "images/left" / image.name)
         shutil.rmtree(folder / "masks")
         path.write_text(re.sub(r"(\d{4}\.png)", r"left/\1", path.read_text()))
+    if kind == "accents apart":
+        for image in (folder / "rgb" if form == "tum" else folder).rglob("*.png"):
+            image.rename(image.with_name(f"caf\u00e9{image.name}"))
     text = path.read_text()
-    if kind == "folder":
+    if kind == "accents apart":
+        changed = re.sub(r"([\d.]+\.png)", "cafe\u0301\\1", text)
+    elif kind == "folder":
         changed = re.sub(r"((images|rgb)/)", r"/home/me/ns/\1", text)
     elif kind == "case":
         changed = text.replace(".png", ".PNG").replace("rgb/", "RGB/").replace("left/", "Left/")

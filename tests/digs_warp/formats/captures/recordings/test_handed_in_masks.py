@@ -80,6 +80,7 @@ MASK_NAMES = {
     "upper case": "{0}.PNG",
     "number": "object-{0}.png",
     "jpeg": "{0}.jpg",
+    "folder": "{0}.png",
 }
 
 
@@ -96,7 +97,8 @@ def test_masks_beside_the_images_are_found(
         save(folder, index | {"frames": [f | {"mask_path": None} for f in index["frames"]]})
     for frame in read_recording(folder, form).frames:
         mask = capture.frames[0].load_mask()
-        path = folder / "masks" / MASK_NAMES[name].format(frame.image.stem)
+        path = folder / ("Masks" if name == "folder" else "masks")
+        path /= MASK_NAMES[name].format(frame.image.stem)
         path.parent.mkdir(exist_ok=True)
         if path.suffix == ".jpg":
             path.write_bytes(encode_jpeg(np.repeat(mask[..., None], 3, axis=2), 100))

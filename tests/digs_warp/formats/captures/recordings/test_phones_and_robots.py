@@ -43,6 +43,8 @@ def test_polycam_has_rows_of_a_world_with_y_up(
     found = converted("polycam", tmp_path / "scan", tmp_path / "capture")
     check_same(found, capture, 1e-3)
     assert found.frames[2].time == pytest.approx(0.2, abs=1e-4)
+    path.write_text(json.dumps(camera | {f"t_{i}{j}": 0 for i in range(3) for j in range(4)}))
+    assert len(converted("polycam", tmp_path / "scan", tmp_path / "lost")) == 2
     path.write_text("{}")
     with pytest.raises(DigsError, match=f"{name}.json': has no 'width'"):
         converted("polycam", tmp_path / "scan", tmp_path / "again")
