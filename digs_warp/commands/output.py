@@ -63,7 +63,7 @@ class OutputFolder:
             with announced("start"):
                 work = self._workplace(needed, can_resume)
             try:
-                with _written_for(self.out, work), recorded_files(work, self.resume):
+                with _written_for(self.out, work, can_resume), recorded_files(work, self.resume):
                     yield work
                 if work != self.out:
                     replace_result(self.out)
@@ -232,7 +232,7 @@ def _remove_mere_records(folder: Path) -> None:
 
 
 @contextmanager
-def _written_for(out: Path, work: Path) -> Iterator[None]:
+def _written_for(out: Path, work: Path, is_kept: bool) -> Iterator[None]:
     """Name the folder that the user named in errors of the block, which writes into ``work``."""
     try:
         yield
@@ -240,5 +240,5 @@ def _written_for(out: Path, work: Path) -> Iterator[None]:
         if work == out or str(work) not in str(error):
             raise
         text = str(error).replace(str(work), str(out))
-        kept = f" What was begun is in '{work}'." if _is_used(work) else ""
+        kept = f" What was begun is in '{work}'." if is_kept and _is_used(work) else ""
         raise DigsError(f"{text}{kept}") from error

@@ -73,26 +73,19 @@ def test_overwrite_refuses_a_folder_that_we_did_not_write(tmp_path: Path) -> Non
         assert state(tmp_path) == before
 
 
-def test_overwrite_refuses_to_delete_its_own_input(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+def test_overwrite_refuses_to_delete_its_own_input_and_the_working_directory(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     folder = our_folder(tmp_path / "out")
     mesh = folder / "object.glb"
     mesh.write_text("the user's mesh")
     before = state(tmp_path)
-    arguments = ["simulate", "--mesh", str(mesh), "--out", str(folder), "--overwrite"]
-    assert main(arguments) == EXIT_BAD_INPUT
+    arguments = ["simulate", "--out", str(folder), "--overwrite"]
+    assert main([*arguments, "--mesh", str(mesh)]) == EXIT_BAD_INPUT
     assert f"--overwrite would delete '{mesh}'" in capsys.readouterr().err
-    assert state(tmp_path) == before
-
-
-def test_overwrite_refuses_to_delete_the_working_directory(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    folder = our_folder(tmp_path / "out")
     monkeypatch.chdir(folder)
-    assert main(["simulate", "--out", str(folder), "--overwrite"]) == EXIT_BAD_INPUT
-    assert (folder / "old.txt").exists()
+    assert main(arguments) == EXIT_BAD_INPUT
+    assert state(tmp_path) == before
 
 
 def test_a_file_is_no_output_folder(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -145,24 +138,16 @@ def test_a_failure_keeps_the_old_result(
     output = OutputFolder(out=tmp_path / "out", overwrite=True)
     folder = our_folder(tmp_path / "out")
     before = {name: text for name, text in state(folder).items() if text != "folder"}
-    with pytest.raises(error), output.opened(can_resume=can_resume) as work:
+    with pytest.raises(error) as told, output.opened(can_resume=can_resume) as work:
         RunLog("simulate", {"frames": 4}).save(work / "run.json")
         write_atomically(work / "old.txt", b"new")
-        raise error(f"'{work / 'old.txt'}': wrong")
+        raise error(f"'{work / 'old.txt'}': wrong.")
+    if error is DigsError:  # it names the folder that the user named
+        kept = f" What was begun is in '{folder / UNFINISHED}'." if can_resume else ""
+        assert str(told.value) == f"'{folder / 'old.txt'}': wrong.{kept}"
     after = state(folder)
     assert before.items() <= after.items()
     assert (UNFINISHED in after) == can_resume  # something to go on with
-
-
-def test_an_error_names_the_folder_that_the_user_named(tmp_path: Path) -> None:
-    folder = our_folder(tmp_path / "out")
-    with pytest.raises(DigsError) as error:
-        with OutputFolder(out=folder, overwrite=True).opened() as work:
-            write_atomically(work / "half", b"half")
-            raise DigsError(f"image '{work / 'a.png'}': broken.")
-    assert str(error.value) == (
-        f"image '{folder / 'a.png'}': broken. What was begun is in '{folder / UNFINISHED}'."
-    )
 
 
 def test_resume_goes_on_with_an_interrupted_overwrite_and_says_so(

@@ -78,9 +78,3 @@ def test_a_recording_of_something_else_is_no_wall(
     assert fit(tmp_path / "fence", "--out", tmp_path / "p.yaml") == EXIT_BAD_INPUT
     message = capsys.readouterr().err
     assert "frame '0000'" in message and "of a plane, expected 60% or more" in message
-    writer = CaptureWriter(tmp_path / "dark", rig.intrinsics, Rig(rig.baseline))
-    writer.write_frame(0, FrameImages(image=np.zeros((48, 64, 3), np.uint8)))
-    writer.add_pose(0, np.eye(4), 0.0)
-    writer.finish()
-    assert fit(tmp_path / "dark", "--out", tmp_path / "p.yaml") == EXIT_BAD_INPUT
-    assert "frame '0000': no depth" in capsys.readouterr().err

@@ -87,15 +87,14 @@ def test_other_threads_change_no_handler() -> None:
     assert seen == [signal.getsignal(number) for number in STOP_SIGNALS]
 
 
-@pytest.mark.parametrize("number", STOP_SIGNALS)
-def test_the_exit_code_names_the_signal(number: signal.Signals, tmp_path: Path) -> None:
+def test_the_exit_code_names_the_signal(tmp_path: Path) -> None:
     note = tmp_path / "note"
     process = subprocess.Popen([sys.executable, "-c", WAITING, str(note)], stderr=subprocess.PIPE)
     wait_for(note, process)
-    process.send_signal(number)
+    process.terminate()
     _, errors = process.communicate(timeout=120)
-    assert process.returncode == 128 + number
-    assert f"interrupted by {number.name}. Nothing was written.".encode() in errors
+    assert process.returncode == 128 + signal.SIGTERM
+    assert b"interrupted by SIGTERM. Nothing was written." in errors
     assert note.read_text() == "saved"
 
 

@@ -15,45 +15,22 @@ from digs_warp.record.lock import sole_writer
 HOLD = """
 import sys, time
 from pathlib import Path
-from digs_warp.record.lock import sole_writer, taking_turns
-with {"sole_writer": sole_writer, "taking_turns": taking_turns}[sys.argv[1]](Path(sys.argv[2])):
+from digs_warp.record.lock import sole_writer
+with sole_writer(Path(sys.argv[1])):
     print("held", flush=True)
-    time.sleep(float(sys.argv[3]))
-    Path(sys.argv[4]).touch()
+    time.sleep(600)
 """
 
 
-def hold(
-    kind: str, folder: Path, seconds: float = 600.0, note: Path = Path("unused")
-) -> "subprocess.Popen[str]":
-    """Start a process that holds a lock, and leaves a note before it lets go; return when it holds it."""
-    arguments = [sys.executable, "-c", HOLD, kind, str(folder), str(seconds), str(note)]
-    process = subprocess.Popen(arguments, stdout=subprocess.PIPE, text=True)
-    assert process.stdout is not None and process.stdout.readline() == "held\n"
-    return process
-
-
-def test_a_busy_folder_is_refused_by_name(
+def test_a_busy_folder_is_refused_by_name_and_that_of_a_killed_process_is_free(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    process = hold("sole_writer", tmp_path / "out")
-    try:
-        folder = str(tmp_path / "out")
-        with pytest.raises(DigsError, match=f"'{folder}': another run is writing"):
-            with sole_writer(Path(folder)):
-                pass
-        for flags in ([], ["--resume"], ["--overwrite"]):
-            assert main(["simulate", "--out", folder, *flags]) == 1
-            assert f"'{folder}': another run is writing to this folder" in capsys.readouterr().err
-    finally:
-        process.kill()
-        process.wait()
-        assert process.stdout is not None
-        process.stdout.close()
-
-
-def test_the_lock_of_a_killed_process_blocks_nobody_and_goes(tmp_path: Path) -> None:
-    process = hold("sole_writer", tmp_path)
+    words = [sys.executable, "-c", HOLD, str(tmp_path)]
+    process = subprocess.Popen(words, stdout=subprocess.PIPE, text=True)
+    assert process.stdout is not None and process.stdout.readline() == "held\n"
+    for flags in ([], ["--resume"], ["--overwrite"]):
+        assert main(["simulate", "--out", str(tmp_path), *flags]) == 1
+        assert f"'{tmp_path}': another run is writing to this folder" in capsys.readouterr().err
     process.kill()
     process.communicate()
     assert [path.name for path in tmp_path.iterdir()] == [LOCK]
@@ -117,14 +94,7 @@ def test_a_folder_that_cannot_be_made_is_named(tmp_path: Path) -> None:
 def test_only_what_processes_left_is_removed(tmp_path: Path) -> None:
     folder = tmp_path / "sub"
     folder.mkdir()
-    kept = [
-        "a.png.12.tmp",
-        ".a.png.12.tmp.txt",
-        ".12.tmp",
-        ".a.png.x1.tmp",
-        ".a.0.tmp",
-        ".link.12.tmp",
-    ]
+    kept = "a.png.12.tmp .a.png.12.tmp.txt .12.tmp .a.png.x1.tmp .a.0.tmp .link.12.tmp".split()
     for name in (".a.png.12.tmp", *kept[:-1]):
         (folder / name).write_text("precious")
     (folder / ".b.12.tmp").mkdir()

@@ -12,7 +12,7 @@ import pytest
 
 from digs_warp.checks import DigsError
 from digs_warp.record.files import read_json, to_json
-from digs_warp.record.run_log import RunLog, source_commit
+from digs_warp.record.run_log import RunLog, RunRecord, source_commit
 
 
 @dataclass(frozen=True)
@@ -38,6 +38,14 @@ def test_json_of_everything_a_run_holds_round_trips(tmp_path: Path) -> None:
         "matrix": [[1, 0], [0, 1]],
         "flag": True,
     }
+
+
+def test_a_record_of_another_shape_is_named(tmp_path: Path) -> None:
+    path, record = tmp_path / "run.json", {"command": "run", "versions": {}, "settings": {}}
+    for change in ({"command": 3}, {"versions": []}, {"seconds": {"train": "long"}}):
+        path.write_text(json.dumps(record | change))
+        with pytest.raises(DigsError, match=r"run\.json'.*run again"):
+            RunRecord.load(path)
 
 
 def test_what_is_not_json_is_refused() -> None:

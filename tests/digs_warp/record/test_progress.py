@@ -42,20 +42,14 @@ def test_a_terminal_shows_bars_where_progress_is_on(
 
 
 @pytest.mark.usefixtures("shown")
-def test_a_log_has_no_bars_and_no_line_of_a_short_stage(
-    capsys: pytest.CaptureFixture[str], caplog: pytest.LogCaptureFixture
+def test_a_log_has_no_bars_but_a_line_every_half_minute_with_an_estimate(
+    capsys: pytest.CaptureFixture[str],
+    caplog: pytest.LogCaptureFixture,
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     caplog.set_level(logging.INFO)
     count_to_three("short")
-    assert capsys.readouterr().err == ""
-    assert caplog.records == []
-
-
-@pytest.mark.usefixtures("shown")
-def test_a_long_stage_logs_a_line_every_half_minute_with_an_estimate(
-    caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    caplog.set_level(logging.INFO)
+    assert capsys.readouterr().err == "" and caplog.records == []
     now = 0.0
     monkeypatch.setattr(module.time, "monotonic", lambda: now)
     with progress(200, "Training", initial=100) as bar:

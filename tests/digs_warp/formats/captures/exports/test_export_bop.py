@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 import trimesh
 
-from digs_warp.checks import DigsError
 from digs_warp.commands.convert import export_capture_folder
 from digs_warp.data.capture import Capture
 from digs_warp.data.images import read_image
@@ -143,9 +142,3 @@ def test_every_instance_is_exported_with_its_model(tmp_path: Path) -> None:
         mask, inside = read_image(path, "mask")[..., 0], frame.load_instances() == 2
         np.testing.assert_array_equal(mask[inside], frame.load_mask()[inside])
         assert inside.any() and not mask[~inside].any()
-
-
-def test_an_instance_needs_the_masks_of_the_recording() -> None:
-    for settings in ({"masks": "depth", "instance": 1}, {"instance": 0}):
-        with pytest.raises(DigsError, match="--instance"):
-            SegmentConfig(**settings)  # pyright: ignore[reportArgumentType]

@@ -120,29 +120,6 @@ def test_a_capture_without_labels_says_how_to_get_them(
         export_capture(replace(capture, rig=None), form, tmp_path / "out")
 
 
-@pytest.mark.parametrize("form", ["sceneflow", "middlebury"])
-def test_a_capture_in_memory_is_exported_as_a_folder_is(
-    capture: Capture, form: str, tmp_path: Path
-) -> None:
-    """Images that are no PNG files are converted."""
-    frames = [
-        replace(
-            frame,
-            layers={
-                **frame.layers,
-                Layer.IMAGE: frame.load_image(),
-                Layer.RIGHT: frame.load_right_image(),
-            },
-        )
-        for frame in capture.frames
-    ]
-    folder = exported(replace(capture, frames=tuple(frames)), form, tmp_path / "out")
-    left = sorted(folder.rglob("im0.png")) or sorted(folder.rglob("left/*.png"))
-    assert len(left) == len(frames)
-    for path, frame in zip(left, capture.frames, strict=True):
-        np.testing.assert_array_equal(read_image(path), frame.load_image())
-
-
 # FlyingThings3D
 
 
@@ -273,10 +250,15 @@ def test_a_scene_is_a_frame_and_the_next_one(capture: Capture, training: Path) -
 
 
 def test_without_flow_every_frame_is_a_scene(tmp_path: Path) -> None:
+    """And images that are no PNG files become some."""
     capture = labeled_capture(tmp_path / "capture", flow=False)
+    image = capture.frames[0].load_image()
+    first = capture.frames[0].with_layer(Layer.IMAGE, image)
+    capture = replace(capture, frames=(first, *capture.frames[1:]))
     training = exported(capture, "kitti-stereo", tmp_path / "out") / "training"
     names = sorted(path.name for path in (training / "disp_occ_0").iterdir())
     assert names == ["000000_10.png", "000001_10.png", "000002_10.png"]
+    np.testing.assert_array_equal(read_image(training / "image_2/000000_10.png"), image)
     assert sorted(path.name for path in training.iterdir()) == [
         *("calib_cam_to_cam", "disp_noc_0", "disp_occ_0", "image_2", "image_3")
     ]

@@ -1,5 +1,6 @@
 """What all exports have in common: lost depth, missing files, threads, and the command."""
 
+import shutil
 from dataclasses import replace
 from pathlib import Path
 
@@ -74,18 +75,7 @@ def test_the_command_leaves_a_complete_folder_or_none(capture: Capture, tmp_path
         Convert(source=capture.folder, to="bop", out=out).execute()
     Convert(source=capture.folder, to="bop", out=out, overwrite=True).execute()
     assert not (out / "rgb.txt").exists() and (out / "camera.json").exists()
-    bare = tmp_path / "bare"
-    writer = CaptureWriter(bare, CAMERA)
-    writer.write_frame(
-        0,
-        FrameImages(
-            image=np.zeros((HEIGHT, WIDTH, 3), np.uint8),
-            depth=np.ones((HEIGHT, WIDTH), np.float32),
-            mask=np.zeros((HEIGHT, WIDTH), np.uint8),
-        ),
-    )
-    writer.add_pose(0, np.eye(4), 0.0)
-    writer.finish()
+    bare = shutil.copytree(capture.folder, tmp_path / "bare")
     (bare / "masks/0000.png").write_bytes(b"no image")
     with pytest.raises(DigsError, match=r"masks/0000\.png"):
         Convert(source=bare, to="bop", out=tmp_path / "broken").execute()

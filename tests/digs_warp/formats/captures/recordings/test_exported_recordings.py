@@ -103,6 +103,3 @@ def test_broken_files_are_named(
     (tmp_path / name).write_text(content)
     with pytest.raises(DigsError, match=message):
         read_recording(tmp_path, form)
-
-
-# By the command

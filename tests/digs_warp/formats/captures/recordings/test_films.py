@@ -94,21 +94,20 @@ def test_broken_films_are_explained(
     assert "expected a file, found a folder" in capsys.readouterr().err
 
 
-def test_long_recordings_can_be_thinned(capture: Capture, tmp_path: Path) -> None:
+def test_recordings_out_of_order_are_sorted_and_long_ones_thinned(
+    capture: Capture, tmp_path: Path
+) -> None:
     export_capture(capture, "tum", tmp_path / "tum")
+    path = tmp_path / "tum/rgb.txt"
+    first, *others = path.read_text().splitlines()[2:]
+    path.write_text("\n".join([others[0], first, others[1]]) + "\n")
+    assert [frame.time for frame in converted("tum", tmp_path / "tum", tmp_path / "a").frames] == [
+        *(0.0, 0.25, 1.5)
+    ]
+    path.write_text("\n".join([first, *others]) + "\n")
     line = ["convert", str(tmp_path / "tum"), "--from", "tum", "--out", str(tmp_path / "c")]
     assert main([*line, "--frames", "2"]) == 0
     assert [frame.time for frame in read_capture(tmp_path / "c").frames] == [0.0, 1.5]
-
-
-def test_lists_out_of_order_are_sorted_by_time(capture: Capture, tmp_path: Path) -> None:
-    export_capture(capture, "tum", tmp_path / "tum")
-    for name in ("rgb.txt", "depth.txt", "groundtruth.txt"):
-        path = tmp_path / "tum" / name
-        path.write_text("\n".join(path.read_text().splitlines()[::-1]) + "\n")
-    line = ["convert", str(tmp_path / "tum"), "--from", "tum", "--out", str(tmp_path / "c")]
-    assert main(line) == 0
-    assert [frame.time for frame in read_capture(tmp_path / "c").frames] == [0.0, 0.25, 1.5]
 
 
 def test_a_realsense_recording_gives_color_and_depth_moved_to_it(tmp_path: Path) -> None:

@@ -70,15 +70,10 @@ def test_a_single_broken_pose_costs_one_frame(
     found = converted("nerfstudio", tmp_path / "ns", tmp_path / "capture")
     assert len(found) == 8 and found.knows_poses
     assert re.search(message, caplog.text)
-
-
-def test_broken_poses_in_many_frames_are_an_error(capture: Capture, tmp_path: Path) -> None:
-    index = write_nerfstudio(capture, tmp_path / "ns")
-    for frame in index["frames"][:1]:
-        frame["transform_matrix"][0][0] += 0.5
-    (tmp_path / "ns/transforms.json").write_text(to_json(index))
-    with pytest.raises(CaptureError, match="no rotation: they stretch"):
-        converted("nerfstudio", tmp_path / "ns", tmp_path / "capture")
+    if name == "scaled":  # a quarter of them is a mistake in all
+        (tmp_path / "ns/transforms.json").write_text(json.dumps(index | {"frames": frames[3:6]}))
+        with pytest.raises(CaptureError, match="no rotation: they stretch"):
+            converted("nerfstudio", tmp_path / "ns", tmp_path / "many")
 
 
 def test_the_scale_that_nerfstudio_applied_is_taken_back(capture: Capture, tmp_path: Path) -> None:
@@ -122,9 +117,7 @@ def test_a_fisheye_lens_is_taken_out(capture: Capture, tmp_path: Path) -> None:
     )
     view = read_recording(tmp_path / "named", "nerfstudio").frames[0].view
     assert view is not None and view.lens == Lens((0.05, 0.01, 0.0, 0.0), is_fisheye=True)
-    straight = converted("nerfstudio", tmp_path / "named", tmp_path / "again").frames[0]
     found = named.frames[0].load_image()
-    np.testing.assert_array_equal(found, straight.load_image())
     np.testing.assert_array_equal(found, said.frames[0].load_image())
     recorded = read_image(tmp_path / "named/images/frame_00001.jpg")
     np.testing.assert_array_equal(found, view.apply(recorded))
