@@ -21,6 +21,7 @@ from digs_warp.commands.settings_file import alternatives, settings_of
 from digs_warp.commands.simulate import Simulate
 from digs_warp.record.run_log import RunLog
 from digs_warp.sim.config import SimulateConfig
+from reference.splat_scenes import random_gaussians
 
 
 def our_folder(path: Path) -> Path:
@@ -177,6 +178,26 @@ def test_output_to_a_full_disk_is_an_error_in_one_line(
     assert result.returncode == EXIT_BAD_INPUT
     (line,) = result.stderr.splitlines()
     assert "could not be written: No space left on device" in line
+
+
+@pytest.mark.parametrize(
+    ("locale", "closed"), [("C.UTF-8", ""), ("C", ""), ("C", ">&-"), ("C", "2>&-")]
+)
+def test_names_that_are_no_text_an_ascii_locale_and_closed_streams(
+    tmp_path: Path, locale: str, closed: str
+) -> None:
+    source = tmp_path / os.fsdecode(b"caf\xe9.ply")
+    random_gaussians(3, seed=1).save(source)
+    for suffix, code in ((".spz", 0), (".usda", 1)):  # OpenUSD takes no such names
+        command = [sys.executable, "-m", "digs_warp", "convert", source, "--out"]
+        result = subprocess.run(
+            ["sh", "-c", f'"$@" {closed}', "sh", *command, source.with_suffix(suffix)],
+            env=os.environ | {"LC_ALL": locale, "PYTHONUTF8": "0", "PYTHONCOERCECLOCALE": "0"},
+            capture_output=True,
+            check=False,
+        )
+        lines = result.stderr.splitlines()
+        assert (result.returncode, len(lines)) == (code, code if closed != "2>&-" else 0), lines
 
 
 def test_the_list_of_commands_says_what_they_say() -> None:

@@ -68,6 +68,20 @@ def test_view_dependent_linear_colors_stay_near_on_all_sides(tmp_path: Path) -> 
     assert np.abs(0.5 + basis @ read.sh - expected).max() < 0.01
 
 
+def test_a_package_within_a_package_is_read(tmp_path: Path) -> None:
+    flat(RGB).save(tmp_path / "a0.usdz")
+    for depth in (1, 2):
+        inner, outer = f"a{depth - 1}.usdz", tmp_path / f"a{depth}.usdz"
+        root = tmp_path / f"root{depth}.usda"
+        head = '#usda 1.0\n(\n    defaultPrim = "W"\n    metersPerUnit = 1\n    upAxis = "Y"\n)\n'
+        root.write_text(f'{head}def Xform "W" (references = @./{inner}@) {{}}\n')
+        writer = Sdf.ZipFileWriter.CreateNew(str(outer))
+        writer.AddFile(str(root), root.name)
+        writer.AddFile(str(tmp_path / inner), inner)
+        writer.Save()
+        assert len(read_gaussians(outer)) == 20
+
+
 def two_fields(path: Path, hide: str = "") -> Path:
     flat(RGB).save(path)
     stage = Usd.Stage.Open(str(path))

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 import trimesh
 
+from digs_warp.checks import DigsError
 from digs_warp.commands.convert import export_capture_folder
 from digs_warp.data.capture import Capture
 from digs_warp.data.images import read_image
@@ -137,6 +138,8 @@ def test_every_instance_is_exported_with_its_model(tmp_path: Path) -> None:
             hidden += int((whole & ~seen).sum())
     assert hidden > 30
     assert describe(tmp_path / "capture")["objects"].startswith("1 box (")
+    with pytest.raises(DigsError, match="--instance"):  # it needs the masks of the recording
+        SegmentConfig(masks="depth", instance=1)
     masks = segment(capture.frames, SegmentConfig(instance=2), tmp_path / "masks")
     for frame, path in zip(capture.frames, masks, strict=True):
         mask, inside = read_image(path, "mask")[..., 0], frame.load_instances() == 2
