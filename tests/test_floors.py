@@ -34,14 +34,14 @@ FLOORS = {
 }
 # The most lines of a room. A change that needs more says in its message what the weight buys.
 LINE_BUDGETS = {
-    "api": 394,
+    "api": 392,
     "check": 1_700,
     "commands": 3_009,
     "data": 3_266,
     "device": 874,
     "engines": 973,
-    "files at the top": 766,
-    "formats": 5_724,
+    "files at the top": 742,
+    "formats": 5_722,
     "geometry": 621,
     "init": 4_116,
     "losses": 660,

@@ -1,7 +1,6 @@
 """What the readers of other programs' folders return, and how they read the small files in these."""
 
 import logging
-import re
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -326,11 +325,9 @@ def placed(quat_xyzw: np.ndarray, place: np.ndarray) -> np.ndarray | None:
 def read_numbers(path: Path, shape: tuple[int, ...], what: str) -> np.ndarray:
     """Return the numbers of a text file, separated by blanks or commas, without lines that begin with #."""
     lines = read_text(path, what, errors="replace").splitlines()
-    words = re.split(
-        r"[\s,]+", " ".join(line for line in lines if not line.lstrip().startswith("#")).strip()
-    )
+    text = " ".join(line for line in lines if not line.lstrip().startswith("#"))
     with expecting(f"{what} '{path}'", f"{shape} numbers"):
-        return np.array([float(word) for word in words if word]).reshape(shape)
+        return np.array([float(word) for word in text.replace(",", " ").split()]).reshape(shape)
 
 
 def numbered_files(

@@ -103,7 +103,9 @@ def test_settings_without_a_flag_come_from_the_file_and_are_checked(tmp_path: Pa
     assert (config.init.edge_filter, config.train.learning_rate) == (False, 1e-5)
     assert (config.train.evaluate_at, config.train.depth_weight) == ((3, 5), 0.1)
     path.write_text(WITHOUT_FLAG.replace("1e-5", "-1.0"))
-    with pytest.raises(DigsError, match=r"mine.yaml': learning_rate: -1.0, expected 1e-12 to 1,000"):
+    with pytest.raises(
+        DigsError, match=r"mine.yaml': learning_rate: -1.0, expected 1e-12 to 1,000"
+    ):
         cli.parse(["run", "--config", str(path), "--out", "x"])
 
 
