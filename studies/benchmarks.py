@@ -71,7 +71,7 @@ BENCHMARKS = (
     ),
     # The demo, stage by stage, beside what it took at the commit of the page.
     Benchmark("budget", ("budget.bench_budget",), ("research/performance.md",)),
-    # The trained surface against the true one, beside fused depth: two sensors.
+    # The trained surface against the true one, beside fused depth: three sensors.
     Benchmark(
         "surface",
         ("surface.bench_surface",),

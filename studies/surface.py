@@ -39,8 +39,9 @@ from studies.results import Result
 RECORDING = SimulateConfig(profile=STUDIED_CAMERA)
 STEPS = Stop().iterations
 OBJECTS = 6
-# Exact depth with the noise of stereo alone, and the default sensor.
-TIERS = ("law", "guided")
+# Exact depth with the noise of stereo alone, and a matcher's, of a bare matcher; and the default camera.
+TIERS = ("law", "guided", "d435")
+CAMERAS = {"d435": {"tier": "guided", "profile": "d435"}}
 WEIGHTS = (0.0, DEPTH_WEIGHT)
 
 # The voxels of all meshes [m]; the share of points within this distance is not shown.
@@ -95,7 +96,8 @@ def bench_surface(only: Sequence[str] = (), scope: Scope | None = None) -> list[
     with progress(len(found) * len(scope.tiers), "Measuring", "recording") as bar:
         for tier in scope.tiers:
             for name, settings in found.items():
-                config = replace(scope.recording, tier=tier, **settings)
+                camera = CAMERAS.get(tier, {"tier": tier})
+                config = replace(scope.recording, **camera, **settings)
                 with tempfile.TemporaryDirectory() as folder:
                     capture = simulate(config, Path(folder) / "capture")
                     labels = _settings(capture, scope) | {"sensor": tier, "object": name}

@@ -44,7 +44,7 @@ LINE_BUDGETS = {
     "formats": 5_722,
     "geometry": 621,
     "init": 4_116,
-    "losses": 660,
+    "losses": 654,
     "masks": 674,
     "measure": 1_517,
     "pipeline": 2_332,
@@ -62,7 +62,7 @@ LINE_BUDGETS = {
     "study": 1_499,
     "surface": 571,
     "torch": 167,
-    "train": 3_570,
+    "train": 3_544,
     "usd": 2_370,
 }
 MOST_FILES = 476  # of the product; 65,000 lines in 500 files are the goal

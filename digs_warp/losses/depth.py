@@ -121,17 +121,11 @@ def depth_kernel(
 
 @dataclass(frozen=True, eq=False)
 class DepthTarget:
-    """Measured depth inside a view's box: flat arrays on the device.
+    """Measured depth inside a view's box: flat arrays on the device."""
 
-    Attributes:
-        depth: [m], float32; undefined where the weight is 0.
-        weights: w * 255, uint8.
-        total: the sum of w.
-    """
-
-    depth: wp.array
-    weights: wp.array
-    total: float
+    depth: wp.array  # [m], float32; undefined where the weight is 0
+    weights: wp.array  # w * 255, uint8
+    total: float  # the sum of w
 
 
 def depth_weights(

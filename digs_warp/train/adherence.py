@@ -32,21 +32,13 @@ OBJECT = 128
 
 @dataclass(frozen=True, eq=False)
 class MeasuredView:
-    """The measured depth of one view.
+    """The measured depth of one view."""
 
-    Attributes:
-        camera: of the whole image.
-        box: of the object in the image.
-        depth: inside the box [m], NaN where unknown or not on the object, float32.
-        rows: how the camera moves while its rows are read; None: not at all.
-        is_object: whether a mask tells an object from the rest.
-    """
-
-    camera: Camera
-    box: PixelBox
-    depth: np.ndarray
-    rows: RowMotion | None = None
-    is_object: bool = True
+    camera: Camera  # of the whole image
+    box: PixelBox  # of the object in the image
+    depth: np.ndarray  # inside the box [m], NaN where unknown or not on the object, float32
+    rows: RowMotion | None = None  # how the camera moves while its rows are read; None: not at all
+    is_object: bool = True  # whether a mask tells an object from the rest
 
 
 def load_measured_views(

@@ -108,9 +108,8 @@ class TrainConfig(Settings):
     """Measure the held-out views every this many iterations, and at the first and the last one."""
 
     keep_course: bool = False
-    """Keep the Gaussians whenever held-out views are measured: the scene then shows the training progress as
-    time samples, without view dependence. Each snapshot takes 56 bytes per Gaussian on disk, and 34 in the
-    scene."""
+    """Keep the Gaussians whenever held-out views are measured: `view` then has a slider from the start to the
+    result, without view-dependent color. Each snapshot takes 56 bytes per Gaussian on disk."""
 
     seed: Annotated[int, SEED, NO_FLAG] = 0
     """Seed of the order of the views, the random backgrounds and everything random in --density."""

@@ -67,12 +67,7 @@ Watch: TypeAlias = Callable[[int, DeviceGaussians], None]
 
 @dataclass(frozen=True)
 class Hooks:
-    """What a caller adds to a training.
-
-    Attributes:
-        watch: looks on.
-        loss: a further term, see `digs_warp.train.objective.OwnLoss`.
-    """
+    """What a caller adds to a training: who looks on, and a further term."""
 
     watch: Watch | None = None
     loss: OwnLoss | None = None
@@ -83,36 +78,24 @@ NO_HOOKS = Hooks()
 
 @dataclass(frozen=True, eq=False)
 class Trained:
-    """The result of a training run.
-
-    Attributes:
-        gaussians: the result.
-        record: what the training found.
-        poses: of the training frames, then of the held-out ones, (n, 4, 4); None if they were not trained.
-        measured: the held-out views as the result shows them; None where nobody measured just that.
-    """
+    """The result of a training run."""
 
     gaussians: Gaussians
     record: Training
+    # Of the training frames, then of the held-out ones, (n, 4, 4); None if they were not trained.
     poses: np.ndarray | None = None
+    # The held-out views as the result shows them; None where nobody measured just that.
     measured: MeasuredViews | None = None
 
 
 @dataclass(frozen=True, eq=False)
 class TrainingData:
-    """What a training reads of the frames; `train_gaussians` closes it.
+    """What a training reads of the frames; `train_gaussians` closes it."""
 
-    Attributes:
-        views: to train on.
-        measured: views whose measured depth the surface is compared with.
-        first_step: the step that the training starts or goes on at.
-        resolved: what else was found out.
-    """
-
-    views: ViewStore
-    measured: Sequence[MeasuredView]
-    first_step: int = 0
-    resolved: Resolved = field(default_factory=Resolved)
+    views: ViewStore  # to train on
+    measured: Sequence[MeasuredView]  # whose measured depth the surface is compared with
+    first_step: int = 0  # that the training starts or goes on at
+    resolved: Resolved = field(default_factory=Resolved)  # what else was found out
 
 
 def open_data(

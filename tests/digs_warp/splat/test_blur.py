@@ -102,14 +102,6 @@ def test_a_sharp_view_has_the_bits_of_the_plain_renderer(blur: Blur | None) -> N
         np.testing.assert_array_equal(found.numpy(), wanted.numpy())
 
 
-def test_the_number_of_threads_changes_no_bit() -> None:
-    scene = random_scene(2, count=40)
-    one, three = (drawn(scene, blur_of(3), threads=threads) for threads in (1, 3))
-    np.testing.assert_array_equal(one.image.to_numpy(), three.image.to_numpy())
-    for found, wanted in zip(one.gradients.arrays, three.gradients.arrays, strict=True):
-        np.testing.assert_array_equal(found.numpy(), wanted.numpy())
-
-
 def test_every_moment_shows_the_background_where_the_others_have_splats() -> None:
     """A splat that crosses the image meanwhile: content is only the middle of it."""
     one = random_gaussians(1, seed=0)

@@ -15,9 +15,8 @@ from digs_warp.data.images import srgb_from_linear
 from digs_warp.data.triangle_mesh import TriangleMesh
 from digs_warp.geometry.camera import Camera, Intrinsics
 from digs_warp.geometry.rigid import quat_xyzw_from_matrix
-from digs_warp.geometry.sh import C0
 from digs_warp.show.film.camera_path import Subject, orbit
-from digs_warp.surface.depth_views import DepthView, depth_views
+from digs_warp.surface.depth_views import DepthView
 from digs_warp.surface.extract import Scene, extract_surface, remove_floaters
 from digs_warp.surface.files import write_mesh
 from digs_warp.surface.fuse import fuse_views
@@ -134,21 +133,6 @@ def test_masks_cut_the_mesh() -> None:
     result = extract_surface(discs(), level, SCENE, VOXEL, masks)
     whole = extract_surface(discs(), level, SCENE, VOXEL)
     assert result.mesh.points_world[:, 2].min() > whole.mesh.points_world[:, 2].min() + RADIUS / 4
-
-
-def test_views_show_color_without_background() -> None:
-    camera = cameras()[8]
-    view = next(depth_views(ball(), [camera], ORIGIN))
-    seen = np.isfinite(view.depth)
-    assert 0.5 < seen.mean() < 0.9
-    mean = 0.5 + C0 * ball().sh[:, 0].mean()
-    assert abs(view.color[seen].mean() - mean) < 0.1
-    # Nor with the black behind splats that cover a part.
-    faint = replace(ball(), opacity_logits=ball().opacity_logits - 6.0)
-    other = next(depth_views(faint, [camera], ORIGIN))
-    both = seen & np.isfinite(other.depth)
-    assert abs((other.color - view.color)[both].mean()) < 0.05
-    assert list(depth_views(ball(), [], ORIGIN)) == []
 
 
 def test_what_gives_no_surface_is_said() -> None:

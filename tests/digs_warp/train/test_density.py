@@ -125,14 +125,6 @@ def test_a_reset_pushes_opacities_down_only() -> None:
     np.testing.assert_array_equal(result.moments("means", np.ones((3, 3))), 1.0)
 
 
-def test_moments_follow_their_gaussians() -> None:
-    result = refined(population(4, LARGE), pulled(4, 2))
-    moments = np.arange(12.0).reshape(4, 3) + 1
-    np.testing.assert_array_equal(
-        result.moments("means", moments), np.concatenate([moments[[0, 1, 3]], np.zeros((2, 3))])
-    )
-
-
 def test_the_schedule_is_that_of_the_reference_and_short_runs_refine_more_often() -> None:
     def steps(schedule: Schedule) -> list[int]:
         return [step for step in range(1, schedule.iterations + 1) if schedule.refines(step)]

@@ -12,7 +12,7 @@ from digs_warp.data.frame import Frame
 from digs_warp.data.gaussians import FIELDS
 from digs_warp.data.layers import Layer
 from digs_warp.splat.render import render
-from digs_warp.train.config import DEPTH_WEIGHT, Stop, TrainConfig
+from digs_warp.train.config import Stop, TrainConfig
 from digs_warp.train.trainer import Trainer
 from reference.tiny_capture import ball, drawn_depth
 from reference.trained_ball import trained
@@ -40,17 +40,6 @@ def test_a_strong_weight_holds_the_surface(capture: Capture) -> None:
         for weight in (0.0, 0.3)
     )
     assert held < 0.85 * loose
-
-
-def test_it_holds_by_default_where_depth_was_measured(capture: Capture) -> None:
-    usual, named, off = (
-        trained(
-            capture.frames, TrainConfig(stop=SHORT, depth_weight=weight)
-        ).gaussians.means.numpy()
-        for weight in (None, DEPTH_WEIGHT, 0.0)
-    )
-    assert np.array_equal(usual, named)
-    assert not np.array_equal(usual, off)
 
 
 def test_some_or_all_frames_may_lack_depth(capture: Capture) -> None:

@@ -72,13 +72,6 @@ def test_neighbors_of_a_video_tell_the_motion() -> None:
     np.testing.assert_allclose(found.velocity, by_then, rtol=1e-3)
 
 
-def test_neighbors_may_come_in_any_order() -> None:
-    some = frames(4, 1 / 30)
-    shuffled = [some[i] for i in (2, 0, 3, 1)]
-    by_name = {frame.name: frame.exposure for frame in with_motions(some)}
-    assert {frame.name: frame.exposure for frame in with_motions(shuffled)} == by_name
-
-
 def rows(setting: Drawn, some: list[Frame], readout: float = 0.02) -> MotionPlan:
     return plan_rows(some, POINTS, readout, setting)
 
@@ -137,11 +130,6 @@ def test_every_frame_has_the_poses_that_its_motion_needs() -> None:
     np.testing.assert_allclose(short.motion.shift, 0.1 * VELOCITY)
     assert plan.drawn and shutter.moments == 6
     assert "2 frames drawn from up to 6 poses" in plan.because
-
-
-def test_the_exposure_time_of_the_settings_counts_more() -> None:
-    assert "2 frames drawn" in blur("auto", exposed([0.0, None]), 0.2).because
-    assert not blur("auto", exposed([0.2, 0.2]), 0.0).drawn
 
 
 def test_little_blur_is_drawn_only_on_demand() -> None:

@@ -20,15 +20,6 @@ def gray_start() -> Gaussians:
     return replace(truth, sh=np.zeros_like(truth.sh))
 
 
-def test_the_loss_falls(capture: Capture) -> None:
-    config = TrainConfig(stop=Stop(iterations=150), sh_degree=0)
-    trainer = trained(capture.frames, config, gray_start(), 1)
-    first = trainer.loss_value()
-    for _ in range(149):
-        trainer.step()
-    assert trainer.loss_value() < 0.5 * first
-
-
 def test_the_background_supervises_the_outside(capture: Capture) -> None:
     """Stray Gaussians of the training background's own color vanish only if that color changes."""
     stray = ball(count=60)
