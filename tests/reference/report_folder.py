@@ -43,18 +43,13 @@ class Page(HTMLParser):
             self.images.append(values)
         if tag == "script":
             self.scripts.append("")
-        outside = [values.get(key) for key in ("src", "href", "xlink:href", "action")]
+        outside = [values.get(key) for key in ("src", "href", "action")]
         self.links += [link for link in outside if link]
         if tag not in VOID_TAGS:
             self._open.append(tag)
 
     def handle_endtag(self, tag: str) -> None:
         assert self._open.pop() == tag
-
-    def handle_startendtag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
-        self.handle_starttag(tag, attrs)
-        if tag not in VOID_TAGS:
-            self.handle_endtag(tag)
 
     def handle_data(self, data: str) -> None:
         if self._open and self._open[-1] == "script":
@@ -63,12 +58,10 @@ class Page(HTMLParser):
             self.text += data + " "
 
 
-def write_capture(folder: Path, full: bool = True) -> Capture:
-    """A disc on noise; ``full``: a stereo recording with true depth, else left images and masks only."""
+def write_capture(folder: Path) -> Capture:
+    """A disc on noise: a stereo recording with true depth."""
     rng = np.random.default_rng(0)
-    writer = CaptureWriter(
-        folder, Intrinsics.from_fov(WIDTH, HEIGHT, 60), Rig(0.1) if full else None
-    )
+    writer = CaptureWriter(folder, Intrinsics.from_fov(WIDTH, HEIGHT, 60), Rig(0.1))
     rows, columns = np.mgrid[:HEIGHT, :WIDTH]
     mask = ((rows - 16) ** 2 + (columns - 24) ** 2 < 100).astype(np.uint8) * 255
     for number in range(FRAMES):
@@ -76,8 +69,9 @@ def write_capture(folder: Path, full: bool = True) -> Capture:
         depth_true = np.where(mask > 0, 1.0 + 0.01 * rows, 4.0).astype(np.float32)
         depth = depth_true + rng.normal(0, 0.002, depth_true.shape).astype(np.float32)
         depth[:, :5] = np.nan
-        extra = {"right": image[:, ::-1], "depth_true": depth_true} if full else {}
-        writer.write_frame(number, FrameImages(image, depth, mask, **extra))
+        right = image[:, ::-1]
+        images = FrameImages(image, depth, mask, right=right, depth_true=depth_true)
+        writer.write_frame(number, images)
         eye = np.array([np.cos(number), np.sin(number), 0.3])
         writer.add_pose(number, look_at(eye, np.zeros(3), np.array([0.0, 0, 1])), number / 4)
     return writer.finish()
@@ -104,14 +98,8 @@ def write_reconstruction(folder: Path, capture: Capture) -> None:
         for i in range(5)
     ]
     (folder / "training.jsonl").write_text("".join(json.dumps(line) + "\n" for line in log))
-    count = 1234
-    Gaussians(
-        np.zeros((count, 3)),
-        np.zeros((count, 3)),
-        np.zeros((count, 4)),
-        np.zeros(count),
-        np.zeros((count, 1, 3)),
-    ).save(folder / "gaussians.npz")
+    shapes = ((1234, 3), (1234, 3), (1234, 4), 1234, (1234, 1, 3))
+    Gaussians(*map(np.zeros, shapes)).save(folder / "gaussians.npz")
     np.savez(
         folder / "initial_points.npz", points_world=np.zeros((987, 3)), colors=np.zeros((987, 3))
     )

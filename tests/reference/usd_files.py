@@ -34,15 +34,9 @@ def run_fresh(
 
 
 SH = "radiance:sphericalHarmonicsCoefficients"
-# The arrays of a field with the types of their values, whole and halved.
-KINDS = {
-    "positions": ("Vec3fArray", "Vec3hArray"),
-    "orientations": ("QuatfArray", "QuathArray"),
-    "scales": ("Vec3fArray", "Vec3hArray"),
-    "opacities": ("FloatArray", "HalfArray"),
-    SH: ("Vec3fArray", "Vec3hArray"),
-    "extent": ("Vec3fArray", "Vec3hArray"),
-}
+# The arrays of a field with the types of their values, halved with h for f.
+KINDS: dict[str, str] = dict.fromkeys(("positions", "scales", SH, "extent"), "Vec3fArray")
+KINDS |= {"orientations": "QuatfArray", "opacities": "FloatArray"}
 
 
 def arrays_of(prim) -> dict[str, np.ndarray]:
@@ -56,6 +50,6 @@ def set_arrays(prim, arrays: dict[str, np.ndarray], half: tuple[str, ...] = ()) 
 
     for name, values in arrays.items():
         is_half = name in half
-        kind = getattr(Vt, KINDS[name][is_half])
+        kind = getattr(Vt, KINDS[name].replace("fArray", "hArray") if is_half else KINDS[name])
         stored = kind.FromNumpy(np.ascontiguousarray(values, np.float16 if is_half else np.float32))
         prim.GetAttribute(name + "h" * is_half).Set(stored)

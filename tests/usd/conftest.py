@@ -2,28 +2,17 @@
 
 from collections.abc import Callable
 
-import numpy as np
 import pytest
 
 from digs_warp.data.gaussians import Gaussians
 from digs_warp.usd import files
+from reference import splat_files
 
 
 @pytest.fixture(scope="session")
 def random_gaussians() -> Callable[..., Gaussians]:
     """Make Gaussians of every shape and view dependence: ``random_gaussians(count, degree, seed)``."""
-
-    def make(count: int, degree: int = 3, seed: int = 0) -> Gaussians:
-        random = np.random.default_rng(seed)
-        return Gaussians(
-            means=random.normal(size=(count, 3)),
-            log_scales=random.normal(-4.0, 1.0, size=(count, 3)),
-            quats=random.normal(size=(count, 4)) * random.uniform(0.1, 9.0, size=(count, 1)),
-            opacity_logits=random.normal(0.0, 2.0, size=count),
-            sh=random.normal(0.0, 0.3, size=(count, (degree + 1) ** 2, 3)),
-        )
-
-    return make
+    return lambda count, degree=3, seed=0: splat_files.random_gaussians(count, degree, seed)
 
 
 @pytest.fixture(autouse=True)

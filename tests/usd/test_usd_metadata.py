@@ -59,7 +59,7 @@ def test_scenes_are_drawn_with_the_dilation_that_they_name(
             read_gaussians(path)
 
 
-@pytest.mark.parametrize("value", [float("nan"), {1, 2}])
-def test_values_without_a_json_form_are_refused(value: object):
-    with pytest.raises(UsdError, match="metadata"):
-        portable_json({"bad": value})
+def test_values_without_a_json_form_are_refused():
+    for value in (float("nan"), {1, 2}):
+        with pytest.raises(UsdError, match="metadata"):
+            portable_json({"bad": value})

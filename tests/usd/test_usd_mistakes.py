@@ -1,4 +1,4 @@
-"""The validator names every mistake in a scene, wherever it hides; stock OpenUSD finds none of them."""
+"""The validator names every mistake in a scene, wherever it hides."""
 
 import zipfile
 from collections.abc import Callable
@@ -15,7 +15,7 @@ from reference.usd_files import SH, arrays_of, set_arrays
 
 FIELD = "/Asset/Gaussians"
 
-Edit = Callable[[dict[str, np.ndarray]], None]
+Edit = Callable[[dict[str, np.ndarray]], object]
 
 
 def changed(name: str, change: Callable[[np.ndarray], np.ndarray]) -> Edit:
@@ -36,13 +36,9 @@ def centers_only(arrays: dict[str, np.ndarray]) -> None:
     arrays["extent"] = np.stack([arrays["positions"].min(axis=0), arrays["positions"].max(axis=0)])
 
 
-def no_extent(arrays: dict[str, np.ndarray]) -> None:
-    del arrays["extent"]
-
-
 def giants(arrays: dict[str, np.ndarray]) -> None:
     arrays["scales"][:] = 5.0
-    arrays["extent"] = np.array([[-20.0] * 3, [20.0] * 3], dtype=np.float32)
+    arrays["extent"] = np.array([[-20.0] * 3, [20.0] * 3])
 
 
 logits = changed("opacities", lambda a: np.log(a / (1 - a)))
@@ -55,7 +51,7 @@ MISTAKES: list[tuple[Edit, str, str]] = [
     (spoiled(SH, 7, np.inf), "finite", "3 NaN or infinite values in 'radiance"),
     (centers_only, "extent", "cuts off splats"),
     (changed("extent", lambda box: box * 3), "extent", "much larger"),
-    (no_extent, "extent", "not authored"),
+    (lambda arrays: arrays.pop("extent"), "extent", "not authored"),
     (changed("orientations", lambda q: q * 1.01), "quaternion-length", "50 quaternions"),
     (spoiled("orientations", 2, 0), "quaternion-length", "1 quaternions"),
     (changed("scales", lambda s: s * (1, 1, 0)), "scale-range", "50 splats with a scale of 0"),
@@ -79,10 +75,7 @@ def write_edited(path: Path, edit: Edit) -> None:
     stage.Save()
 
 
-def test_mistakes_in_values_are_found_and_stock_usd_finds_none(tmp_path: Path):
-    from pxr import Usd, UsdValidation
-
-    stock = UsdValidation.ValidationRegistry().GetOrLoadAllValidators()
+def test_mistakes_in_values_are_found(tmp_path: Path):
     for number, (edit, rule, message) in enumerate(MISTAKES):
         path = tmp_path / f"scene{number}.usda"
         write_edited(path, edit)
@@ -90,15 +83,6 @@ def test_mistakes_in_values_are_found_and_stock_usd_finds_none(tmp_path: Path):
         found = [finding for finding in report.findings if finding.rule == rule]
         assert any(message in finding.message for finding in found), (message, report.text())
         assert all(finding.where == FIELD for finding in found)
-        assert UsdValidation.ValidationContext(stock).Validate(Usd.Stage.Open(str(path))) == []
-
-
-def edited_text(path: Path, old: str, new: str) -> Path:
-    write_gaussians(path, splats(20))
-    text = path.read_text()
-    assert old in text
-    path.write_text(text.replace(old, new))
-    return path
 
 
 EDITED = [
@@ -133,8 +117,13 @@ EDITED = [
 
 
 def test_mistakes_in_the_scene_are_found(tmp_path: Path):
+    write_gaussians(tmp_path / "sound.usda", splats(20))
+    text = (tmp_path / "sound.usda").read_text()
     for number, (old, new, rule, severity) in enumerate(EDITED):
-        report = validate(edited_text(tmp_path / f"scene{number}.usda", old, new))
+        assert old in text
+        path = tmp_path / f"scene{number}.usda"
+        path.write_text(text.replace(old, new))
+        report = validate(path)
         assert (rule, severity) in {(f.rule, f.severity) for f in report.findings}, report.text()
 
 
@@ -154,25 +143,21 @@ def test_transforms_on_the_field_are_named(tmp_path: Path):
 
 
 def test_a_mistake_in_one_variant_is_found_and_named(tmp_path: Path):
-    from pxr import Sdf, Usd
+    from pxr import Usd
 
     path = tmp_path / "scene.usda"
     write_gaussians(path, splats(20))
     stage = Usd.Stage.Open(str(path))
     prim = stage.GetPrimAtPath(FIELD)
-    variants = prim.GetVariantSets().AddVariantSet("look")
-    for name in ("good", "bad"):
-        variants.AddVariant(name)
-    # Values in a variant are weaker than those on the prim itself.
     opacities = prim.GetAttribute("opacities").Get()
+    # Values in a variant are weaker than those on the prim itself.
     prim.GetAttribute("opacities").Clear()
-    for name, factor in (("good", 1.0), ("bad", 9.0)):
+    variants = prim.GetVariantSets().AddVariantSet("look")
+    for name, factor in (("bad", 9.0), ("good", 1.0)):
+        variants.AddVariant(name)
         variants.SetVariantSelection(name)
         with variants.GetVariantEditContext():
-            prim.CreateAttribute("opacities", Sdf.ValueTypeNames.FloatArray).Set(
-                [value * factor for value in opacities]
-            )
-    variants.SetVariantSelection("good")
+            prim.GetAttribute("opacities").Set([value * factor for value in opacities])
     stage.Save()
     report = validate(path)
     found = [finding for finding in report.findings if finding.rule == "opacity-range"]

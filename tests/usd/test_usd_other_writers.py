@@ -1,11 +1,9 @@
 """Files laid out as other exporters lay theirs out come to the same Gaussians.
 
-The layouts: usd-convert-gsplat 0.1.15 (root prim, text in .usdz), 3dgrut (features half, a package of
-layers), fVDB (Z-up data turned by a transform), LichtFeld (no metadata on the coefficients, quaternions
-not normalized), and one assembled from the schema's parts.
+The layouts: 3dgrut (features half, a package of layers), fVDB (Z-up data turned by a transform), Isaac Sim (a
+material is bound), and one assembled from the schema's parts; none has metadata on the coefficients.
 """
 
-import zipfile
 from collections.abc import Callable
 from pathlib import Path
 
@@ -53,21 +51,6 @@ def new_stage(path: Path, up: str = "Y", metres: float = 1.0):
     return stage
 
 
-def usd_convert_gsplat(tmp_path: Path, arrays: dict[str, np.ndarray]) -> Path:
-    stage = new_stage(tmp_path / "default.usda")
-    prim = author(stage, "/mustard", arrays)
-    stage.SetDefaultPrim(prim)
-    coefficients = prim.GetAttribute(SH)
-    coefficients.SetMetadata("elementSize", 16)
-    coefficients.SetMetadata("interpolation", "vertex")
-    prim.GetAttribute("primvars:displayColor").Set([(0.5, 0.5, 0.5)] * len(arrays["positions"]))
-    stage.Save()
-    path = tmp_path / "mustard.usdz"
-    with zipfile.ZipFile(path, "w") as archive:  # members are not aligned
-        archive.write(tmp_path / "default.usda", "default.usda")
-    return path
-
-
 def grut(tmp_path: Path, arrays: dict[str, np.ndarray]) -> Path:
     from pxr import Sdf, Usd, UsdUtils
 
@@ -104,17 +87,6 @@ def fvdb(tmp_path: Path, arrays: dict[str, np.ndarray]) -> Path:
     stage.SetDefaultPrim(root.GetPrim())
     stage.Save()
     return tmp_path / "scene.usdc"
-
-
-def lichtfeld(tmp_path: Path, arrays: dict[str, np.ndarray]) -> Path:
-    long = dict(arrays)
-    long["orientations"] = (
-        arrays["orientations"] * np.linspace(0.5, 3, len(arrays["orientations"]))[:, None]
-    )
-    stage = new_stage(tmp_path / "scene.usda")
-    stage.SetDefaultPrim(author(stage, "/GaussianSplat", long))
-    stage.Save()
-    return tmp_path / "scene.usda"
 
 
 def assembled(tmp_path: Path, arrays: dict[str, np.ndarray]) -> Path:
@@ -155,10 +127,8 @@ def isaac(tmp_path: Path, arrays: dict[str, np.ndarray]) -> Path:
     ("layout", "rounding"),
     [
         (isaac, 0.0),
-        (usd_convert_gsplat, 0.0),
         (grut, HALF),
         (fvdb, 0.0),
-        (lichtfeld, 0.0),
         (assembled, 0.0),
     ],
 )

@@ -88,20 +88,14 @@ def test_extent_contains_the_three_sigma_box_of_every_splat_and_no_more(
         assert low[axis] < centers[:, axis].min() - 1e-3
 
 
-def test_extent_of_no_splats_is_the_empty_box_of_usd(tmp_path: Path, random_gaussians):
-    from pxr import UsdGeom, Vt
-
-    path = tmp_path / "scene.usdc"
-    write_gaussians(path, random_gaussians(0))
-    empty = UsdGeom.PointBased.ComputeExtent(Vt.Vec3fArray())
-    assert_array_equal(values(path, "extent"), np.array(empty))
-
-
 def test_color_spaces_resolve_to_srgb_and_linear(tmp_path: Path, random_gaussians):
     from pxr import Gf, Usd
 
     path = tmp_path / "scene.usdc"
-    write_gaussians(path, random_gaussians(2))
+    gaussians = random_gaussians(2, degree=1)
+    gaussians.sh[:, 0] = sh_from_rgb(np.array([[0.9, 0.5, 0.1], [0.1, 0.5, 0.9]]))
+    gaussians.opacity_logits[:] = (30.0, -30.0)  # the second splat is invisible
+    write_gaussians(path, gaussians)
     _stage, field = field_of(path)
     cache = Usd.ColorSpaceHashCache()
     assert Usd.ColorSpaceAPI.ComputeColorSpaceName(field, cache) == "srgb_rec709_display"
@@ -109,30 +103,16 @@ def test_color_spaces_resolve_to_srgb_and_linear(tmp_path: Path, random_gaussian
     encoded = np.array([0.01, 0.2, 0.9])
     linear = Gf.ColorSpace("lin_rec709_scene").Convert(space, Gf.Vec3f(*encoded)).GetRGB()
     assert_allclose(linear, linear_from_srgb(encoded), atol=1e-4)
-    # displayColor is linear, whatever the splats are.
+    # displayColor is the mean by opacity, and linear, whatever the splats are.
     color = field.GetAttribute("primvars:displayColor")
+    assert_allclose(np.array(color.Get()), linear_from_srgb(np.array([[0.9, 0.5, 0.1]])), atol=1e-5)
     assert Usd.ColorSpaceAPI.ComputeColorSpaceName(color, cache) == "lin_rec709_scene"
 
 
-def test_display_color_is_the_linear_mean_weighted_by_opacity(tmp_path: Path, random_gaussians):
-    gaussians = random_gaussians(2, degree=1)
-    gaussians.sh[:, 0] = sh_from_rgb(np.array([[0.9, 0.5, 0.1], [0.1, 0.5, 0.9]]))
-    gaussians.opacity_logits[:] = (30.0, -30.0)  # the second splat is invisible
-    path = tmp_path / "scene.usdc"
-    write_gaussians(path, gaussians)
-    expected = linear_from_srgb(np.array([[0.9, 0.5, 0.1]]))
-    assert_allclose(values(path, "primvars:displayColor"), expected, atol=1e-5)
-
-
-@pytest.mark.parametrize("field", ["means", "opacity_logits"])
-def test_nan_and_infinite_splats_are_refused_with_their_number(
-    tmp_path: Path, random_gaussians, field: str
-):
-    gaussians = random_gaussians(20)
-    array = getattr(gaussians, field)
-    array[3], array[7] = np.nan, np.inf
-    if field == "opacity_logits":
-        array[7] = np.nan  # an infinite logit is an opacity of 1
-    with pytest.raises(UsdError, match=r"2 of 20 splats hold NaN or infinite.*first is number 3"):
-        write_gaussians(tmp_path / "scene.usdc", gaussians)
+def test_nan_and_infinite_splats_are_refused_with_their_number(tmp_path: Path, random_gaussians):
+    for name in ("means", "opacity_logits"):
+        gaussians = random_gaussians(20)
+        getattr(gaussians, name)[[3, 7]] = np.nan
+        with pytest.raises(UsdError, match=r"2 of 20 splats hold NaN.*first is number 3"):
+            write_gaussians(tmp_path / "scene.usdc", gaussians)
     assert list(tmp_path.iterdir()) == []

@@ -27,15 +27,6 @@ def test_same_input_gives_the_same_bytes_in_another_process(tmp_path: Path, rand
     assert (tmp_path / "here.usdz").read_bytes() == (tmp_path / "there.usdz").read_bytes()
 
 
-def test_files_of_the_same_name_and_other_suffixes_are_left_alone(tmp_path: Path, random_gaussians):
-    others = [tmp_path / name for name in ("scene.usda", "scene.usdc", "default.usdc", "scene")]
-    for path in others:
-        path.write_bytes(b"mine")
-    write_gaussians(tmp_path / "scene.usdz", random_gaussians(3))
-    assert all(path.read_bytes() == b"mine" for path in others)
-    assert {*tmp_path.iterdir()} == {tmp_path / "scene.usdz", *others}
-
-
 @pytest.mark.parametrize("suffix", [".usda", ".usdc", ".usdz"])
 def test_a_write_that_runs_out_of_space_leaves_the_old_file(
     tmp_path: Path, random_gaussians, suffix: str

@@ -21,6 +21,7 @@ from digs_warp.formats.splats.rows import (
 from digs_warp.formats.splats.spz import COLOR_SCALE
 from digs_warp.geometry.sh import C0, rgb_from_sh
 from reference.full_disk import largest_file
+from reference.optional import open3d_or_skip
 from reference.splat_files import random_gaussians, shapes
 
 # How far centers [m], log-scales (`shapes`), opacities, and coefficients of band 0 and above may be off.
@@ -187,3 +188,22 @@ def test_what_a_file_is_for_stands_in_it(
         path, replace(random_gaussians(5, 1), screen_filter=made_for), SplatWriting("y")
     )
     assert read_splat_file(path, up="y").screen_filter == read
+
+
+@pytest.mark.parametrize(("suffix", "degree"), [(".ply", 2), (".splat", 0)])
+def test_open3d_reads_the_same_values(tmp_path: Path, suffix: str, degree: int) -> None:
+    """Another program's reader on our file; it says standard deviations and opacity logits."""
+    open3d = open3d_or_skip()
+    path = tmp_path / f"a{suffix}"
+    write_splat_file(path, random_gaussians(20, degree))
+    ours = read_splat_file(path)
+    cloud = open3d.t.io.read_point_cloud(str(path))
+    read = {name: cloud.point[name].numpy() for name in cloud.point}
+    np.testing.assert_array_equal(read["positions"], ours.means)
+    np.testing.assert_allclose(read["scale"], ours.scales, rtol=1e-5)
+    quats, unit = (q / np.linalg.norm(q, axis=1)[:, None] for q in (read["rot"], ours.quats))
+    np.testing.assert_allclose(quats, unit[:, [3, 0, 1, 2]], atol=1e-2)
+    np.testing.assert_allclose(read["f_dc"], ours.sh[:, 0], atol=1e-2)
+    if degree:
+        np.testing.assert_array_equal(read["f_rest"].reshape(20, 8, 3), ours.sh[:, 1:])
+        np.testing.assert_array_equal(read["opacity"].ravel(), ours.opacity_logits)

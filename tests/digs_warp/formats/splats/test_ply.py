@@ -19,7 +19,6 @@ from digs_warp.data.ply_table import read_ply_header
 from digs_warp.formats.splats.files import read_splat_file
 from digs_warp.formats.splats.ply import read_ply, write_ply
 from digs_warp.geometry.sh import C0
-from reference.optional import open3d_or_skip
 from reference.splat_files import random_gaussians
 
 
@@ -156,22 +155,6 @@ def test_damage_is_named(tmp_path: Path, old: str, new: str, message: str) -> No
     with pytest.raises(DigsError, match=message) as error:
         read_ply(path)
     assert str(path) in str(error.value)
-
-
-def test_open3d_reads_the_same_values(tmp_path: Path) -> None:
-    """Another program's reader on our file; it says standard deviations and opacity logits."""
-    open3d = open3d_or_skip()
-    g = random_gaussians(20, 2)
-    write_ply(tmp_path / "a.ply", g)
-    cloud = open3d.t.io.read_point_cloud(str(tmp_path / "a.ply"))
-    read = {name: cloud.point[name].numpy() for name in cloud.point}
-    np.testing.assert_array_equal(read["positions"], g.means)
-    np.testing.assert_array_equal(read["opacity"].ravel(), g.opacity_logits)
-    np.testing.assert_allclose(read["scale"], g.scales, rtol=1e-6)
-    np.testing.assert_array_equal(read["rot"], g.quats[:, [3, 0, 1, 2]])
-    np.testing.assert_array_equal(read["f_dc"], g.sh[:, 0])
-    rest = read["f_rest"].reshape(20, 8, 3)
-    np.testing.assert_array_equal(rest, g.sh[:, 1:])
 
 
 def test_vertex_colors_are_for_programs_of_points(tmp_path: Path) -> None:

@@ -8,8 +8,8 @@ import pytest
 
 from digs_warp.cli import main
 from digs_warp.data.capture import read_capture
-from digs_warp.data.gaussians import ANTIALIASED, Gaussians
-from digs_warp.data.ply_table import read_ply_header, read_table
+from digs_warp.data.gaussians import ANTIALIASED, FIELDS, Gaussians
+from digs_warp.data.ply_table import read_ply_header, read_table, write_tables
 from digs_warp.formats.splats.files import write_splat_file
 from digs_warp.pipeline.reconstruction import Reconstruction
 from digs_warp.pipeline.records import Poses
@@ -38,8 +38,7 @@ def centers(path: Path) -> np.ndarray:
     return np.stack([table[axis].astype(np.float64) for axis in "xyz"], axis=1)
 
 
-@pytest.mark.parametrize("kind", ["f8", "f4"])
-@pytest.mark.parametrize("up", ["z", "y"])
+@pytest.mark.parametrize(("kind", "up"), [("f8", "z"), ("f4", "y")])
 def test_a_scene_at_survey_coordinates_keeps_its_places(
     tmp_path: Path, kind: str, up: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -48,16 +47,10 @@ def test_a_scene_at_survey_coordinates_keeps_its_places(
     write_splat_file(path, near)
     table = read_table(path, read_ply_header(path), "vertex")
     places = (near.means.astype(np.float64) + UTM).astype(kind)
-    far = np.empty(len(table), [(n, kind if n in "xyz" else "f4") for n in table.dtype.names or ()])
-    for name in table.dtype.names or ():
-        far[name] = table[name]
+    far = table.astype([(n, kind if n in "xyz" else "f4") for n in table.dtype.names or ()])
     for axis, name in enumerate("xyz"):
         far[name] = places[:, axis]
-    names = {"f4": "float", "f8": "double"}
-    lines = [f"property {names[far.dtype[n].str[1:]]} {n}" for n in far.dtype.names or ()]
-    head = ["ply", "format binary_little_endian 1.0", f"element vertex {len(far)}", *lines]
-    path.write_bytes("\n".join([*head, "end_header\n"]).encode() + far.tobytes())
-
+    write_tables(path, {"vertex": far}, [])
     for suffix in FORMATS:
         out = tmp_path / f"out{suffix}"
         assert main(["convert", str(path), "--out", str(out), "--up", up]) == 0
@@ -75,20 +68,16 @@ def test_a_scene_at_survey_coordinates_keeps_its_places(
 
 def spoilt(which: str) -> Gaussians:
     good = scene()
-    if which == "scales":
-        return replace(good, log_scales=good.scales)
-    if which == "opacities":
-        return replace(good, opacity_logits=good.opacities)
     if which == "zeros":
-        parts = {n: getattr(good, n).copy() for n in ("means", "log_scales", "quats", "sh")}
-        for values in parts.values():
-            values[:100] = 0
-        return replace(
-            good, **parts, opacity_logits=np.r_[np.zeros(100), good.opacity_logits[100:]]
-        )
-    if which == "colors":
-        return replace(good, sh=np.full_like(good.sh, 128.0))
-    return good
+        good = replace(good, **{name: getattr(good, name).copy() for name in FIELDS})
+        for name in FIELDS:
+            getattr(good, name)[:100] = 0
+    changes = {
+        "scales": {"log_scales": good.scales},
+        "opacities": {"opacity_logits": good.opacities},
+        "colors": {"sh": np.full_like(good.sh, 128.0)},
+    }
+    return replace(good, **changes.get(which, {}))
 
 
 @pytest.mark.parametrize(

@@ -5,7 +5,7 @@ import pytest
 
 from digs_warp.checks import DigsError
 from digs_warp.geometry.camera import Camera, Intrinsics
-from digs_warp.geometry.rigid import look_at, rigid
+from digs_warp.geometry.rigid import look_at
 from digs_warp.show.film.camera_path import (
     Subject,
     along,
@@ -22,7 +22,7 @@ UP = np.array([0.0, 0.0, 1.0])
 
 @pytest.mark.parametrize(
     ("width", "height", "elevation"),
-    [(320, 180, -80.0), (180, 320, 20.0), (320, 180, 89.0), (180, 320, 0.0), (1, 1, 20.0)],
+    [(320, 180, -80.0), (180, 320, 20.0), (320, 180, 89.0)],
 )
 def test_an_orbit_shows_the_whole_ball_as_large_as_it_fits(width, height, elevation) -> None:
     k = Intrinsics.from_fov(width, height, 40.0)
@@ -69,7 +69,8 @@ def test_a_thin_part_is_in_the_frame_and_strays_are_not() -> None:
     rod = np.linalg.norm(g.means[:20] - subject.center_world, axis=1)
     assert rod.max() < 1.05 * subject.radius < 0.18
     alone = random_gaussians(1, 0)
-    assert find_framed_subject(alone).radius == find_subject(alone).radius
+    alone.log_scales[:], alone.opacity_logits[:] = np.log(0.1), 2.0
+    assert find_framed_subject(alone).radius == pytest.approx(0.3, rel=1e-5)
 
 
 def test_up_is_z_unless_the_cameras_say_otherwise() -> None:
@@ -82,14 +83,6 @@ def test_up_is_z_unless_the_cameras_say_otherwise() -> None:
         assert (camera.center_world - SUBJECT.center_world)[1] < 0
         assert camera.cam_from_world[1, 1] > 0.9  # y is down in the image
     np.testing.assert_array_equal(up_of(turn), (0, -1, 0))
-
-
-def test_one_gaussian_is_a_subject() -> None:
-    g = random_gaussians(1, 0)
-    g.log_scales[:], g.opacity_logits[:] = np.log(0.1), 2.0
-    assert find_subject(g).radius == pytest.approx(0.3, rel=1e-5)
-    with pytest.raises(DigsError, match="0 Gaussians"):
-        find_subject(random_gaussians(0, 0))
 
 
 def test_a_recorded_path_goes_through_its_poses() -> None:
@@ -108,13 +101,12 @@ def test_short_and_broken_paths() -> None:
     k = Intrinsics.from_fov(64, 48, 40.0)
     one = along([np.eye(4)], [0.0], k, 3)
     assert [c.center_world.tolist() for c in one] == [[0, 0, 0]] * 3
-    two = along([np.eye(4), rigid(np.eye(3), UP)], [0.0, 1.0], k, 3)
-    np.testing.assert_allclose(two[1].center_world, (0, 0, 0.5))
-    with pytest.raises(DigsError, match="do not increase"):
-        along([np.eye(4)] * 2, [1.0, 1.0], k, 3)
-    with pytest.raises(DigsError, match="0 poses"):
-        along([], [], k, 3)
-    with pytest.raises(DigsError, match="elevation 90"):
-        orbit(SUBJECT, k, 3, 90.0)
-    with pytest.raises(DigsError, match="0 frames"):
-        orbit(SUBJECT, k, 0)
+    for wrong, message in (
+        (lambda: along([np.eye(4)] * 2, [1.0, 1.0], k, 3), "do not increase"),
+        (lambda: along([], [], k, 3), "0 poses"),
+        (lambda: orbit(SUBJECT, k, 3, 90.0), "elevation 90"),
+        (lambda: orbit(SUBJECT, k, 0), "0 frames"),
+        (lambda: find_subject(random_gaussians(0, 0)), "0 Gaussians"),
+    ):
+        with pytest.raises(DigsError, match=message):
+            wrong()

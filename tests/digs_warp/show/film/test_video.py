@@ -33,20 +33,17 @@ def test_frames_are_the_views_of_the_renderer(frames: list[np.ndarray]) -> None:
     assert (frames[0] != frames[3]).any()
 
 
-def test_the_clock_counts_frames_and_leaves_out_the_first() -> None:
+def test_the_clock_leaves_out_the_first_of_several_frames() -> None:
     clock = Clock()
     assert np.isnan(clock.milliseconds)
-    list(shoot(ball(), CAMERAS[:2], clock=clock))
-    assert len(clock.seconds) == 2
-    clock = Clock([5.0, 0.1, 0.3])
-    assert clock.milliseconds == pytest.approx(200)
-    assert clock.frame_rate == pytest.approx(5)
-    assert Clock([0.5]).frame_rate == pytest.approx(2)
-
-
-def test_background_and_mixed_sizes() -> None:
-    frame = next(shoot(ball(), CAMERAS[:1], background=(1.0, 0.0, 0.5)))
+    (frame,) = shoot(ball(), CAMERAS[:1], background=(1.0, 0.0, 0.5), clock=clock)
     assert frame[0, 0].tolist() == [255, 0, 128]
+    assert clock.milliseconds == pytest.approx(1e3 * clock.seconds[0])
+    assert Clock([5.0, 0.1, 0.3]).milliseconds == pytest.approx(200)
+    assert Clock([5.0, 0.1, 0.3]).frame_rate == pytest.approx(5)
+
+
+def test_a_film_has_one_size_and_may_have_no_frames() -> None:
     with pytest.raises(DigsError, match="different image sizes"):
         next(shoot(ball(), [CAMERAS[0], CAMERAS[1].resized(48, 32)]))
     assert list(shoot(ball(), [])) == []
@@ -78,22 +75,15 @@ def test_a_gif_shows_the_frames_and_repeats(tmp_path: Path, frames) -> None:
 
 
 @pytest.mark.parametrize("name", ["a.mp4", "a.gif"])
-def test_a_film_that_does_not_fit_on_the_disk_leaves_the_old_one(
-    tmp_path: Path, frames, name: str
-) -> None:
+def test_what_cannot_be_written_leaves_the_old_film(tmp_path: Path, frames, name: str) -> None:
     write_video(tmp_path / name, iter(frames), 10.0)
     before = (tmp_path / name).read_bytes()
-    for size in (0, 1, 1000, len(before) // 2, len(before) - 1):
+    for size in (0, len(before) // 2, len(before) - 1):
         with largest_file(size), pytest.raises(DigsError, match=rf"{name}': cannot be written"):
             write_video(tmp_path / name, iter(frames), 10.0)
-        assert (tmp_path / name).read_bytes() == before
-        assert [path.name for path in tmp_path.iterdir()] == [name]
-
-
-def test_what_cannot_be_written_is_said(tmp_path: Path, frames) -> None:
+    with pytest.raises(DigsError, match="0 frames"):
+        write_video(tmp_path / name, iter([]), 10.0)
     with pytest.raises(DigsError, match=r"expected \.mp4 or \.gif"):
         write_video(tmp_path / "a.avi", iter(frames), 10.0)
-    for name in ("a.mp4", "a.gif"):
-        with pytest.raises(DigsError, match="0 frames"):
-            write_video(tmp_path / name, iter([]), 10.0)
-    assert list(tmp_path.iterdir()) == []
+    assert (tmp_path / name).read_bytes() == before
+    assert [path.name for path in tmp_path.iterdir()] == [name]

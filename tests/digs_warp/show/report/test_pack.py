@@ -3,10 +3,10 @@
 import numpy as np
 
 from digs_warp.data.gaussians import Gaussians
-from digs_warp.geometry.rigid import matrix_from_quat_xyzw
 from digs_warp.geometry.sh import C0
 from digs_warp.show.report.view3d.pack import pack
 from reference.unpacked_splats import unpacked
+from reference.usd_files import covariances
 
 
 def some_gaussians(count: int = 3000) -> Gaussians:
@@ -28,10 +28,7 @@ def test_what_is_unpacked_is_what_was_packed() -> None:
     assert len(packed) == packed.total == len(g)
     extent = g.means.max(axis=0) - g.means.min(axis=0)
     assert (np.abs(found.centers - g.means) < extent / 2**24 + 1e-5).all()
-    axes = (
-        matrix_from_quat_xyzw(g.quats.astype(float)) * np.exp(g.log_scales.astype(float))[:, None]
-    )
-    true = axes @ axes.transpose(0, 2, 1)
+    true = covariances(g.quats, g.scales)
     size = np.trace(true, axis1=1, axis2=2)[:, None, None]
     assert np.abs((found.covariances - true) / size).max() < 0.04  # steps of 2.7 % in a length
     rgb = np.clip(0.5 + C0 * g.sh[:, 0], 0, 1)
@@ -39,17 +36,7 @@ def test_what_is_unpacked_is_what_was_packed() -> None:
     np.testing.assert_allclose(found.opacities, g.opacities, atol=0.5 / 255 + 1e-6)
 
 
-def test_a_page_has_room_for_so_many_and_keeps_those_that_cover_the_most() -> None:
-    g = some_gaussians()
-    packed = pack(g, most_bytes=1000 * 20 * 4 // 3)
-    assert (len(packed), packed.total, packed.harmonics.shape) == (999, 3000, (999, 0, 3))
-    area = g.opacities * np.exp(np.sort(g.log_scales, axis=1)[:, 1:].sum(axis=1))
-    kept = np.argsort(-area)[:999]
-    nearest = unpacked(packed).centers
-    np.testing.assert_allclose(nearest, g.means[np.sort(kept)], atol=1e-4)
-
-
-def test_the_highest_harmonics_go_before_any_gaussian() -> None:
+def test_the_highest_harmonics_go_before_any_gaussian_then_those_that_cover_the_least() -> None:
     g = some_gaussians()
     whole = pack(g)
     assert len(whole.to_bytes()) == len(g) * (20 + 9)
@@ -58,6 +45,11 @@ def test_the_highest_harmonics_go_before_any_gaussian() -> None:
     assert whole.harmonic_step < 0.02
     less = pack(g, most_bytes=len(g) * 25 * 4 // 3)
     assert (len(less), less.harmonics.shape[1]) == (len(g), 0)
+    least = pack(g, most_bytes=1000 * 20 * 4 // 3)
+    assert (len(least), least.total, least.harmonics.shape) == (999, 3000, (999, 0, 3))
+    area = g.opacities * np.exp(np.sort(g.log_scales, axis=1)[:, 1:].sum(axis=1))
+    kept = np.sort(np.argsort(-area)[:999])
+    np.testing.assert_allclose(unpacked(least).centers, g.means[kept], atol=1e-4)
 
 
 def test_flat_boxes_zero_quaternions_and_broken_values_are_fine() -> None:

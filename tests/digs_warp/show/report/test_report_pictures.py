@@ -1,8 +1,9 @@
-"""The pictures of the report: color scales, small images, and the object on white."""
+"""The pictures of the report: color scales, small images, the object on white, causes without color."""
 
 import numpy as np
 import pytest
 
+from digs_warp.show.report.causes import OK_COLOR, PATTERNS, TILE, paint_causes
 from digs_warp.show.report.pictures import ColorScale, depth_scale, error_scale, over_white, shrink
 
 
@@ -38,3 +39,20 @@ def test_the_object_stands_on_white() -> None:
     found = over_white(image, np.array([[0, 255, 128]], dtype=np.uint8))
     assert found[0, :, 0].tolist() == [255, 100, round(100 * 128 / 255 + 127)]
     assert over_white(image, None) is image
+
+
+def darker_places(code: int, step: int = 1) -> np.ndarray:
+    """Where the picture of one cause is darker than its brightest place."""
+    picture = shrink(paint_causes(np.full((4 * TILE * step,) * 2, code, np.uint8), step), 4 * TILE)
+    gray = picture.astype(int).sum(axis=2)
+    return gray < gray.max()
+
+
+def test_causes_differ_in_their_patterns_and_right_depth_has_none() -> None:
+    codes = range(1, len(PATTERNS) + 1)
+    patterns = [darker_places(code) for code in codes]
+    for number, one in enumerate(patterns):
+        for other in patterns[:number]:
+            assert (one != other).mean() > 0.1
+    np.testing.assert_array_equal(patterns, [darker_places(code, step=3) for code in codes])
+    assert (paint_causes(np.zeros((5, 7), np.uint8)) == OK_COLOR).all()

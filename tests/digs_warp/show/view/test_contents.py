@@ -21,16 +21,17 @@ def capture(tmp_path: Path) -> Capture:
     return write_capture(tmp_path / "capture")
 
 
-def test_a_capture_has_its_views_and_its_depth(capture: Capture) -> None:
+def test_a_capture_has_its_views_and_its_depth_as_points_of_its_colors(capture: Capture) -> None:
     contents = read_contents(capture.folder)
-    assert contents.name == "capture"
-    assert len(contents.frames) == len(capture)
+    assert (contents.name, len(contents.frames), contents.stages) == ("capture", len(capture), ())
     cloud = contents.points[NAME]
     # Depth of 1 to 1.3 m on the disc and 4 m around it, seen from a circle of 1 m.
     assert len(cloud) > 1000
     away = np.linalg.norm(cloud.points_world - [0, 0, 0.3], axis=1)
     assert 0 < away.min() and away.max() < 6
-    assert contents.stages == ()
+    points = points_as_splats(cloud, 2.0)
+    np.testing.assert_allclose(0.5 + C0 * points.sh[:, 0], cloud.colors, atol=1e-6)
+    np.testing.assert_allclose(points.scales, 0.006, rtol=1e-5)
 
 
 def test_a_reconstruction_has_its_start_and_every_snapshot(
@@ -70,13 +71,6 @@ def test_the_pictures_in_the_cameras(capture: Capture) -> None:
     assert (depth[:, :5] == 128).all()  # nothing was measured there
     assert (depth[:, 5:] != 128).any(axis=-1).all()
     assert load_picture(frames[0], "why depth is missing") is None
-
-
-def test_points_are_drawn_as_gaussians_of_their_colors(capture: Capture) -> None:
-    cloud = read_contents(capture.folder).points[NAME]
-    points = points_as_splats(cloud, 2.0)
-    np.testing.assert_allclose(0.5 + C0 * points.sh[:, 0], cloud.colors, atol=1e-6)
-    np.testing.assert_allclose(points.scales, 0.006, rtol=1e-5)
 
 
 def test_the_view_begins_where_all_is_seen(capture: Capture) -> None:
