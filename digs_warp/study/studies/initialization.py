@@ -38,7 +38,7 @@ ITERATIONS = (100, 300, 500, 1000, 3000, 7000, 12000)
 
 # Small images and few views, so that all objects fit into twenty minutes on two cores. The strategies differ
 # in their starts, which small images show as well.
-RECORDING: dict[str, Any] = {"frames": 48, "width": 320, "height": 180, "samples_per_pixel": 4}
+RECORDING: dict[str, Any] = {"frames": 48, "width": 480, "height": 270, "samples_per_pixel": 4}
 
 # Poses are estimated, as in the paper. Density control is that of 3DGS for all five.
 RECONSTRUCTION: dict[str, Any] = {
