@@ -96,7 +96,7 @@ BENCHMARKS = (
     # Simulated photographs without their depth, beside the sensor's.
     Benchmark("photographs", ("photographs.bench_photographs",), ("initialization.md",)),
     # The simulated depth sensor: time and scores of every tier.
-    Benchmark("sim", ("simulator.bench_sim",), ()),
+    Benchmark("sim", ("simulator.bench_sim",), ("research/sensor-cost.md",)),
     # Where the simulated sensor errs, against real matching.
     Benchmark("realism", ("realism.bench_realism",), ("research/sensor-cost.md",)),
     # Figures of real depth cameras beside those of the simulated ones.

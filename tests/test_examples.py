@@ -57,28 +57,17 @@ def test_the_examples_are_few_numbered_and_short() -> None:
     assert max(len(path.read_text().splitlines()) for path in EXAMPLES) < 60
 
 
-def test_the_noise_project_passes_where_it_is_copied(tmp_path: Path) -> None:
+def test_the_noise_project_says_what_it_lacks_and_passes_where_it_is_copied(tmp_path: Path) -> None:
     project = shutil.copytree(EXAMPLES[0].parent / "noise_project", tmp_path / "project")
-    config = SimulateConfig(frames=2, width=160, height=90, tier="law")
-    simulate(config, project / "recordings/shelf")
-    done = subprocess.run(
-        [sys.executable, "-m", "pytest", "-q", "--strict-markers"],
-        cwd=project,
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-    assert "4 passed" in done.stdout, done.stdout + done.stderr
 
+    def tested() -> subprocess.CompletedProcess[str]:
+        command = [sys.executable, "-m", "pytest", "-q", "--strict-markers"]
+        return subprocess.run(command, cwd=project, capture_output=True, text=True, check=False)
 
-def test_the_noise_project_says_what_it_lacks(tmp_path: Path) -> None:
-    project = shutil.copytree(EXAMPLES[0].parent / "noise_project", tmp_path / "project")
-    done = subprocess.run(
-        [sys.executable, "-m", "pytest", "-q"],
-        cwd=project,
-        capture_output=True,
-        text=True,
-        check=False,
-    )
+    done = tested()
     assert done.returncode == pytest.ExitCode.USAGE_ERROR
     assert "recordings/shelf" in done.stderr and "sensor_noise" in done.stderr
+    config = SimulateConfig(frames=2, width=160, height=90, tier="law")
+    simulate(config, project / "recordings/shelf")
+    done = tested()
+    assert "4 passed" in done.stdout, done.stdout + done.stderr

@@ -104,7 +104,7 @@ STUDIES = (
     Study(
         "initialization",
         "Five ways to start",
-        "the paper's tables 2 to 4: five initializations, quality along the iterations, times",
+        "the paper's five initializations: quality along the iterations, points, times",
         objects=6,
         iterations=1000,
     ),

@@ -111,7 +111,7 @@ def _formats() -> str:
         [
             *(f"`{name}`", "recordings"),
             *(_YES if name in group else _NO for group in (readers, EXPORTERS)),
-            CHECKED.get(name, "files as its programs describe them"),
+            CHECKED.get(name, "its description"),
         ]
         for name in sorted(readers | EXPORTERS.keys())
     ]

@@ -1,4 +1,4 @@
-"""The paper's tables 2 and 4: five initializations, quality along the iterations, times.
+"""The paper's table 2: five initializations, quality along the iterations; and what they start from.
 
 The paper: Meglioraldi et al., J. Imaging 2026, 12, 183; 200 views of 1600 px per object, 3DGS on a GPU,
 12,000 iterations; PSNR in dB by iteration.
