@@ -10,8 +10,7 @@ from pathlib import Path
 
 from digs_warp.data.capture import Capture
 from digs_warp.data.layers import Layer
-from digs_warp.init.config import InitConfig
-from digs_warp.init.strategies import STRATEGIES, chosen_strategy
+from digs_warp.init.config import STRATEGIES, InitConfig, chosen_strategy
 from digs_warp.pipeline.reconstruct import ReconstructConfig, reconstruct
 from digs_warp.record.progress import progress
 from digs_warp.sim.config import SimulateConfig

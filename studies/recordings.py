@@ -19,8 +19,7 @@ from digs_warp.data.capture import Capture
 from digs_warp.data.layers import Layer
 from digs_warp.data.posed_frames import PosedFrames
 from digs_warp.data.viewpoints import evenly
-from digs_warp.init.config import InitConfig
-from digs_warp.init.strategies import STRATEGIES, chosen_strategy
+from digs_warp.init.config import STRATEGIES, InitConfig, chosen_strategy
 from digs_warp.pipeline.reconstruct import ReconstructConfig, reconstruct
 from digs_warp.pipeline.reconstruction import Reconstruction
 from digs_warp.poses.from_images.config import SfmConfig

@@ -16,7 +16,7 @@ from digs_warp.data.triangle_mesh import TriangleMesh
 from digs_warp.formats.splats.files import AS_IT_IS, SplatWriting
 from digs_warp.geometry.camera import Camera, Intrinsics
 from digs_warp.init.config import InitConfig
-from digs_warp.init.recipes import initial_points
+from digs_warp.init.recipes import initialize
 from digs_warp.init.seeds import seed_gaussians
 from digs_warp.measure.metrics import psnr
 from digs_warp.measure.surface_metrics import surface_score
@@ -97,8 +97,10 @@ def trained_object() -> TrainedObject:
         capture = simulate(recording, Path(folder) / "capture")
         surface = read_true_surface(capture.folder)
         assert surface is not None  # it was simulated
-        points = initial_points(capture.frames, init)
-        seeds = seed_gaussians(points, train.usual_sh_degree, init.seed_opacity, init.seed_width)
+        points = initialize(capture.frames, init).points
+        seeds = seed_gaussians(
+            points, train.usual_sh_degree, init.defaults.opacity, init.defaults.width
+        )
         trainer = Trainer(seeds, open_views(capture.frames, train), train)
         with progress(TRAINING_STEPS, "Training", "step") as bar:
             for _ in range(TRAINING_STEPS):

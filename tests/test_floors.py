@@ -37,17 +37,17 @@ LINE_BUDGETS = {
     "api": 392,
     "check": 1_700,
     "commands": 3_009,
-    "data": 3_266,
-    "device": 874,
+    "data": 3_087,
+    "device": 856,
     "engines": 973,
     "files at the top": 742,
     "formats": 5_722,
     "geometry": 621,
-    "init": 4_116,
+    "init": 3_542,
     "losses": 654,
     "masks": 674,
     "measure": 1_517,
-    "pipeline": 2_332,
+    "pipeline": 2_262,
     "poses": 4_580,
     "record": 1_856,
     "show": 2_793,
@@ -65,7 +65,7 @@ LINE_BUDGETS = {
     "train": 3_544,
     "usd": 2_370,
 }
-MOST_FILES = 476  # of the product; 65,000 lines in 500 files are the goal
+MOST_FILES = 474  # of the product; 65,000 lines in 500 files are the goal
 # A shorter file with a single client in its folder belongs into that client.
 CRUMB = 60
 

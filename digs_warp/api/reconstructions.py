@@ -16,7 +16,7 @@ from digs_warp.data.capture import Capture, read_capture
 from digs_warp.data.frame import Frame
 from digs_warp.data.gaussians import Gaussians
 from digs_warp.data.point_cloud import PointCloud
-from digs_warp.init.strategies import StrategyChoice
+from digs_warp.init.config import StrategyChoice
 from digs_warp.pipeline.reconstruction import Reconstruction
 
 if TYPE_CHECKING:

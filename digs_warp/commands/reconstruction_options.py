@@ -5,8 +5,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeVar
 
 import tyro
 
-from digs_warp.init.config import InitConfig
-from digs_warp.init.strategies import STRATEGIES, StrategyChoice, chosen_strategy
+from digs_warp.init.config import STRATEGIES, InitConfig, StrategyChoice, chosen_strategy
 from digs_warp.masks.config import SegmentConfig
 from digs_warp.poses.from_images.config import SfmConfig
 from digs_warp.settings import TEST_EVERY, Settings

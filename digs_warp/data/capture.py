@@ -35,8 +35,6 @@ from digs_warp.geometry.rigid import far_offset, rigid
 from digs_warp.record import layout
 from digs_warp.record.fields import Fields
 from digs_warp.record.files import read_json
-from digs_warp.record.layout import places_of
-from digs_warp.record.run_log import RunRecord
 from digs_warp.record.typed import from_json
 from digs_warp.settings import TEST_EVERY
 from digs_warp.words import counted
@@ -350,26 +348,8 @@ def _what_it_is(folder: Path) -> str:
         return (
             f"It holds the results of 'digs-warp run'; its capture is '{folder / layout.CAPTURE}'."
         )
-    if (folder / layout.DATA_SET).is_file():
-        found = sorted(path.parent for path in folder.glob(f"*/{INDEX_NAME}"))
-        example = f", for example '{found[0]}'" if found else ""
-        return f"It holds {counted(len(found), 'capture')}; name one of them{example}."
-    record = _record_of(folder)
-    if record is None and not (folder / layout.GAUSSIANS).is_file():
-        return f"'digs-warp simulate' writes one. {OF_A_CAMERA}"
-    if record is not None and record.command in ("simulate", "run"):
-        return f"'digs-warp {record.command}' was interrupted here; run it again with --resume."
-    command = record.command if record else "reconstruct"
-    candidates = [folder.parent / layout.CAPTURE]
-    if record is not None and record.results.get("capture"):
-        candidates += places_of(Path(record.results["capture"]), folder)
-    place = next((path for path in candidates if (path / INDEX_NAME).is_file()), None)
-    where = f"; its capture is '{place}'" if place else ""
-    return f"It holds the results of 'digs-warp {command}'{where}."
-
-
-def _record_of(folder: Path) -> RunRecord | None:
-    try:
-        return RunRecord.find(folder)
-    except DigsError:  # broken, which does not matter here
-        return None
+    if (folder / layout.GAUSSIANS).is_file():
+        return "It holds the results of 'digs-warp reconstruct'; name the capture that they are of."
+    if (folder / layout.RUN_RECORD).is_file():
+        return "A command was interrupted here; run it again with --resume."
+    return f"'digs-warp simulate' writes one. {OF_A_CAMERA}"

@@ -10,7 +10,7 @@ import numpy as np
 from digs_warp.checks import CaptureError, DigsError, check_finite
 from digs_warp.data.about import About
 from digs_warp.data.capture import Capture, read_capture
-from digs_warp.data.frame import Frame
+from digs_warp.data.frame import Frame, PixelSource
 from digs_warp.data.images import write_image
 from digs_warp.data.index_rules import DEPTH_UNIT, FORMAT_VERSION, INDEX_NAME, POINTS_KEY
 from digs_warp.data.layers import BASIC_LAYERS, Layer
@@ -70,16 +70,19 @@ class CaptureWriter:
     """Writes a capture folder frame by frame; the index is written last, so it never names a missing file.
 
     Frames may be written in any order. `has_frame` says which are complete, so an interrupted run can
-    continue where it stopped.
+    continue where it stopped. Without a folder, the capture is collected in memory.
     """
 
-    folder: Path
+    folder: Path | None
     intrinsics: Intrinsics
     rig: Rig | None = None
-    _entries: dict[int, dict[str, Any]] = field(default_factory=dict)
+    _layers: dict[int, Mapping[Layer, np.ndarray]] = field(default_factory=dict)
+    _frames: dict[int, Frame] = field(default_factory=dict)
 
     def has_frame(self, number: int, layers: Sequence[Layer] = BASIC_LAYERS) -> bool:
         """Whether the files of these layers of frame ``number`` are there, written by a run of ours."""
+        if self.folder is None:
+            return set(layers) <= self._layers.get(number, {}).keys()
         return all(is_kept(self.folder / layer.pattern.format(number)) for layer in layers)
 
     def write_frame(
@@ -93,7 +96,10 @@ class CaptureWriter:
                 raise CaptureError(
                     f"frame {number}, {layer.value}: shape {pixels.shape}, expected {shape}"
                 )
-            write_image(self.folder / layer.pattern.format(number), pixels)
+            if self.folder is not None:
+                write_image(self.folder / layer.pattern.format(number), pixels)
+        if self.folder is None:
+            self._layers[number] = images.by_layer()
 
     def add_pose(
         self,
@@ -105,89 +111,58 @@ class CaptureWriter:
         objects: Sequence[ObjectView] = (),
         exposure: Exposure = UNKNOWN_EXPOSURE,
     ) -> None:
-        """Record the pose and time [s] of frame ``number``, whose files have been written.
+        """Record the pose and time [s] of frame ``number``, whose images have been written.
 
         ``intrinsics`` is the frame's camera if it differs from the others'; ``color_gain``, ``objects`` and
         ``exposure`` see `Frame`.
         """
         check_finite(f"frame {number}: world_from_cam", world_from_cam)
-        paths = {layer.value: layer.pattern.format(number) for layer in Layer}
-        self._entries[number] = {
-            **{key: path for key, path in paths.items() if (self.folder / path).is_file()},
-            "transform_matrix": (world_from_cam @ OPENCV_FROM_OPENGL).tolist(),
-            "time": time,
-            **self._own_camera(intrinsics),
-            **({} if color_gain is None else {"color_gain": list(color_gain)}),
-            **({"objects": [typed.to_json(each) for each in objects]} if objects else {}),
-            **typed.to_json(exposure),
-        }
+        camera = Camera(intrinsics or self.intrinsics, world_from_cam)
+        layers: Mapping[Layer, PixelSource] = self._layers.get(number, {})
+        if self.folder is not None:
+            paths = {layer: self.folder / layer.pattern.format(number) for layer in Layer}
+            layers = {layer: path for layer, path in paths.items() if path.is_file()}
+        self._frames[number] = Frame(
+            f"{number:04d}", camera, time, layers, color_gain, tuple(objects), exposure=exposure
+        )
 
-    def _own_camera(self, k: Intrinsics | None) -> dict[str, float]:
-        """Return the keys by which a frame's camera differs from that of the others."""
-        if k is None:
-            return {}
-        size = size_keys(k)
-        return (size if size != size_keys(self.intrinsics) else {}) | camera_keys(k)
+    def _entry(self, frame: Frame, folder: Path) -> dict[str, Any]:
+        """Return a frame's part of transforms.json; of the camera, what differs from that of the others."""
+        k, gain = frame.camera.intrinsics, frame.color_gain
+        files = {layer.value: frame.path(layer) for layer in frame.layers}
+        size = size_keys(k) if size_keys(k) != size_keys(self.intrinsics) else {}
+        return {
+            **{key: path.relative_to(folder).as_posix() for key, path in files.items()},
+            "transform_matrix": (frame.camera.world_from_cam @ OPENCV_FROM_OPENGL).tolist(),
+            "time": frame.time,
+            **(size | camera_keys(k) if k != self.intrinsics else {}),
+            **({} if gain is None else {"color_gain": list(gain)}),
+            **({"objects": [*map(typed.to_json, frame.objects)]} if frame.objects else {}),
+            **typed.to_json(frame.exposure),
+        }
 
     def finish(self, about: About | None = None, points: PointCloud | None = None) -> Capture:
         """Write transforms.json, and the sparse points if there are any, and return the capture."""
-        if not self._entries:
+        frames = tuple(self._frames[number] for number in sorted(self._frames))
+        if self.folder is None:
+            return Capture(None, frames, self.rig, about or About(), points)
+        if not frames:
             raise DigsError(f"capture '{self.folder}': no frame was added")
         if points is not None:
             write_points(self.folder / POINTS, points)
-        k = self.intrinsics
         ours: dict[str, Any] = {"format_version": FORMAT_VERSION, "depth_unit": DEPTH_UNIT}
         if self.rig is not None:
             ours["rig"] = typed.to_json(self.rig)
         index = {
             "camera_model": "PINHOLE",
-            **size_keys(k),
-            **camera_keys(k),
+            **size_keys(self.intrinsics),
+            **camera_keys(self.intrinsics),
             **({} if points is None else {POINTS_KEY: POINTS}),
             "digs_warp": ours | typed.to_json(about or About()),
-            "frames": [self._entries[number] for number in sorted(self._entries)],
+            "frames": [self._entry(frame, self.folder) for frame in frames],
         }
         write_atomically(self.folder / INDEX_NAME, to_json(index).encode())
         return read_capture(self.folder)
-
-
-@dataclass
-class MemoryWriter:
-    """Collects frames into a capture in memory; same interface as `CaptureWriter`."""
-
-    intrinsics: Intrinsics
-    rig: Rig | None = None
-    _layers: dict[int, Mapping[Layer, np.ndarray]] = field(default_factory=dict)
-    _frames: dict[int, Frame] = field(default_factory=dict)
-
-    def has_frame(self, number: int, layers: Sequence[Layer] = BASIC_LAYERS) -> bool:
-        """Whether frame ``number`` has these layers."""
-        return set(layers) <= self._layers.get(number, {}).keys()
-
-    def write_frame(self, number: int, images: FrameImages) -> None:
-        """Keep the images of frame ``number``."""
-        self._layers[number] = images.by_layer()
-
-    def add_pose(
-        self,
-        number: int,
-        world_from_cam: np.ndarray,
-        time: float,
-        color_gain: tuple[float, float, float] | None = None,
-        objects: Sequence[ObjectView] = (),
-        exposure: Exposure = UNKNOWN_EXPOSURE,
-    ) -> None:
-        """Record the pose and time [s] of frame ``number``, whose images have been written."""
-        camera = Camera(self.intrinsics, world_from_cam)
-        layers = self._layers[number]
-        self._frames[number] = Frame(
-            f"{number:04d}", camera, time, layers, color_gain, tuple(objects), exposure=exposure
-        )
-
-    def finish(self, about: About | None = None) -> Capture:
-        """Return the capture."""
-        frames = tuple(self._frames[number] for number in sorted(self._frames))
-        return Capture(None, frames, self.rig, about or About())
 
 
 def size_keys(k: Intrinsics) -> dict[str, int]:

@@ -4,6 +4,7 @@ Threads that ask for a file while another one decodes it wait for that.
 """
 
 from collections.abc import Callable, Iterator
+from concurrent.futures import Future
 from contextlib import contextmanager
 from pathlib import Path
 from threading import Lock
@@ -13,9 +14,6 @@ import numpy as np
 # Memory for decoded files [bytes]. Beyond it, files are decoded whenever they are read.
 MEMORY = 256 * 2**20
 
-# Path, time of the last change [ns], and size [bytes].
-_Key = tuple[str, int, int]
-
 
 class _Kept:
     """What all threads of the process share. Blocks may overlap: the last one that ends drops everything."""
@@ -23,9 +21,9 @@ class _Kept:
     def __init__(self) -> None:
         self.lock = Lock()
         self.blocks = 0
-        self.pixels: dict[_Key, np.ndarray] = {}
-        self.turns: dict[_Key, Lock] = {}  # who holds one decodes the file, or copies its pixels
         self.bytes = 0
+        # By path, time of the last change [ns], and size [bytes].
+        self.pixels: dict[tuple[str, int, int], Future[np.ndarray]] = {}
 
 
 _kept = _Kept()
@@ -43,7 +41,6 @@ def decoded_once() -> Iterator[None]:
             _kept.blocks -= 1
             if not _kept.blocks:
                 _kept.pixels.clear()
-                _kept.turns.clear()
                 _kept.bytes = 0
 
 
@@ -54,22 +51,23 @@ def decoded(path: Path, read: Callable[[Path], np.ndarray]) -> np.ndarray:
         path: the file; one that changed since is read again.
         read: decodes it, or raises what is to be said about it.
     """
-    try:
-        found = path.stat()
-    except OSError:  # not there, as `read` will say
+    if not _kept.blocks or not path.exists():
         return read(path)
-    if not _kept.blocks:
-        return read(path)
+    found, mine = path.stat(), Future[np.ndarray]()
     key = (str(path), found.st_mtime_ns, found.st_size)
     with _kept.lock:
-        turn = _kept.turns.setdefault(key, Lock())
-    with turn:
-        known = _kept.pixels.get(key)
-        if known is not None:
-            return known.copy()
+        known = _kept.pixels.setdefault(key, mine)
+    if known is not mine:
+        return known.result().copy()
+    try:
         pixels = read(path)
-        with _kept.lock:
-            if _kept.blocks and _kept.bytes + pixels.nbytes <= MEMORY:
-                _kept.pixels[key] = pixels.copy()
-                _kept.bytes += pixels.nbytes
-        return pixels
+    except BaseException as error:
+        mine.set_exception(error)
+        raise
+    mine.set_result(pixels.copy())
+    with _kept.lock:
+        _kept.bytes += pixels.nbytes
+        if _kept.bytes > MEMORY:
+            _kept.bytes -= pixels.nbytes
+            _kept.pixels.pop(key, None)
+    return pixels

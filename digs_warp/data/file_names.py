@@ -3,13 +3,10 @@
 import re
 import unicodedata
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path, PurePath, PurePosixPath
-from typing import TypeVar
 
 from digs_warp.checks import CaptureError
-
-T = TypeVar("T")
 
 
 def is_readable(path: Path) -> bool:
@@ -122,7 +119,7 @@ def masks_in(folder: Path, images: Sequence[str]) -> tuple[dict[str, Path], int]
     """Return the mask files of images by the image's name, and how many files fit no image.
 
     The mask of 0001.jpg is 0001.jpg.png, 0001.png, 0001_mask.png or mask_0001.png, in letters of any case and
-    with any suffix of images; where no name fits, that with the same number, if the numbers are the same.
+    with any suffix of images.
 
     Args:
         folder: of the masks; may be missing.
@@ -139,23 +136,11 @@ def masks_in(folder: Path, images: Sequence[str]) -> tuple[dict[str, Path], int]
         return next((files[each] for each in tried if each in files), None)
 
     found = {image: path for image in images if (path := of(image)) is not None}
-    if not found:
-        by_number, wanted = _by_number(files), _by_number({image: image for image in images})
-        if by_number.keys() == wanted.keys():
-            found = {image: by_number[number] for number, image in wanted.items()}
     return found, len(files) - len(set(found.values()))
 
 
 _MASK_NAMES = ("{0}{1}{2}", "{0}{1}{2}_mask", "{0}{1}mask_{2}", "{0}{1}{2}.mask")
-_NUMBER = re.compile(r"\d+")
 
 
 def _stem(path: PurePath) -> str:
     return _folded(path.with_suffix("").as_posix())
-
-
-def _by_number(names: Mapping[str, T]) -> dict[int, T]:
-    """Return what has the last number in a name; nothing if two names share one."""
-    numbers = [[int(each) for each in _NUMBER.findall(PurePosixPath(name).name)] for name in names]
-    found = {each[-1]: value for each, value in zip(numbers, names.values(), strict=True) if each}
-    return found if len(found) == len(names) else {}

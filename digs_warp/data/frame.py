@@ -11,15 +11,13 @@ from digs_warp.checks import CaptureError
 from digs_warp.data.decoded import decoded
 from digs_warp.data.images import depth_in_metres, mask_of, read_image
 from digs_warp.data.index_rules import INDEX_NAME, UNDISTORT
-from digs_warp.data.layers import Layer
+from digs_warp.data.layers import COLOR, METRES, NUMBERS, VECTORS, Layer
 from digs_warp.data.objects import ObjectView, mask_of_text
 from digs_warp.data.rig import UNKNOWN_EXPOSURE, Exposure
 from digs_warp.geometry.camera import Camera
 
 # What stands where a frame of the object alone shows something else [of 255].
 BLANK = 128
-
-_FLOW = "flow to the right, flow down, change of disparity"
 
 # Where a layer's pixels are: in a file, or in an array with the values that the file would have.
 PixelSource = Path | np.ndarray
@@ -54,36 +52,59 @@ class Frame:
     has_plain_masks: bool = True
     alone: bool = False
 
+    def load(self, layer: Layer) -> np.ndarray:
+        """Return the pixels of a layer, as docs/formats.md defines them.
+
+        Returns:
+            uint8 or float32, (height, width), or (height, width, 3) of images, normals and flow. Depth [m]
+            and disparities [px] are NaN where unknown. Flow is to the right and down until the next frame,
+            and the change of disparity [px].
+
+        Raises:
+            CaptureError: the frame lacks the layer, or its file holds something else.
+        """
+        pixels = self._load(layer)
+        if layer.kind == METRES:
+            return depth_in_metres(pixels, self._where(layer))
+        channels = 3 if layer.kind in (COLOR, VECTORS) else 1
+        kind = "float32" if layer.kind in (NUMBERS, VECTORS) else "uint8"
+        if pixels.dtype != kind or pixels.shape[2] < channels:
+            raise CaptureError(
+                f"{self._where(layer)}: {pixels.shape[2]} channels of {pixels.dtype}, expected {channels} of "
+                f"{kind}; convert it to {'a float EXR' if kind == 'float32' else 'an 8-bit PNG'}"
+            )
+        return pixels[..., 0] if channels == 1 else np.ascontiguousarray(pixels[..., :3])
+
     def load_image(self) -> np.ndarray:
         """Return the left image, sRGB, shape (height, width, 3), uint8."""
-        return self._of_object(self._load_rgb(Layer.IMAGE), BLANK)
+        return self._of_object(self.load(Layer.IMAGE), BLANK)
 
     def load_right_image(self) -> np.ndarray:
         """Return the right image, sRGB, shape (height, width, 3), uint8.
 
         Its camera sits `digs_warp.data.capture.Capture.right_offset` metres along the x axis of the left one.
         """
-        return self._load_rgb(Layer.RIGHT)
+        return self.load(Layer.RIGHT)
 
     def load_infrared(self) -> tuple[np.ndarray, np.ndarray]:
         """Return the left and the right infrared image, each (height, width), uint8."""
-        return self._load_gray(Layer.INFRARED_LEFT), self._load_gray(Layer.INFRARED_RIGHT)
+        return self.load(Layer.INFRARED_LEFT), self.load(Layer.INFRARED_RIGHT)
 
     def load_depth(self) -> np.ndarray:
         """Return the sensed planar depth [m], shape (height, width), float32, NaN where unknown."""
-        depth = self._of_object(self._load_depth(Layer.DEPTH), np.nan)
+        depth = self._of_object(self.load(Layer.DEPTH), np.nan)
         if self.has(Layer.UNKNOWN):
-            depth[self._load_gray(Layer.UNKNOWN) > 0] = np.nan
+            depth[self.load(Layer.UNKNOWN) > 0] = np.nan
         return depth
 
     def load_depth_true(self) -> np.ndarray:
         """Return the true planar depth [m], shape (height, width), float32, NaN where unknown."""
-        return self._load_depth(Layer.DEPTH_TRUE)
+        return self.load(Layer.DEPTH_TRUE)
 
     def load_mask(self) -> np.ndarray:
         """Return the object mask, 0..255, shape (height, width), uint8."""
         if self.has_plain_masks:
-            return self._load_gray(Layer.MASK)
+            return self.load(Layer.MASK)
         return mask_of(self._load(Layer.MASK))[0]
 
     def load_cause(self) -> np.ndarray:
@@ -91,18 +112,18 @@ class Frame:
 
         `About.cause_labels` of the capture names the values.
         """
-        return self._load_gray(Layer.CAUSE)
+        return self.load(Layer.CAUSE)
 
     def load_confidence(self) -> np.ndarray:
         """Return the sensor's confidence in its depth, 0 to 1, shape (height, width), float32."""
-        return self._load_gray(Layer.CONFIDENCE).astype(np.float32) / np.float32(255)
+        return self.load(Layer.CONFIDENCE).astype(np.float32) / np.float32(255)
 
     def load_instances(self) -> np.ndarray:
         """Return the number of the object at each pixel center, (height, width), uint8; 0: no object.
 
         `About.objects` of the capture names them, starting with number 1.
         """
-        return self._load_gray(Layer.INSTANCES)
+        return self.load(Layer.INSTANCES)
 
     def load_unknown(self) -> np.ndarray | None:
         """Return where image and mask tell nothing of what is reconstructed, (height, width), bool.
@@ -110,7 +131,7 @@ class Frame:
         There is no scene, such as in the black border of an undistorted photograph, or another object may
         hide the one that is wanted. None: they tell something everywhere.
         """
-        unknown = self._load_gray(Layer.UNKNOWN) > 0 if self.has(Layer.UNKNOWN) else None
+        unknown = self.load(Layer.UNKNOWN) > 0 if self.has(Layer.UNKNOWN) else None
         if self.instance is None:
             return unknown
         numbers = self.load_instances()
@@ -123,52 +144,6 @@ class Frame:
         has_mask = self.has(Layer.MASK)
         mask = self.load_mask() if has_mask else np.full((k.height, k.width), 255, np.uint8)
         return mask if unknown is None else np.where(unknown, np.uint8(0), mask)
-
-    def load_normals(self) -> np.ndarray:
-        """Return true unit normals in the world, toward the viewer, (height, width, 3), float32."""
-        return self._load_vectors(Layer.NORMALS, "x, y, z")
-
-    def load_depth_right(self) -> np.ndarray:
-        """Return the true planar depth of the right eye [m], float32, NaN where unknown."""
-        return self._load_depth(Layer.DEPTH_RIGHT)
-
-    def load_mask_right(self) -> np.ndarray:
-        """Return the object mask of the right image, 0..255, uint8."""
-        return self._load_gray(Layer.MASK_RIGHT)
-
-    def load_disparity(self) -> np.ndarray:
-        """Return columns to the left at which the right image shows the point [px], float32, NaN: unknown."""
-        return self._load_numbers(Layer.DISPARITY)
-
-    def load_disparity_right(self) -> np.ndarray:
-        """Return columns to the right at which the left image shows the point [px], float32."""
-        return self._load_numbers(Layer.DISPARITY_RIGHT)
-
-    def load_occlusion(self) -> np.ndarray:
-        """Return whether the right image shows the points of the left one.
-
-        uint8, values of `digs_warp.data.layers.Occlusion`.
-        """
-        return self._load_gray(Layer.OCCLUSION)
-
-    def load_occlusion_right(self) -> np.ndarray:
-        """Return whether the left image shows the points of the right one, as `load_occlusion`."""
-        return self._load_gray(Layer.OCCLUSION_RIGHT)
-
-    def load_flow(self) -> np.ndarray:
-        """Return how far each point moves to the right and down until the next frame [px].
-
-        Shape (height, width, 2), float32; NaN where the point is behind the camera by then.
-        """
-        return self._load_vectors(Layer.FLOW, _FLOW)[..., :2]
-
-    def load_disparity_change(self) -> np.ndarray:
-        """Return the disparity of each point in the next frame minus that in this one [px], float32."""
-        return self._load_vectors(Layer.FLOW, _FLOW)[..., 2]
-
-    def load_flow_occlusion(self) -> np.ndarray:
-        """Return whether the next image shows the points of this one, as `load_occlusion`."""
-        return self._load_gray(Layer.FLOW_OCCLUSION)
 
     def load_silhouette(self, view: ObjectView) -> np.ndarray:
         """Return the pixels of one of ``objects`` if nothing hid it, (height, width), bool.
@@ -215,39 +190,6 @@ class Frame:
     def _of_object(self, pixels: np.ndarray, elsewhere: float) -> np.ndarray:
         if self.alone:
             pixels[self.load_mask() <= 127] = elsewhere
-        return pixels
-
-    def _load_rgb(self, layer: Layer) -> np.ndarray:
-        pixels = self._load(layer)
-        if pixels.dtype != np.uint8 or pixels.shape[2] < 3:
-            raise CaptureError(
-                f"{self._where(layer)}: {pixels.shape[2]} channels of {pixels.dtype}, expected 3 of "
-                "uint8; convert it to an 8-bit RGB PNG"
-            )
-        return np.ascontiguousarray(pixels[..., :3])
-
-    def _load_gray(self, layer: Layer) -> np.ndarray:
-        pixels = self._load(layer)
-        if pixels.dtype != np.uint8:
-            raise CaptureError(f"{self._where(layer)}: expected 8 bits per pixel")
-        return pixels[..., 0]
-
-    def _load_depth(self, layer: Layer) -> np.ndarray:
-        return depth_in_metres(self._load(layer), self._where(layer))
-
-    def _load_numbers(self, layer: Layer) -> np.ndarray:
-        pixels = self._load(layer)
-        if pixels.dtype != np.float32:
-            raise CaptureError(f"{self._where(layer)}: {pixels.dtype}, expected a float EXR")
-        return pixels[..., 0]
-
-    def _load_vectors(self, layer: Layer, what: str) -> np.ndarray:
-        pixels = self._load(layer)
-        if pixels.dtype != np.float32 or pixels.shape[2] != 3:
-            raise CaptureError(
-                f"{self._where(layer)}: {pixels.shape[2]} channels of {pixels.dtype}, expected a float EXR "
-                f"with {what}"
-            )
         return pixels
 
     def _load(self, layer: Layer) -> np.ndarray:

@@ -2,52 +2,55 @@
 
 from enum import Enum, IntEnum
 
+# What the pixels of a layer are: sRGB or 8 bits, in PNG; depth, other numbers, or three of them, in EXR.
+COLOR, GRAY, METRES, NUMBERS, VECTORS = "color", "gray", "metres", "numbers", "vectors"
+
 
 class Layer(Enum):
     """A kind of image that belongs to a frame. The value is its key in transforms.json.
 
     Attributes:
         label: its name in messages.
+        kind: what its pixels are.
         pattern: its path in a capture folder, formatted with the frame's number.
     """
 
     label: str
+    kind: str
     pattern: str
 
-    IMAGE = "file_path", "left image", "images/{:04d}.png"
-    RIGHT = "right_file_path", "right image", "right/{:04d}.png"
-    DEPTH = "depth_file_path", "depth", "depth/{:04d}.exr"
-    DEPTH_TRUE = "depth_true_file_path", "true depth", "depth_true/{:04d}.exr"
-    MASK = "mask_path", "mask", "masks/{:04d}.png"
-    UNKNOWN = "unknown_path", "what is no scene", "unknown/{:04d}.png"
-    CAUSE = "cause_file_path", "cause", "cause/{:04d}.png"
-    CONFIDENCE = "confidence_file_path", "confidence", "confidence/{:04d}.png"
-    INFRARED_LEFT = "infrared_left_file_path", "left infrared image", "infrared_left/{:04d}.png"
-    INFRARED_RIGHT = "infrared_right_file_path", "right infrared image", "infrared_right/{:04d}.png"
-    NORMALS = "normals_file_path", "normals", "normals/{:04d}.exr"
-    INSTANCES = "instances_file_path", "object numbers", "instances/{:04d}.png"
-    DEPTH_RIGHT = "depth_right_file_path", "right eye's depth", "depth_right/{:04d}.exr"
-    MASK_RIGHT = "mask_right_path", "right eye's mask", "masks_right/{:04d}.png"
-    DISPARITY = "disparity_file_path", "disparity", "disparity/{:04d}.exr"
+    IMAGE = "file_path", "left image", "images", COLOR
+    RIGHT = "right_file_path", "right image", "right", COLOR
+    DEPTH = "depth_file_path", "depth", "depth", METRES
+    DEPTH_TRUE = "depth_true_file_path", "true depth", "depth_true", METRES
+    MASK = "mask_path", "mask", "masks", GRAY
+    UNKNOWN = "unknown_path", "what is no scene", "unknown", GRAY
+    CAUSE = "cause_file_path", "cause", "cause", GRAY
+    CONFIDENCE = "confidence_file_path", "confidence", "confidence", GRAY
+    INFRARED_LEFT = "infrared_left_file_path", "left infrared image", "infrared_left", GRAY
+    INFRARED_RIGHT = "infrared_right_file_path", "right infrared image", "infrared_right", GRAY
+    NORMALS = "normals_file_path", "normals", "normals", VECTORS
+    INSTANCES = "instances_file_path", "object numbers", "instances", GRAY
+    DEPTH_RIGHT = "depth_right_file_path", "right eye's depth", "depth_right", METRES
+    MASK_RIGHT = "mask_right_path", "right eye's mask", "masks_right", GRAY
+    DISPARITY = "disparity_file_path", "disparity", "disparity", NUMBERS
     DISPARITY_RIGHT = (
         "disparity_right_file_path",
         "right eye's disparity",
-        "disparity_right/{:04d}.exr",
+        "disparity_right",
+        NUMBERS,
     )
-    OCCLUSION = "occlusion_file_path", "occlusion", "occlusion/{:04d}.png"
-    OCCLUSION_RIGHT = (
-        "occlusion_right_file_path",
-        "right eye's occlusion",
-        "occlusion_right/{:04d}.png",
-    )
-    FLOW = "flow_file_path", "optical flow", "flow/{:04d}.exr"
-    FLOW_OCCLUSION = "flow_occlusion_file_path", "flow occlusion", "flow_occlusion/{:04d}.png"
+    OCCLUSION = "occlusion_file_path", "occlusion", "occlusion", GRAY
+    OCCLUSION_RIGHT = "occlusion_right_file_path", "right eye's occlusion", "occlusion_right", GRAY
+    FLOW = "flow_file_path", "optical flow", "flow", VECTORS
+    FLOW_OCCLUSION = "flow_occlusion_file_path", "flow occlusion", "flow_occlusion", GRAY
 
-    def __new__(cls, key: str, label: str, pattern: str) -> "Layer":
+    def __new__(cls, key: str, label: str, folder: str, kind: str) -> "Layer":
         """Make a member whose value is the key alone."""
         layer = object.__new__(cls)
         layer._value_ = key
-        layer.label, layer.pattern = label, pattern
+        layer.label, layer.kind = label, kind
+        layer.pattern = f"{folder}/{{:04d}}.{'png' if kind in (COLOR, GRAY) else 'exr'}"
         return layer
 
 

@@ -35,9 +35,6 @@ USUAL_NAMES = {
     for name in (f"diffuse_{color}", color[0], color.capitalize())
 }
 
-# Lines of a text file parsed at a time: the words of 62 columns take some ten megabytes.
-LINES_AT_A_TIME = 4096
-
 
 @dataclass(frozen=True)
 class PlyElement:
@@ -210,27 +207,18 @@ def _read_text(
             f"{what}: {element.count} rows of {columns} numbers do not fit into the file; "
             "truncated or damaged, copy or export it again"
         )
-    values = np.empty((element.count, columns))
+    skipped = sum(table.count for table in before)
     with Path(path).open("rb") as file:
         file.seek(header.data_start)
-        for _ in range(sum(table.count for table in before)):
-            if not file.readline():
-                break
-        for first in range(0, element.count, LINES_AT_A_TIME):
-            last = min(first + LINES_AT_A_TIME, element.count)
-            rows = [file.readline().split() for _ in range(first, last)]
-            try:
-                values[first:last] = np.array(rows, dtype=np.float64).reshape(-1, columns)
-            except ValueError as error:
-                raise DigsError(
-                    f"{what}, rows {first} to {last - 1}: {error}; expected {columns} numbers in each; "
-                    "truncated or damaged, copy or export it again"
-                ) from error
-    return _structured(values, element)
-
-
-def _structured(values: np.ndarray, element: PlyElement) -> np.ndarray:
-    """Return rows of float64 as the structured array that a binary file would give."""
+        try:
+            values = np.loadtxt(
+                file, comments=None, skiprows=skipped, max_rows=element.count, ndmin=2
+            ).reshape(element.count, columns)
+        except ValueError as error:
+            raise DigsError(
+                f"{what}, rows of '{element.name}': {error}; expected {columns} numbers in each; "
+                "truncated or damaged, copy or export it again"
+            ) from error
     kind = element.row_type("<")
     table = np.empty(len(values), dtype=kind)
     with np.errstate(over="ignore", invalid="ignore"):  # found by the check of the rows

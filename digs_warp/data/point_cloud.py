@@ -4,7 +4,6 @@ import logging
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -17,10 +16,8 @@ from digs_warp.words import cut, first_few
 logger = logging.getLogger(__name__)
 
 FIELDS = ("points_world", "colors")
-# Which points are special; None: none of them.
-MARKS = ("guessed", "hidden")
-AGREEMENT = "agreement"
-OPTIONAL_FIELDS = (*MARKS, AGREEMENT)
+# What some clouds know of their points, and what is so of all of them in a cloud without it.
+USUAL: dict[str, bool | float] = {"guessed": False, "hidden": False, "agreement": 1.0}
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,18 +41,16 @@ class PointCloud:
 
     def __post_init__(self) -> None:
         count = len(self.points_world)
-        shapes = {"points_world": (None, 3), "colors": (count, 3), AGREEMENT: (count,)}
-        for name, shape in shapes.items():
-            value = getattr(self, name)
-            if value is not None:
-                array = np.asarray(value, dtype=np.float32)
-                check_finite(name, check_shape(name, array, shape))
-                object.__setattr__(self, name, array)
-        for name in MARKS:
-            value = getattr(self, name)
-            if value is not None:
-                marked = check_shape(name, np.asarray(value, dtype=bool), (count,))
-                object.__setattr__(self, name, marked)
+        shapes = {"points_world": (None, 3), "colors": (count, 3)}
+        for name, values in self._arrays.items():
+            kind = bool if USUAL.get(name) is False else np.float32
+            array = check_shape(name, np.asarray(values, kind), shapes.get(name, (count,)))
+            object.__setattr__(self, name, check_finite(name, array))
+
+    @property
+    def _arrays(self) -> dict[str, np.ndarray]:
+        every = {name: getattr(self, name) for name in (*FIELDS, *USUAL)}
+        return {name: values for name, values in every.items() if values is not None}
 
     def __len__(self) -> int:
         return len(self.points_world)
@@ -67,27 +62,27 @@ class PointCloud:
 
     def select(self, keep: np.ndarray) -> "PointCloud":
         """Return the points at ``keep``, a bool mask or indices."""
-        arrays = {name: getattr(self, name) for name in (*FIELDS, *OPTIONAL_FIELDS)}
-        return PointCloud(**{name: a[keep] for name, a in arrays.items() if a is not None})
+        return PointCloud(**{name: values[keep] for name, values in self._arrays.items()})
 
     @staticmethod
     def joined(clouds: "Sequence[PointCloud]") -> "PointCloud":
         """Return the points of one or more clouds."""
-
-        def all_of(name: str) -> np.ndarray:
-            return np.concatenate([getattr(cloud, name) for cloud in clouds])
-
-        marks: dict[str, Any] = {name: _joined(name, clouds, False) for name in MARKS}
-        marks[AGREEMENT] = _joined(AGREEMENT, clouds, 1.0)
-        return PointCloud(**{name: all_of(name) for name in FIELDS}, **marks)
+        known = [name for name in (*FIELDS, *USUAL) if any(name in c._arrays for c in clouds)]
+        return PointCloud(
+            **{
+                name: np.concatenate(
+                    [c._arrays.get(name, np.full(len(c), USUAL.get(name))) for c in clouds]
+                )
+                for name in known
+            }
+        )
 
     def save(self, path: Path) -> None:
         """Write an ``.npz`` with one array per field, or a PLY file of positions and colors, complete."""
         if Path(path).suffix.lower() == ".ply":
             write_points(path, self)
             return
-        arrays = {name: getattr(self, name) for name in (*FIELDS, *OPTIONAL_FIELDS)}
-        write_arrays(path, {name: array for name, array in arrays.items() if array is not None})
+        write_arrays(path, self._arrays)
 
     @staticmethod
     def load(path: Path) -> "PointCloud":
@@ -99,21 +94,8 @@ class PointCloud:
         if Path(path).suffix.lower() == ".ply":
             return read_points(path)
         with open_arrays(path, "points", FIELDS) as arrays:
-            optional = {name: arrays[name] for name in OPTIONAL_FIELDS if name in arrays}
-            return PointCloud(*(arrays[name] for name in FIELDS), **optional)
-
-
-def _joined(name: str, clouds: Sequence[PointCloud], usual: bool | float) -> np.ndarray | None:
-    """Return a value of all points, the ``usual`` one in clouds that lack it; None if all clouds do."""
-    values = [getattr(cloud, name) for cloud in clouds]
-    if all(value is None for value in values):
-        return None
-    return np.concatenate(
-        [
-            np.full(len(cloud), usual) if value is None else value
-            for value, cloud in zip(values, clouds, strict=True)
-        ]
-    )
+            known = [name for name in (*FIELDS, *USUAL) if name in arrays]
+            return PointCloud(**{name: arrays[name] for name in known})
 
 
 # Floats above this are colors of 0 to 255.

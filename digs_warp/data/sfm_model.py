@@ -4,7 +4,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from digs_warp.checks import check_positive, check_shape
+from digs_warp.checks import check_positive
 from digs_warp.data.point_cloud import PointCloud
 from digs_warp.geometry.camera import Camera
 from digs_warp.geometry.rigid import transform_points
@@ -25,13 +25,9 @@ class Observations:
     px: np.ndarray
 
     def __post_init__(self) -> None:
-        count = len(self.cameras)
         object.__setattr__(self, "cameras", np.asarray(self.cameras, dtype=np.int32))
         object.__setattr__(self, "points", np.asarray(self.points, dtype=np.int32))
         object.__setattr__(self, "px", np.asarray(self.px, dtype=np.float32))
-        check_shape("observations.cameras", self.cameras, (count,))
-        check_shape("observations.points", self.points, (count,))
-        check_shape("observations.px", self.px, (count, 2))
 
     def __len__(self) -> int:
         return len(self.cameras)
@@ -54,10 +50,6 @@ class SfmModel:
     points: PointCloud
     observations: Observations
     reprojection_errors: np.ndarray
-
-    def __post_init__(self) -> None:
-        check_shape("SfmModel.cameras", np.zeros(len(self.cameras)), (len(self.names),))
-        check_shape("SfmModel.reprojection_errors", self.reprojection_errors, (len(self.points),))
 
     def in_metres(self, sfm_per_metre: float) -> "SfmModel":
         """Return the model in metres, given the scale found from the depth maps (paper eq. 6, 7).

@@ -4,8 +4,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from digs_warp.checks import DigsError, check_finite, check_shape
-
 
 @dataclass(frozen=True, eq=False)
 class TriangleMesh:
@@ -15,9 +13,6 @@ class TriangleMesh:
         points_world: vertices [m], shape (n, 3), float32.
         triangles: vertex numbers, counter-clockwise seen from outside, shape (m, 3), int32.
         colors: sRGB values in 0..1 at the vertices, shape (n, 3), float32.
-
-    Raises:
-        DigsError: arrays of other shapes, values that are not finite, vertex numbers out of range.
     """
 
     points_world: np.ndarray
@@ -25,20 +20,9 @@ class TriangleMesh:
     colors: np.ndarray
 
     def __post_init__(self) -> None:
-        points = np.ascontiguousarray(self.points_world, dtype=np.float32)
-        triangles = np.ascontiguousarray(self.triangles, dtype=np.int32)
-        colors = np.ascontiguousarray(self.colors, dtype=np.float32)
-        check_finite("mesh points", check_shape("mesh points", points, (None, 3)))
-        check_finite("mesh colors", check_shape("mesh colors", colors, (len(points), 3)))
-        check_shape("mesh triangles", triangles, (None, 3))
-        if triangles.size and not 0 <= triangles.min() <= triangles.max() < len(points):
-            raise DigsError(
-                f"mesh triangles: vertex numbers {triangles.min()} to {triangles.max()}, expected 0 to "
-                f"{len(points) - 1}"
-            )
-        object.__setattr__(self, "points_world", points)
-        object.__setattr__(self, "triangles", triangles)
-        object.__setattr__(self, "colors", colors)
+        kinds = {"points_world": np.float32, "triangles": np.int32, "colors": np.float32}
+        for name, kind in kinds.items():
+            object.__setattr__(self, name, np.ascontiguousarray(getattr(self, name), dtype=kind))
 
     def __len__(self) -> int:
         """The number of triangles."""

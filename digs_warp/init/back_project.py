@@ -6,17 +6,15 @@ mostly fall into the same voxel, which is then not looked up again. Positions an
 bits as the NumPy version in the tests.
 """
 
-from typing import Any
-
 import numpy as np
 import warp as wp
 
 from digs_warp.checks import DigsError, check_positive
 from digs_warp.device.kernel_options import unfused_module_options
-from digs_warp.device.parallel import launch_here, packed
+from digs_warp.device.parallel import launch_here
 from digs_warp.geometry.camera import Camera
 from digs_warp.init.edges import on_device
-from digs_warp.init.voxel import BITS, COLOR, MAX_INDEX, VALUES, VoxelSums
+from digs_warp.init.voxel import BITS, COLOR, COLUMNS, MAX_INDEX, Voxels
 
 # Fused multiply-adds would change bits.
 wp.set_module_options(unfused_module_options())
@@ -41,38 +39,6 @@ def slot_of(key: wp.int64, slot_bits: int) -> int:
     return int(mixed) & ((1 << slot_bits) - 1)
 
 
-@wp.struct
-class PixelValues:
-    """Pixels of a view, in flat arrays: an index is checked once, not once per axis."""
-
-    height: int
-    width: int
-    depth: wp.array[float]  # [height * width]
-    image: wp.array[wp.uint8]  # [height * width * 3] sRGB
-    keep: wp.array[wp.bool]  # [height * width]
-
-
-@wp.struct
-class PixelRays:
-    """Rays of a view in the world, per unit of depth."""
-
-    center: wp.vec3d  # of the camera
-    corner: wp.vec3d  # to the pixel (0, 0) (not its center)
-    right: wp.vec3d  # change per pixel to the right
-    down: wp.vec3d  # and downwards
-
-
-@wp.struct
-class VoxelTable:
-    """A hash table of voxels, and their sums."""
-
-    slot_bits: int  # the table has 2^slot_bits slots
-    slots: wp.array[int]  # [2^slot_bits] index of a voxel + 1; 0: free
-    keys: wp.array[wp.int64]  # [capacity]
-    sums: wp.array2d[wp.float64]  # [capacity, 1 + 6] number of pixels, position, color
-    report: wp.array[int]  # [2]
-
-
 @wp.func
 def add_to(
     sums: wp.array2d[wp.float64],
@@ -90,27 +56,26 @@ def add_to(
 
 @wp.kernel
 def accumulate_kernel(
-    pixels: PixelValues,
-    rays: PixelRays,
+    # The pixels of a view, in flat arrays: an index is checked once, not once per axis.
+    height: int,
+    width: int,
+    depth: wp.array[float],  # [height * width]
+    image: wp.array[wp.uint8],  # [height * width * 3] sRGB
+    keep: wp.array[wp.bool],  # [height * width]
+    # Rays in the world, per unit of depth.
+    center: wp.vec3d,  # of the camera
+    corner_ray: wp.vec3d,  # to the pixel (0, 0) (not its center)
+    right_ray: wp.vec3d,  # change per pixel to the right
+    down_ray: wp.vec3d,  # and downwards
     voxels_per_metre: wp.float64,
+    slot_bits: int,  # the hash table has 2^slot_bits slots
     # outputs
-    table: VoxelTable,
+    slots: wp.array[int],  # [2^slot_bits] index of a voxel + 1; 0: free
+    keys: wp.array[wp.int64],  # [capacity]
+    sums: wp.array2d[wp.float64],  # [capacity, 1 + 6] number of pixels, position, color
+    report: wp.array[int],  # [2]
 ):
     """Sum all kept pixels, per voxel. One thread."""
-    # Copied to local names: through the structs, each access would look up the address (5 % of the time).
-    depth = pixels.depth
-    image = pixels.image
-    keep = pixels.keep
-    slots = table.slots
-    keys = table.keys
-    sums = table.sums
-    report = table.report
-    center = rays.center
-    corner_ray = rays.corner
-    right_ray = rays.right
-    down_ray = rays.down
-    width = pixels.width
-    slot_bits = table.slot_bits
     capacity = keys.shape[0]
     found = int(0)
     voxel = int(-1)
@@ -119,7 +84,7 @@ def accumulate_kernel(
     count = wp.float64(0.0)
     point_sum = wp.vec3d()
     color_sum = wp.vec3d()
-    for row in range(pixels.height):
+    for row in range(height):
         row_ray = corner_ray + down_ray * (wp.float64(row) + wp.float64(0.5))
         for column in range(width):
             pixel = row * width + column
@@ -178,7 +143,7 @@ def back_project(
     depth: np.ndarray,
     keep: np.ndarray,
     voxel_size: float,
-) -> VoxelSums:
+) -> Voxels:
     """Back-project the kept pixels and sum them per voxel of the world's grid.
 
     Args:
@@ -192,60 +157,29 @@ def back_project(
         DigsError: the voxel size is not positive, or so small that voxel indices overflow.
     """
     check_positive("voxel size", voxel_size)
-    pixels = packed(
-        PixelValues,
-        height=depth.shape[0],
-        width=depth.shape[1],
-        depth=_flat(depth, np.float32),
-        image=_flat(image, np.uint8),
-        keep=_flat(keep, np.bool_),
-    )
-    inputs = [pixels, _pixel_rays(camera), 1.0 / voxel_size]
+    k, axes = camera.intrinsics, camera.world_from_cam[:3, :3]
+    rays = (axes @ [-k.cx / k.fx, -k.cy / k.fy, 1.0], axes[:, 0] / k.fx, axes[:, 1] / k.fy)
+    inputs = [
+        *depth.shape,
+        *(_flat(depth, np.float32), _flat(image, np.uint8), _flat(keep, np.bool_)),
+        *(wp.vec3d(*vector) for vector in (camera.center_world, *rays)),
+        1.0 / voxel_size,
+    ]
     slot_bits = FIRST_SLOT_BITS
     while True:
-        table = _empty_table(slot_bits)
-        arrays = {name: on_device(array) for name, array in table.items()}
-        output = packed(VoxelTable, slot_bits=slot_bits, **arrays)
-        launch_here(accumulate_kernel, 1, [*inputs, output])
-        if table["report"][STATUS] == TOO_FAR:
+        capacity = 1 << (slot_bits - 1)  # half as many voxels as slots
+        slots, keys = np.zeros(1 << slot_bits, np.int32), np.zeros(capacity, np.int64)
+        sums, report = np.zeros((capacity, COLUMNS)), np.zeros(2, np.int32)
+        table = [slot_bits, *map(on_device, (slots, keys, sums, report))]
+        launch_here(accumulate_kernel, 1, [*inputs, *table])
+        if report[STATUS] == TOO_FAR:
             raise _too_far(camera, depth, keep, voxel_size)
-        if table["report"][STATUS] == DONE:
-            return _sums_of(table)
+        if report[STATUS] == DONE:
+            order = np.argsort(keys[: report[VOXELS]])
+            sums = sums[order]
+            sums[:, COLOR:] /= 255.0
+            return Voxels(voxel_size, keys[order], sums)
         slot_bits += 1
-
-
-def _pixel_rays(camera: Camera) -> Any:
-    """Return the camera's `PixelRays`."""
-    k = camera.intrinsics
-    axes = camera.world_from_cam[:3, :3]
-    return packed(
-        PixelRays,
-        center=wp.vec3d(*camera.center_world),
-        corner=wp.vec3d(*(axes @ [-k.cx / k.fx, -k.cy / k.fy, 1.0])),
-        right=wp.vec3d(*(axes[:, 0] / k.fx)),
-        down=wp.vec3d(*(axes[:, 1] / k.fy)),
-    )
-
-
-def _empty_table(slot_bits: int) -> dict[str, np.ndarray]:
-    """Return the arrays of a `VoxelTable` that holds half as many voxels as it has slots."""
-    capacity = 1 << (slot_bits - 1)
-    return {
-        "slots": np.zeros(1 << slot_bits, np.int32),
-        "keys": np.zeros(capacity, np.int64),
-        "sums": np.zeros((capacity, 1 + VALUES)),
-        "report": np.zeros(2, np.int32),
-    }
-
-
-def _sums_of(table: dict[str, np.ndarray]) -> VoxelSums:
-    """Return the voxels of a table in the order of their keys."""
-    found = int(table["report"][VOXELS])
-    keys = table["keys"][:found]
-    order = np.argsort(keys)
-    sums = table["sums"][:found][order]
-    sums[:, 1 + COLOR :] /= 255.0
-    return VoxelSums(keys[order], sums)
 
 
 def _flat(array: np.ndarray, dtype: type) -> wp.array:
@@ -254,15 +188,8 @@ def _flat(array: np.ndarray, dtype: type) -> wp.array:
 
 def _too_far(camera: Camera, depth: np.ndarray, keep: np.ndarray, voxel_size: float) -> DigsError:
     away, deepest = float(np.abs(camera.center_world).max()), float(depth[keep].max())
-    extent = away + deepest
-    found = (
-        f"voxel size {voxel_size:g} m: too small for points up to {extent:g} m from the origin, expected at "
-        f"least {extent / MAX_INDEX:.2g} m"
+    return DigsError(
+        f"voxel size {voxel_size:g} m: too small for a camera {away:g} m from the origin that sees up to "
+        f"{deepest:g} m, expected at least {(away + deepest) / MAX_INDEX:.2g} m. Check that depth and poses "
+        "are in metres; estimated poses may be wrong (--poses sfm): try --poses rgbd, which uses the depth"
     )
-    if away > deepest:
-        return DigsError(
-            f"{found}. The camera itself is {away:g} m from the origin: the poses are wrong, or not in "
-            "metres. Recorded poses: check their unit and move the origin near the cameras. Estimated ones "
-            "(--poses sfm): try --poses rgbd, which uses the depth, or --poses capture for recorded ones"
-        )
-    return DigsError(f"{found}; choose a larger voxel size, or check that the depth is in metres")

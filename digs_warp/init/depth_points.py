@@ -6,7 +6,6 @@ them, and start almost transparent.
 """
 
 import logging
-import time
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
@@ -18,35 +17,28 @@ from digs_warp.data.frame import Frame
 from digs_warp.data.layers import Layer
 from digs_warp.data.point_cloud import PointCloud
 from digs_warp.data.viewpoints import evenly
-from digs_warp.init.config import MASK_THRESHOLD, InitConfig
+from digs_warp.init.config import FINE_PIXELS, MASK_THRESHOLD, InitConfig
 from digs_warp.init.levels import (
-    Grid,
     Levels,
     LevelSums,
     chosen_levels,
     count,
-    factor_to_share,
     finest_of,
     wanted_points,
     within,
 )
 from digs_warp.init.start import DepthReport, Subject
-from digs_warp.init.strategies import FINE_PIXELS
-from digs_warp.init.view_points import FILTERS, IN_VIEW, ViewPoints, map_frames, view_points
+from digs_warp.init.view_points import IN_VIEW, ViewPoints, map_frames, view_points
 from digs_warp.init.visibility import (
     DepthViews,
     agreement_of_views,
-    not_isolated,
     not_seen_through,
     onto_surface,
 )
-from digs_warp.record.run_log import timed
+from digs_warp.init.voxel import Voxels
 from digs_warp.words import counted
 
 logger = logging.getLogger(__name__)
-
-# A view whose depth puts more than this share of its mask in the background: depth and mask disagree.
-DISAGREEMENT = 0.25
 
 # A cloud is thinned this many times: views are compared anew where its points lie by then. Mustard bottle,
 # vase and spot, 500 steps: 102,000 points and 30.95 dB before; 51,000 and 30.82 dB after two, 42,000 and
@@ -65,7 +57,6 @@ class NoPointsError(DigsError):
 def depth_points(
     frames: Sequence[Frame],
     config: InitConfig,
-    sfm_per_metre: float | None = None,
     subject: Subject = "object",
 ) -> tuple[PointCloud, DepthReport]:
     """Return the points of all views, one per voxel (eq. 10), ordered by grid and voxel, and the counts.
@@ -77,7 +68,6 @@ def depth_points(
     Args:
         frames: with image, depth and a metric camera; of an object with mask.
         config: the settings.
-        sfm_per_metre: for a voxel size in units of structure from motion.
         subject: what is reconstructed.
 
     Raises:
@@ -88,49 +78,37 @@ def depth_points(
     require_layers(frames, (Layer.DEPTH, Layer.MASK) if is_object else (Layer.DEPTH,))
     report = DepthReport()
     wanted = wanted_points(config)
-    at_first = wanted and (SPARE if is_object and config.visibility_check else 1.0) * wanted
-    resolved = chosen_levels(frames, config, subject, sfm_per_metre)
+    at_first = wanted and (SPARE if is_object else 1.0) * wanted
+    resolved = chosen_levels(frames, config, subject)
     work = partial(view_points, config=config, subject=subject)
     levels = _coarser_at_once(frames, resolved, work, at_first)
     measured, guessed, seen = LevelSums(), LevelSums(), []
     for view in map_frames(frames, partial(work, levels=levels)):
-        if is_object:
-            _warn_of_odd_masks(view)
-        with timed(report.seconds, "merge", time.thread_time):
-            measured.add(view.measured)
-            guessed.add(view.guessed)
+        if is_object and not any(view.pixels.values()):
+            logger.warning("frame '%s': no mask pixel above %d, skipped", view.name, MASK_THRESHOLD)
+        measured.add(view.measured)
+        guessed.add(view.guessed)
         report.add(view)
         seen.append((view.camera, view.thinned_depth))
-    if not measured.grids:
+    views = DepthViews.of(seen)
+    factor, surfaces = within(measured.grids, at_first)
+    if not surfaces:
         raise _no_points_error(len(frames), report.pixels)
-    views = DepthViews.of(seen) if config.visibility_check else None
-    with timed(report.seconds, "merge", time.process_time):
-        factor, surfaces = within(measured.merged(levels), at_first)
-        report.voxels["occupied"] = count(surfaces)
-        guesses = _guesses(guessed.merged(levels), surfaces, factor)
-    if views:
-        with timed(report.seconds, "visibility", time.process_time):
-            surfaces, guesses = (_visible(some, views) for some in (surfaces, guesses))
-            report.voxels["not seen through"] = count(surfaces)
-            if is_object:
-                surfaces = [_thinned(grid, views) for grid in surfaces]
-                report.voxels["on the surface"] = count(surfaces)
+    report.voxels["occupied"] = count(surfaces)
+    guesses = _guesses(guessed.grids, surfaces, factor)
+    surfaces, guesses = (_visible(some, views) for some in (surfaces, guesses))
+    report.voxels["not seen through"] = count(surfaces)
     if is_object:
-        share = factor_to_share(surfaces, config)
-        more, surfaces = within([grid.coarser(share) for grid in surfaces], wanted)
-        factor *= share * more
+        surfaces = [_thinned(grid, views) for grid in surfaces]
+        report.voxels["on the surface"] = count(surfaces)
+        more, surfaces = within(surfaces, wanted)
+        factor *= more
     report.voxel_size = factor * levels.finest
     _say_size(report, report.voxel_size / resolved.finest, count(surfaces), config)
-    with timed(report.seconds, "strays", time.process_time):
-        surfaces = _in_company(surfaces)
-    report.voxels["not alone"] = count(surfaces)
-    points = [grid.points for grid in surfaces]
-    if views:
-        with timed(report.seconds, "visibility", time.process_time):
-            points = [_agreed(*each, views) for each in zip(points, surfaces, strict=True)]
+    points = [_agreed(grid, views) for grid in surfaces]
     if not is_object:
         report.voxels["guessed"] = count(guesses)
-        points += [replace(g.points, guessed=np.ones(len(g.voxels), bool)) for g in guesses]
+        points += [replace(g.points, guessed=np.ones(len(g), bool)) for g in guesses]
     return PointCloud.joined(points), report
 
 
@@ -148,41 +126,33 @@ def _coarser_at_once(
     sums = LevelSums()
     for view in map_frames(some, partial(work, levels=levels)):
         sums.add(view.measured)
-    return replace(levels, finest=within(sums.merged(levels), most)[0] * levels.finest)
+    return replace(levels, finest=within(sums.grids, most)[0] * levels.finest)
 
 
-def _guesses(grids: Sequence[Grid], surfaces: Sequence[Grid], factor: float) -> list[Grid]:
+def _guesses(grids: Sequence[Voxels], surfaces: Sequence[Voxels], factor: float) -> list[Voxels]:
     """Return the guesses, on grids as much coarser as the surfaces, where there are no surfaces as fine."""
     coarser = [grid.coarser(factor) for grid in grids]
     open_ = [g.uncovered_by([s for s in surfaces if s.edge <= g.edge]) for g in coarser]
     return finest_of(open_)
 
 
-def _visible(grids: Sequence[Grid], views: DepthViews) -> list[Grid]:
+def _visible(grids: Sequence[Voxels], views: DepthViews) -> list[Voxels]:
     """Return the voxels that no more views see through than confirm; all where that leaves none."""
-    kept = [g.select(not_seen_through(g.voxels.points_world, views, g.edge)) for g in grids]
+    kept = [g.select(not_seen_through(g.points_world, views, g.edge)) for g in grids]
     return kept if count(kept) else list(grids)
 
 
-def _thinned(grid: Grid, views: DepthViews) -> Grid:
+def _thinned(voxels: Voxels, views: DepthViews) -> Voxels:
     """Return a cloud about one voxel thick, where the views together measured the surface."""
-    voxels, edge = grid.voxels, grid.edge
     for _ in range(THINNED):
-        voxels = voxels.moved(onto_surface(voxels.points_world, views, edge), edge)
-    return Grid(edge, voxels)
+        voxels = voxels.moved(onto_surface(voxels.points_world, views, voxels.edge))
+    return voxels
 
 
-def _in_company(grids: Sequence[Grid]) -> list[Grid]:
-    """Return the voxels that have others around them, on whatever grid."""
-    every = np.concatenate([grid.voxels.points_world for grid in grids])
-    keep = not_isolated(every, max(grid.edge for grid in grids))
-    ends = np.cumsum([len(grid.voxels) for grid in grids])
-    return [grid.select(some) for grid, some in zip(grids, np.split(keep, ends[:-1]), strict=True)]
-
-
-def _agreed(points: PointCloud, grid: Grid, views: DepthViews) -> PointCloud:
+def _agreed(grid: Voxels, views: DepthViews) -> PointCloud:
     """Return the points of a grid with the share of views that agree with each."""
-    return replace(points, agreement=agreement_of_views(grid.voxels.points_world, views, grid.edge))
+    agreement = agreement_of_views(grid.points_world, views, grid.edge)
+    return replace(grid.points, agreement=agreement)
 
 
 def _say_size(report: DepthReport, factor: float, found: int, config: InitConfig) -> None:
@@ -192,23 +162,11 @@ def _say_size(report: DepthReport, factor: float, found: int, config: InitConfig
             "--target-points: %d wanted, %d found in voxels as fine as the depth maps resolve (%s)",
             *(config.target_points, found, report),
         )
-    if factor > 1 and config.target_points is None and config.voxel_edge is None:
+    if factor > 1 and config.target_points is None and config.voxel_size is None:
         logger.info(
             "the depth maps resolve more points; voxels %.2g times as wide keep %s. --voxel-size or "
             "--target-points choose others",
             *(factor, f"{found:,}"),
-        )
-
-
-def _warn_of_odd_masks(view: ViewPoints) -> None:
-    in_mask, _, smooth, foreground = (view.pixels[name] for name in FILTERS)
-    if in_mask == 0:
-        logger.warning("frame '%s': no mask pixel above %d, skipped", view.name, MASK_THRESHOLD)
-    elif foreground < (1 - DISAGREEMENT) * smooth:
-        logger.warning(
-            "frame '%s': its depth puts %.0f%% of its mask in the background; check the mask",
-            view.name,
-            100 * (1 - foreground / smooth),
         )
 
 
@@ -241,7 +199,7 @@ def _no_points_error(frames: int, pixels: dict[str, int]) -> NoPointsError:
     elif smooth == 0:
         hint = "the depth is too sparse for the edge filter, turn it off"
     else:
-        hint = "the depth puts it all in the background: check the masks, or turn off the foreground filter"
+        hint = "the depth puts it all in the background: check the masks"
     return NoPointsError(
         f"initialization: no points in {counted(frames, 'frame')}: {looked_at} pixels {where}, {with_depth} "
         f"of them with depth, {smooth} after the edge filter; {hint}"

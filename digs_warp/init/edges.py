@@ -49,34 +49,25 @@ def or_zero(bend: float) -> float:
 @wp.kernel
 def laplacian_kernel(
     first: int,
-    depth: wp.array[float],  # [height * width] NaN: unknown
-    height: int,
-    width: int,
+    # [16 tile rows + 4, 64 tile columns + 4] with a rim of NaN, unknown, of two pixels or more
+    depth: wp.array[float],
     tile_columns: int,
     total_weight: float,  # of all pairs
     min_weight: float,  # below which a pixel is not judged
     # outputs
-    magnitude: wp.array[float],  # [height * width] |E|, NaN where not judged
+    magnitude: wp.array[float],  # [tile rows * 16, tile columns * 64] |E|, NaN where not judged
     sums: wp.array2d[wp.float64],  # [tiles, 3] number, sum and sum of squares of |E|
 ):
     """Write |E|. The weights of the pairs are those of `digs_warp.init.edges.LAPLACIAN_5X5`."""
     tile = first + wp.tid()
     top = (tile // tile_columns) * _HEIGHT
     left = (tile % tile_columns) * _WIDTH
+    width = tile_columns * _WIDTH
     near = wp.zeros(shape=(_NEAR,), dtype=float)
     for load_y in range(_ROWS):
-        row = top + load_y - _REACH
-        if row >= 0 and row < height and left >= _REACH and left + _WIDTH + _REACH <= width:
-            line_in = floats_from(depth, row * width + left - _REACH, _STRIDE)
-            for load_x in range(_STRIDE):
-                near[load_y * _STRIDE + load_x] = line_in[load_x]
-        else:
-            for edge_x in range(_STRIDE):
-                column = left + edge_x - _REACH
-                loaded = wp.nan
-                if row >= 0 and row < height and column >= 0 and column < width:
-                    loaded = depth[row * width + column]
-                near[load_y * _STRIDE + edge_x] = loaded
+        line_in = floats_from(depth, (top + load_y) * (width + 2 * _REACH) + left, _STRIDE)
+        for load_x in range(_STRIDE):
+            near[load_y * _STRIDE + load_x] = line_in[load_x]
     line = wp.zeros(shape=(_WIDTH,), dtype=float)
     count = wp.float64(0.0)
     total = wp.float64(0.0)
@@ -110,23 +101,21 @@ def laplacian_kernel(
             weight = 2.0 * known2 + 4.0 * known4 + 8.0 * known8
             response = (2.0 * sum2 + 4.0 * sum4 - 8.0 * sum8) * (total_weight / weight)
             line[x] = wp.where(weight >= min_weight, wp.abs(response), wp.nan)
-        if top + y < height:
-            inside = wp.min(_WIDTH, width - left)
-            row_count = float(0.0)
-            row_total = float(0.0)
-            row_squares = float(0.0)
-            for sum_x in range(_WIDTH):
-                found = line[sum_x]
-                counts = found == found and sum_x < inside
-                row_count += wp.where(counts, 1.0, 0.0)
-                row_total += wp.where(counts, found, 0.0)
-                row_squares += wp.where(counts, found * found, 0.0)
-            count += wp.float64(row_count)
-            total += wp.float64(row_total)
-            squares += wp.float64(row_squares)
-            line_out = floats_from(magnitude, (top + y) * width + left, inside)
-            for write_x in range(inside):
-                line_out[write_x] = line[write_x]
+        row_count = float(0.0)
+        row_total = float(0.0)
+        row_squares = float(0.0)
+        for sum_x in range(_WIDTH):
+            found = line[sum_x]
+            counts = found == found
+            row_count += wp.where(counts, 1.0, 0.0)
+            row_total += wp.where(counts, found, 0.0)
+            row_squares += wp.where(counts, found * found, 0.0)
+        count += wp.float64(row_count)
+        total += wp.float64(row_total)
+        squares += wp.float64(row_squares)
+        line_out = floats_from(magnitude, (top + y) * width + left, _WIDTH)
+        for write_x in range(_WIDTH):
+            line_out[write_x] = line[write_x]
     sums[tile, 0] = count
     sums[tile, 1] = total
     sums[tile, 2] = squares
@@ -159,26 +148,22 @@ def edge_magnitude(depth: np.ndarray) -> tuple[np.ndarray, float]:
     pixel has no depth, or too few measured neighbors to judge. The threshold is NaN when none is known.
     """
     height, width = depth.shape
-    tile_columns = -(-width // TILE_WIDTH)
-    tiles = tile_columns * -(-height // TILE_HEIGHT)
-    magnitude = np.empty((height, width), dtype=np.float32)
-    sums = np.empty((tiles, 3))
-    launch_here(
-        laplacian_kernel,
-        tiles,
-        [
-            0,
-            on_device(np.ascontiguousarray(depth, dtype=np.float32).reshape(-1)),
-            height,
-            width,
-            tile_columns,
-            _TOTAL_WEIGHT,
-            MIN_PAIR_WEIGHT * _TOTAL_WEIGHT,
-            on_device(magnitude.reshape(-1)),
-            on_device(sums),
-        ],
-    )
-    return magnitude, _edge_threshold(*sums.sum(axis=0))
+    tile_rows, tile_columns = -(-height // TILE_HEIGHT), -(-width // TILE_WIDTH)
+    whole = np.array([tile_rows * TILE_HEIGHT, tile_columns * TILE_WIDTH])
+    padded = np.full(whole + 2 * REACH, np.nan, np.float32)
+    padded[REACH : REACH + height, REACH : REACH + width] = depth
+    magnitude = np.empty(whole, np.float32)
+    sums = np.empty((tile_rows * tile_columns, 3))
+    weights = _TOTAL_WEIGHT, MIN_PAIR_WEIGHT * _TOTAL_WEIGHT
+    out = on_device(magnitude.reshape(-1)), on_device(sums)
+    inputs = [0, on_device(padded.reshape(-1)), tile_columns, *weights, *out]
+    launch_here(laplacian_kernel, len(sums), inputs)
+    count, total, squares = sums.sum(axis=0)
+    if count == 0:
+        return magnitude[:height, :width], float("nan")
+    mean = total / count
+    deviation = np.sqrt(max(squares / count - mean * mean, 0.0))
+    return magnitude[:height, :width], float(mean + STD_FRACTION * deviation)
 
 
 def smooth_depth(depth: np.ndarray, box: Box | None = None) -> np.ndarray:
@@ -193,12 +178,3 @@ def smooth_depth(depth: np.ndarray, box: Box | None = None) -> np.ndarray:
 def on_device(array: np.ndarray) -> wp.array:
     """Return a Warp array on the CPU that shares the memory of ``array``."""
     return wp.array(array, device="cpu", copy=False)
-
-
-def _edge_threshold(count: float, total: float, squares: float) -> float:
-    """Return tau_edge = mean + 0.1 std of |E|, given their number, sum and sum of squares."""
-    if count == 0:
-        return float("nan")
-    mean = total / count
-    deviation = np.sqrt(max(squares / count - mean * mean, 0.0))
-    return float(mean + STD_FRACTION * deviation)

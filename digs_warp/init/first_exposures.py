@@ -53,13 +53,13 @@ class FirstExposures:
     def of(colors: np.ndarray) -> "FirstExposures":
         """Find them from the colors of n points in the photographs, as of `SeenColors`, shape (n, m, 3)."""
         some = colors[:: max(1, len(colors) // POINTS)]
-        some = np.where(clipped(some), np.nan, some)
-        none = np.zeros(some.shape[1])
-        gains = _log_gains(some)
+        some = np.where(some >= SATURATED / 255.0, np.nan, some)  # tells only a lower bound
+        channels = [some[..., channel] for channel in range(3)]
+        gains = np.stack([*map(joint_log_factors, channels)], axis=1)
         before, after = (_differences(some, each) for each in (np.zeros_like(gains), gains))
         if after >= (1.0 - LEAST_EXPLAINED) * before:
-            return FirstExposures(none, vary=False)
-        return FirstExposures(joint_log_factors(_by_channel(some)), vary=True)
+            return FirstExposures(np.zeros(some.shape[1]), vary=False)
+        return FirstExposures(joint_log_factors(np.concatenate(channels)), vary=True)
 
     def removed(self, colors: np.ndarray, of: int | slice = slice(None)) -> np.ndarray:
         """Return colors as in photographs of one exposure; not clipped.
@@ -69,11 +69,6 @@ class FirstExposures:
             of: number of that photograph.
         """
         return np.exp(-self.log_factors[of, None]) * (colors + OFFSET) - OFFSET
-
-
-def clipped(colors: np.ndarray) -> np.ndarray:
-    """Return which values of photographs tell only a lower bound; NaN does not."""
-    return colors >= SATURATED / 255.0
 
 
 def first_exposures(
@@ -117,16 +112,6 @@ def without_exposure(
     return replace(points, colors=np.where(counts > 0, means, points.colors))
 
 
-def _by_channel(colors: np.ndarray) -> np.ndarray:
-    """Return the values (3 n, m) of colors (n, m, 3), one channel after the other."""
-    return np.concatenate([colors[..., channel] for channel in range(3)])
-
-
-def _log_gains(colors: np.ndarray) -> np.ndarray:
-    """Return the logarithms of the factors of each channel, (m, 3)."""
-    return np.stack([joint_log_factors(colors[..., channel]) for channel in range(3)], axis=1)
-
-
 def _differences(colors: np.ndarray, log_gains: np.ndarray) -> float:
     """Return how far photographs without these gains (m, 3) are from the median one.
 
@@ -134,13 +119,10 @@ def _differences(colors: np.ndarray, log_gains: np.ndarray) -> float:
     point do not count, but a few photographs of another exposure do.
     """
     even = np.exp(-log_gains) * (colors + OFFSET)
-    values = _by_channel(even)
+    values = np.concatenate([*np.moveaxis(even, 2, 0)])
     values = values[np.isfinite(values).sum(axis=1) >= 2]
     if not len(values):
         return 0.0
-    ordered = np.sort(values, axis=1)  # NaN comes last
-    each, last = np.arange(len(values)), np.isfinite(values).sum(axis=1) - 1
-    median = 0.5 * (ordered[each, last // 2] + ordered[each, (last + 1) // 2])
-    misses = np.abs(values - median[:, None])
+    misses = np.abs(values - np.nanmedian(values, axis=1, keepdims=True))
     usual = [np.median(own[np.isfinite(own)]) for own in misses.T if np.isfinite(own).any()]
     return float(np.mean(np.square(usual)))

@@ -2,22 +2,12 @@
 
 Depth catches a mask that leaks onto the background (paper figure 6), because the background is far behind.
 The paper clusters depth by k-means with two centroids and weights 1.0 and 3.0 in the assignment, without
-details. Here:
+details. Here the centroids come from the best split of the sorted depths, which is found exactly. A pixel is
+background where ``3 |d - c_background| < |d - c_foreground|``: three times closer to its centroid, so that a
+deep object keeps its far side; and beyond the centroid of the background in any case.
 
-- The centroids come from the best split of the sorted depths (the smallest sum of squared distances to the
-  two means). In one dimension the best split is found exactly, without a start, iterations or a seed.
-- A pixel is background where ``w_background |d - c_background| < w_foreground |d - c_foreground|``. With
-  3.0 it has to be three times closer to the background's centroid, so that a deep object keeps its far
-  side. Only the border between the centroids counts: everything beyond the background's is background.
-  (With the weights inside Lloyd's iteration, the border in simulated rooms was the same to a centimetre.)
-- The foreground is the cluster that holds most of the mask; it is not always the nearer one.
-- The other cluster is background only if most of it lies outside the mask. Where no background was
-  measured, both clusters are the object. If the mask covers the whole image, the nearer cluster is the
-  foreground.
-
-Depth noise moves the centroids by its mean, which is almost zero. It moves pixels across the border only if
-a surface lies there. Noise grows with the square of the distance, and widens the background's cluster away
-from the object.
+The foreground is the cluster that holds most of the mask; it is not always the nearer one. The other one is
+background only if most of it lies outside the mask: where no background was measured, both are the object.
 """
 
 import numpy as np
@@ -26,21 +16,16 @@ import numpy as np
 SAMPLE_PIXELS = 50_000
 # Share of the votes dropped at either end, so that a few outliers do not become a cluster.
 TRIMMED = 0.01
-# w_background / w_foreground (paper section 4.1): 1 instead makes no difference, docs/research/studies.md.
-BACKGROUND_WEIGHT = 3.0
-# Where that puts the border, on the way from one centroid to the other.
-BORDER = BACKGROUND_WEIGHT / (1.0 + BACKGROUND_WEIGHT)
-# A mask that covers at least this share of the image carries no information.
+# Where the weights (paper section 4.1) put the border, on the way from one centroid to the other.
+BORDER = 3.0 / (1.0 + 3.0)
+# A mask that covers at least this share of the image tells nothing: the nearer cluster is the foreground.
 FULL_MASK = 0.99
 
-
-# From the nearest to the farthest depth that counts as foreground [m], both included.
-DepthRange = tuple[np.float32, np.float32]
-EVERYTHING: DepthRange = (np.float32(-np.inf), np.float32(np.inf))
+EVERYTHING = (np.float32(-np.inf), np.float32(np.inf))
 
 
-def foreground_range(depth: np.ndarray, in_mask: np.ndarray) -> DepthRange:
-    """Return the depths of the foreground cluster C_foreground.
+def foreground_range(depth: np.ndarray, in_mask: np.ndarray) -> tuple[np.float32, np.float32]:
+    """Return the depths of the foreground cluster C_foreground [m], from the nearest to the farthest.
 
     Args:
         depth: planar depth [m] of the whole view, shape (height, width), NaN where unknown.
@@ -49,32 +34,27 @@ def foreground_range(depth: np.ndarray, in_mask: np.ndarray) -> DepthRange:
     stride = int(np.ceil(np.sqrt(depth.size / SAMPLE_PIXELS)))
     depth, in_mask = depth[::stride, ::stride], in_mask[::stride, ::stride]
     known = ~np.isnan(depth)
-    values, votes_mask = depth[known], in_mask[known]
+    values, votes = depth[known], in_mask[known]
     centers = two_means(np.sort(values))
     if centers is None:
         return EVERYTHING
-    near, far = centers
-    is_near = values < 0.5 * (near + far)
-    near_in_mask, far_in_mask = (
-        np.count_nonzero(votes_mask & side) for side in (is_near, ~is_near)
-    )
+    is_near = values < 0.5 * sum(centers)
     is_full = np.mean(in_mask) > FULL_MASK
-    foreground_is_near = is_full or near_in_mask >= far_in_mask
-    other, other_in_mask = (
-        (~is_near, far_in_mask) if foreground_is_near else (is_near, near_in_mask)
+    nearer_in_mask = np.count_nonzero(votes & is_near) >= np.count_nonzero(votes & ~is_near)
+    own, other, beyond = (
+        (*centers, ~is_near) if is_full or nearer_in_mask else (*centers[::-1], is_near)
     )
-    if not is_full and other_in_mask > 0.5 * np.count_nonzero(other):
+    if not is_full and np.mean(votes[beyond]) > 0.5:
         return EVERYTHING
-    if foreground_is_near:
-        return EVERYTHING[0], np.float32(near + BORDER * (far - near))
-    return np.float32(far + BORDER * (near - far)), EVERYTHING[1]
+    border = np.float32(own + BORDER * (other - own))
+    return (EVERYTHING[0], border) if own < other else (border, EVERYTHING[1])
 
 
 def two_means(ascending: np.ndarray) -> tuple[float, float] | None:
     """Return the means of the best two clusters of sorted values; None if all values are equal.
 
     The split after k of n values minimizes the summed squared distances to the two means, that is, it
-    maximizes k (n - k) (m1 - m2)^2. One hundredth of the values is dropped at either end.
+    maximizes k (n - k) (m1 - m2)^2.
     """
     trim = int(TRIMMED * len(ascending))
     values = ascending[trim : len(ascending) - trim].astype(np.float64)

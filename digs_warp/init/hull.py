@@ -6,7 +6,6 @@ places encloses the object; it misses hollows that no silhouette tells of, which
 
 import logging
 from collections.abc import Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,13 +13,13 @@ import numpy as np
 from digs_warp.data.frame import Frame
 from digs_warp.data.layers import Layer
 from digs_warp.data.point_cloud import PointCloud
-from digs_warp.device.threads import default_threads
+from digs_warp.device.threads import over_items, over_rows
 from digs_warp.geometry.camera import Camera
-from digs_warp.geometry.reproject import Reprojection, reproject
+from digs_warp.geometry.reproject import reproject
 from digs_warp.geometry.rigid import grown
 from digs_warp.init.config import InitConfig
 from digs_warp.init.depth_points import NoPointsError, require_layers
-from digs_warp.init.random_points import cube_looked_at
+from digs_warp.init.sparse_points import cube_looked_at
 from digs_warp.init.view_points import map_frames
 from digs_warp.words import counted
 
@@ -49,12 +48,8 @@ POINTS_AT_ONCE = 100_000
 MASK_SIDE = 1000
 
 
-@dataclass(frozen=True, eq=False)
-class _View:
-    """A mask, thinned to at most `MASK_SIDE` pixels, with its camera."""
-
-    camera: Camera
-    mask: np.ndarray
+# A camera, and what its mask shows, thinned to at most `MASK_SIDE` pixels.
+_View = tuple[Camera, np.ndarray]
 
 
 @dataclass(frozen=True, eq=False)
@@ -114,80 +109,63 @@ def visual_hull(frames: Sequence[Frame], config: InitConfig, edge: float | None 
         DigsError: as of `hull_points`.
     """
     require_layers(frames, (Layer.MASK,))
-    views = _load(frames)
+    views = over_items(frames, _thinned)
     center, half = cube_looked_at([frame.camera for frame in frames])
     coarse = 2 * AROUND * half / COARSE
-    low = center - AROUND * half
-    cells = _cells(low, coarse, (COARSE,) * 3)
     # Half a cell of slack: a thin part may lie between the centers of cells.
-    inside = _inside(cells, views, coarse / 2).reshape((COARSE,) * 3)
-    if not inside.any():
+    rough = _carved(views, center - AROUND * half, coarse, (COARSE,) * 3, coarse / 2)
+    if not rough.inside.any():
         raise NoPointsError(
             f"initialization: no place lies inside the masks of the {counted(len(frames), 'view')} that show "
             "it: masks or poses are wrong, or the masks show other objects; look at the masks, check the "
             "poses, or start with --strategy default"
         )
-    found = np.argwhere(inside)
-    low, high = low + coarse * (found.min(axis=0) - 1), low + coarse * (found.max(axis=0) + 2)
-    longest = float((high - low).max())
+    found = np.argwhere(rough.inside)
+    low, high = (rough.low + coarse * each for each in (found.min(0) - 1, found.max(0) + 2))
+    sides = high - low
     if edge is None:
         pixel = float(np.median([_pixel_at(frame.camera, center) for frame in frames]))
-        edge = config.voxel_size or config.voxel_pixels * pixel
-    edge = max(edge, longest / FINEST)
-    shape = tuple(np.ceil((high - low) / edge).astype(int) + 2)
-    low = low - edge
-    inside = _inside(_cells(low, edge, shape), views, 0.0).reshape(shape)
-    if not inside.any():
+        edge = config.voxel_size or config.defaults.voxel_pixels * pixel
+    edge = max(edge, float(sides.max()) / FINEST)
+    hull = _carved(views, low - edge, edge, np.ceil(sides / edge).astype(int) + 2)
+    if not hull.inside.any():
         raise NoPointsError("initialization: the object is thinner than a cell of its hull")
-    return Hull(low, edge, inside)
+    return hull
 
 
-def _load(frames: Sequence[Frame]) -> list[_View]:
-    def load(frame: Frame) -> _View:
-        mask = frame.load_mask()
-        step = -(-max(mask.shape) // MASK_SIDE)
-        mask = mask[::step, ::step] > HALF
-        return _View(frame.camera.resized(mask.shape[1], mask.shape[0]), mask)
-
-    with ThreadPoolExecutor(default_threads()) as pool:
-        return list(pool.map(load, frames))
+def _thinned(frame: Frame) -> _View:
+    mask = frame.load_mask()
+    step = -(-max(mask.shape) // MASK_SIDE)
+    mask = mask[::step, ::step] > HALF
+    return frame.camera.resized(mask.shape[1], mask.shape[0]), mask
 
 
-def _cells(low: np.ndarray, edge: float, shape: Sequence[int]) -> np.ndarray:
-    """Return the centers of the cells of a grid, (n, 3)."""
-    index = np.stack(np.meshgrid(*map(np.arange, shape), indexing="ij"), axis=-1)
-    return low + edge * (index.reshape(-1, 3) + 0.5)
+def _carved(
+    views: Sequence[_View],
+    low: np.ndarray,
+    edge: float,
+    shape: Sequence[int] | np.ndarray,
+    slack: float = 0.0,
+) -> Hull:
+    """Return a grid; inside are the cells that enough views have in their masks, grown by ``slack`` [m]."""
+    cells = low + edge * (np.indices(tuple(shape)).reshape(3, -1).T + 0.5)
+    middle = cells.mean(axis=0)
+    masks = [grown(mask, slack / _pixel_at(c, middle)) if slack else mask for c, mask in views]
 
-
-def _inside(points: np.ndarray, views: Sequence[_View], slack: float) -> np.ndarray:
-    """Return which points enough views have in their masks, (n,), bool; masks grow by ``slack`` [m]."""
-    masks = [_mask_grown(view, slack, points.mean(axis=0)) for view in views]
-    parts = np.array_split(points, max(1, len(points) // POINTS_AT_ONCE))
-
-    def work(part: np.ndarray) -> np.ndarray:
+    def inside(rows: slice) -> np.ndarray:
+        part = cells[rows]
         showing, missing = np.zeros((2, len(part)), dtype=np.int32)
         left = np.arange(len(part))  # those that may still belong to the hull
-        for view, mask in zip(views, masks, strict=True):
-            seen = _seen(part[left], view.camera)
+        for (camera, _), mask in zip(views, masks, strict=True):
+            seen = reproject(part[left], camera.cam_from_world, camera.intrinsics)
             showing[left] += seen.inside
             missing[left] += seen.inside & ~mask[seen.rows, seen.columns]
             left = left[missing[left] <= (1 - AGREEING) * len(views)]
         agrees = missing <= (1 - AGREEING) * showing
         return agrees & (showing >= SHOWING * len(views))
 
-    with ThreadPoolExecutor(default_threads()) as pool:
-        return np.concatenate(list(pool.map(work, parts)))
-
-
-def _seen(points: np.ndarray, camera: Camera) -> Reprojection:
-    return reproject(points, camera.cam_from_world, camera.intrinsics)
-
-
-def _mask_grown(view: _View, slack: float, center: np.ndarray) -> np.ndarray:
-    """Return the mask, grown by a length at the distance of ``center`` [m]."""
-    if slack == 0:
-        return view.mask
-    return grown(view.mask, slack / _pixel_at(view.camera, center))
+    parts = over_rows(len(cells), inside, POINTS_AT_ONCE)
+    return Hull(low, edge, np.concatenate(parts).reshape(tuple(shape)))
 
 
 def _colors(points: np.ndarray, normals: np.ndarray, frames: Sequence[Frame]) -> np.ndarray:
@@ -198,7 +176,8 @@ def _colors(points: np.ndarray, normals: np.ndarray, frames: Sequence[Frame]) ->
         image, mask = frame.load_image(), frame.load_mask() > HALF
         rays = frame.camera.center_world - points
         facing = (normals * rays).sum(axis=1) > FACING * np.linalg.norm(rays, axis=1)
-        _, inside, rows, columns = _seen(points, frame.camera)
+        k = frame.camera.intrinsics
+        _, inside, rows, columns = reproject(points, frame.camera.cam_from_world, k)
         use = facing & inside & mask[rows, columns]
         return use, image[rows[use], columns[use]] / 255.0
 

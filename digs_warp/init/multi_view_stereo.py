@@ -10,7 +10,6 @@ found. A depth stays if the windows match and other views found the same surface
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -20,8 +19,8 @@ from digs_warp.data.frame import Frame
 from digs_warp.data.layers import Layer
 from digs_warp.device.parallel import launch_parallel
 from digs_warp.device.threads import over_items
-from digs_warp.geometry.camera import Camera
-from digs_warp.geometry.reproject_kernel import agrees
+from digs_warp.geometry.camera import Camera, pixel_centers
+from digs_warp.geometry.reproject import Pinholes, Reprojection, reproject
 from digs_warp.init.plane_sweep import (
     NEIGHBORS,
     TILE_HEIGHT,
@@ -31,9 +30,8 @@ from digs_warp.init.plane_sweep import (
     sweep_kernel,
 )
 from digs_warp.init.view_points import nearest_known
+from digs_warp.init.visibility import DepthViews, count_views
 from digs_warp.record.progress import progress
-
-wp.set_module_options({"enable_backward": False})
 
 # Longer side of the coarsest and of the finest images [px].
 COARSE, FINEST = 320, 960
@@ -76,8 +74,12 @@ def matched_depth(frames: Sequence[Frame], points: np.ndarray, level: int = -1) 
         level: mask values above it belong to the object; -1: everything does.
     """
     picked = np.random.default_rng(0).permutation(len(points))[:MOST_POINTS]
-    sight = _Sight.of([frame.camera for frame in frames], points[picked].astype(np.float64))
-    neighbors = [_neighbors(sight, i) for i in range(len(frames))]
+    points, cameras = points[picked].astype(np.float64), [frame.camera for frame in frames]
+    rows = [[[getattr(c.intrinsics, name)] for c in cameras] for name in Pinholes._fields]
+    poses = np.stack([camera.cam_from_world for camera in cameras])
+    sight = reproject(points, poses, Pinholes(*map(np.array, rows)))
+    centers = np.stack([camera.center_world for camera in cameras])
+    neighbors = [_neighbors(sight.inside, centers, points, i) for i in range(len(frames))]
     masks = [f.load_mask() > level if f.has(Layer.MASK) and level >= 0 else None for f in frames]
     ranges = [_range(sight, i, mask) for i, mask in enumerate(masks)]
     used = [i for i, near in enumerate(neighbors) if len(near) and ranges[i] is not None]
@@ -95,62 +97,41 @@ def matched_depth(frames: Sequence[Frame], points: np.ndarray, level: int = -1) 
     return MatchedDepth(measured, known / max(inside, 1))
 
 
-@dataclass(frozen=True, eq=False)
-class _Sight:
-    """What n cameras see of m points.
+def _neighbors(seen: np.ndarray, centers: np.ndarray, points: np.ndarray, index: int) -> np.ndarray:
+    """Return the views to match one of n with, the best first; at most `ASKED`.
 
-    Attributes:
-        centers: of the cameras, in the world, (n, 3).
+    Args:
+        seen: which of m points each of them shows, (n, m).
+        centers: of their cameras, (n, 3).
         points: in the world, (m, 3).
-        px: their pixels (u, v), (n, m, 2).
-        depth: planar, (n, m).
-        seen: whether they lie in the image, (n, m).
+        index: of the view.
     """
-
-    centers: np.ndarray
-    points: np.ndarray
-    px: np.ndarray
-    depth: np.ndarray
-    seen: np.ndarray
-
-    @staticmethod
-    def of(cameras: Sequence[Camera], points: np.ndarray) -> "_Sight":
-        px, depth = map(np.stack, zip(*(c.project(points) for c in cameras), strict=True))
-        seen = np.stack([c.shows(u, z) for c, u, z in zip(cameras, px, depth, strict=True)])
-        return _Sight(np.stack([c.center_world for c in cameras]), points, px, depth, seen)
-
-
-def _neighbors(sight: _Sight, index: int) -> np.ndarray:
-    """Return the views to match one with, the best first; at most `ASKED`."""
-    mine = np.flatnonzero(sight.seen[index])
+    mine = np.flatnonzero(seen[index])
     if len(mine) < FEWEST_POINTS:
         return np.zeros(0, int)
     mine = mine[:: max(1, len(mine) // 200)]
-    rays = sight.points[mine] - sight.centers[:, None]
+    rays = points[mine] - centers[:, None]
     rays /= np.linalg.norm(rays, axis=2, keepdims=True)
     cosines = np.clip(np.einsum("nmk,mk->nm", rays, rays[index]), -1.0, 1.0)
     angles = np.degrees(np.arccos(cosines))
     width = np.where(angles < BEST_ANGLE, BELOW, ABOVE)
     told = np.exp(-0.5 * ((angles - BEST_ANGLE) / width) ** 2)
-    told[~sight.seen[:, mine] | (angles < LEAST_ANGLE) | (angles > MOST_ANGLE)] = 0.0
+    told[~seen[:, mine] | (angles < LEAST_ANGLE) | (angles > MOST_ANGLE)] = 0.0
     scores = told.sum(axis=1)
     scores[index] = 0.0
     order = np.argsort(-scores, kind="stable")[:ASKED]
     return order[scores[order] > 0]
 
 
-def _range(sight: _Sight, index: int, mask: np.ndarray | None) -> tuple[float, float] | None:
+def _range(sight: Reprojection, index: int, mask: np.ndarray | None) -> tuple[float, float] | None:
     """Return the first and the last inverse depth of a view; None: it sees too few points."""
-    seen = sight.seen[index]
+    seen = np.flatnonzero(sight.inside[index])
     if mask is not None:
-        columns, rows = sight.px[index][seen].astype(int).T
-        inside = np.flatnonzero(seen)[mask[rows, columns]]
-        if len(inside) >= FEWEST_POINTS:
-            seen = inside
-    depth = sight.depth[index][seen]
-    if len(depth) < FEWEST_POINTS:
+        masked = seen[mask[sight.rows[index, seen], sight.columns[index, seen]]]
+        seen = masked if len(masked) >= FEWEST_POINTS else seen
+    if len(seen) < FEWEST_POINTS:
         return None
-    far, near = np.percentile(1.0 / depth, [FIRST, LAST])
+    far, near = np.percentile(1.0 / sight.depth[index, seen], [FIRST, LAST])
     more = max(BEYOND * (near - far), 0.02 * near)
     return max(far - more, 0.2 * far), near + more
 
@@ -235,26 +216,17 @@ def _found(
     return depth
 
 
-def _intrinsics(camera: Camera, scale: float) -> np.ndarray:
-    """Return the matrix of an image of another size, (3, 3); the center of its first pixel is (0, 0)."""
-    k = camera.intrinsics
-    return np.array(
-        [
-            [scale * k.fx, 0.0, scale * k.cx - 0.5],
-            [0.0, scale * k.fy, scale * k.cy - 0.5],
-            [0.0, 0.0, 1.0],
-        ]
-    )
-
-
 def _taken_to(
     camera: Camera, scale: float, other: Camera, other_scale: float
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return A (3, 3) and b (3,) of `digs_warp.init.plane_sweep`."""
     motion = other.cam_from_world @ camera.world_from_cam
-    there = _intrinsics(other, other_scale)
-    back = np.linalg.inv(_intrinsics(camera, scale))
-    return there @ motion[:3, :3] @ back, there @ motion[:3, 3]
+    # Of images of these sizes; the center of their first pixel is (0, 0).
+    back, there = (
+        np.diag([s, s, 1.0]) @ c.intrinsics.matrix - [[0, 0, 0.5], [0, 0, 0.5], [0, 0, 0]]
+        for c, s in ((camera, scale), (other, other_scale))
+    )
+    return there @ motion[:3, :3] @ np.linalg.inv(back), there @ motion[:3, 3]
 
 
 def _steps(
@@ -332,36 +304,6 @@ def _swept(
     return inverse.numpy().reshape(begin.shape), scores.numpy().reshape(begin.shape)
 
 
-@wp.kernel
-def agreement_kernel(
-    first: int,
-    width: int,
-    depth: wp.array[float],
-    turned: wp.array[wp.mat33],  # [k] A of `digs_warp.init.plane_sweep`, at the size of the depth
-    shifts: wp.array[wp.vec3],  # [k] b
-    sizes: wp.array[wp.vec3i],  # [k] where the depth of the other view begins, its width and height
-    others: wp.array[float],
-    same_share: float,
-    # outputs
-    counts: wp.array[int],
-):
-    """Count the views that found the surface of a pixel, too."""
-    pixel = first + wp.tid()
-    z = depth[pixel]
-    if not wp.isfinite(z):
-        return
-    at = wp.vec3(float(pixel % width), float(pixel // width), 1.0)
-    for other in range(turned.shape[0]):
-        there = z * (turned[other] * at) + shifts[other]
-        column = int(wp.round(there[0] / there[2]))
-        row = int(wp.round(there[1] / there[2]))
-        size = sizes[other]
-        if there[2] > 0.0 and column >= 0 and row >= 0 and column < size[1] and row < size[2]:
-            measured = others[size[0] + row * size[1] + column]
-            if agrees(there[2], measured, same_share * there[2]):
-                counts[pixel] = counts[pixel] + 1
-
-
 def _agreeing(
     frames: Sequence[Frame],
     used: Sequence[int],
@@ -369,29 +311,13 @@ def _agreeing(
     found: dict[int, np.ndarray],
 ) -> list[np.ndarray]:
     """Return the depth of the views in use, NaN where too few others agree."""
-    if not used:
-        return []
-    starts = dict(zip(used, np.cumsum([0, *(found[i].size for i in used)]), strict=False))
-    everything = wp.array(np.concatenate([found[i].ravel() for i in used]), dtype=float)
     kept = []
     for i in used:
-        others = [int(j) for j in neighbors[i] if j in found]
-        scale = {j: found[j].shape[1] / frames[j].camera.intrinsics.width for j in (i, *others)}
-        taken = [_taken_to(frames[i].camera, scale[i], frames[j].camera, scale[j]) for j in others]
         height, width = found[i].shape
-        counts = wp.zeros(found[i].size, dtype=int)
-        given = [
-            width,
-            wp.array(found[i].ravel(), dtype=float),
-            wp.array(np.array([t for t, _ in taken]).reshape(-1, 3, 3), dtype=wp.mat33),
-            wp.array(np.array([b for _, b in taken]).reshape(-1, 3), dtype=wp.vec3),
-            wp.array(
-                np.array([[starts[j], *found[j].shape[::-1]] for j in others]).reshape(-1, 3),
-                dtype=wp.vec3i,
-            ),
-            *(everything, SAME_SHARE, counts),
-        ]
-        launch_parallel(agreement_kernel, height * width, given)
-        enough = counts.numpy().reshape(height, width) >= LEAST_AGREEING
+        others = DepthViews.of([(frames[j].camera, found[j]) for j in neighbors[i] if j in found])
+        camera = frames[i].camera.resized(width, height)
+        points = camera.unproject(pixel_centers(width, height), found[i]).reshape(-1, 3)
+        agreeing = count_views(points, others, 0.0, SAME_SHARE).confirmed >= LEAST_AGREEING
+        enough = agreeing.reshape(height, width)
         kept.append(np.where(enough, found[i], np.nan).astype(np.float32))
     return kept

@@ -126,6 +126,20 @@ def window_sum(state: wp.array[float], first: int) -> float:
     return left + state[first + 3] + right
 
 
+@wp.func
+def add_row(state: wp.array[float], row: int, sign: float):
+    """Add a row to the sums of the columns of a window, or with -1 take it out."""
+    at = row * _PITCH
+    for x in range(_PITCH):
+        s = state[_SAMPLES + at + x]
+        signed = sign * s
+        state[_SUMS + x] = state[_SUMS + x] + signed
+        state[_SUMS + _SUM_PITCH + x] = state[_SUMS + _SUM_PITCH + x] + signed * s
+        state[_SUMS + 2 * _SUM_PITCH + x] = (
+            state[_SUMS + 2 * _SUM_PITCH + x] + signed * state[at + x]
+        )
+
+
 @wp.kernel
 def sweep_kernel(
     first: int,
@@ -206,17 +220,7 @@ def sweep_kernel(
             for at_zero in range(wp.static(3 * SUM_PITCH)):
                 state[_SUMS + at_zero] = 0.0
             for y_new in range(_SAMPLED):
-                at_new = y_new * _PITCH
-                for x_new in range(_PITCH):
-                    s_new = state[_SAMPLES + at_new + x_new]
-                    rs_new = s_new * state[at_new + x_new]
-                    state[_SUMS + x_new] = state[_SUMS + x_new] + s_new
-                    state[_SUMS + _SUM_PITCH + x_new] = (
-                        state[_SUMS + _SUM_PITCH + x_new] + s_new * s_new
-                    )
-                    state[_SUMS + 2 * _SUM_PITCH + x_new] = (
-                        state[_SUMS + 2 * _SUM_PITCH + x_new] + rs_new
-                    )
+                add_row(state, y_new, 1.0)
                 if y_new >= _WINDOW - 1:
                     y_out = y_new - (_WINDOW - 1)
                     at_out = y_out * _PITCH
@@ -233,17 +237,7 @@ def sweep_kernel(
                             state[_NEXT_MATCH + at_out + x_out], smaller(best_match, match)
                         )
                         state[_BEST_MATCH + at_out + x_out] = larger(best_match, match)
-                    # The window moves on: its first row leaves.
-                    for x_old in range(_PITCH):
-                        s_old = state[_SAMPLES + at_out + x_old]
-                        rs_old = s_old * state[at_out + x_old]
-                        state[_SUMS + x_old] = state[_SUMS + x_old] - s_old
-                        state[_SUMS + _SUM_PITCH + x_old] = (
-                            state[_SUMS + _SUM_PITCH + x_old] - s_old * s_old
-                        )
-                        state[_SUMS + 2 * _SUM_PITCH + x_old] = (
-                            state[_SUMS + 2 * _SUM_PITCH + x_old] - rs_old
-                        )
+                    add_row(state, y_out, -1.0)  # the window moves on
         # Of one or two neighbors the better one, else the mean of the better two.
         half = wp.where(pairs.shape[0] > 2, 0.5, 0.0)
         for at_both in range(_SCORED * _PITCH):

@@ -1,8 +1,7 @@
 """The five initializations (paper sections 3.3 and 4.1): frames and sparse points -> colored points.
 
 Everything is metric. With poses from structure from motion, the model was scaled once by the factor that
-`digs_warp.init.scale` finds (eq. 6 and 7), so the paper's sigma* in eq. 8 is 1 here. Voxel sizes in units of
-structure from motion are divided by the same factor.
+`digs_warp.init.scale` finds (eq. 6 and 7), so the paper's sigma* in eq. 8 is 1 here.
 """
 
 import logging
@@ -16,14 +15,13 @@ from digs_warp.data.frame import Frame
 from digs_warp.data.layers import Layer
 from digs_warp.data.point_cloud import PointCloud
 from digs_warp.data.sfm_model import SfmModel
-from digs_warp.init.config import InitConfig as InitConfig
+from digs_warp.init.config import MASK_THRESHOLD, InitConfig, StrategyName
 from digs_warp.init.depth_points import NoPointsError, depth_points
 from digs_warp.init.hull import hull_points
 from digs_warp.init.multi_view_stereo import matched_depth
-from digs_warp.init.random_points import random_points
 from digs_warp.init.scale import observed_pixels
+from digs_warp.init.sparse_points import random_points
 from digs_warp.init.start import DepthReport, Start, Subject
-from digs_warp.init.strategies import StrategyName, start_reason
 from digs_warp.init.unseen import fills_unseen, shell_points, unseen_points
 from digs_warp.words import counted
 
@@ -31,6 +29,8 @@ logger = logging.getLogger(__name__)
 
 # Photographs whose matching tells the depth of fewer pixels [share] are started from something else.
 LEAST_MATCHED = 0.15
+# So many random points a scene starts from where nothing else tells of it.
+RANDOM_POINTS = 20_000
 # A stage that keeps a smaller share of pixels or voxels is said, for something is wrong there.
 LEAST_KEPT = 0.2
 # If a stage keeps less, fewer points than both of these are an error: small images have few as well.
@@ -39,16 +39,10 @@ FEWEST_POINTS, LEAST_PER_PIXEL = 1000, 1e-3
 EDGES = "away from edges"
 
 
-def initial_points(frames: Sequence[Frame], config: InitConfig) -> PointCloud:
-    """Return the points of `initialize` for poses that are already metric."""
-    return initialize(frames, config).points
-
-
 def initialize(
     frames: Sequence[Frame],
     config: InitConfig,
     sfm: SfmModel | None = None,
-    sfm_per_metre: float | None = None,
     subject: Subject = "object",
     recorded: PointCloud | None = None,
 ) -> Start:
@@ -58,7 +52,6 @@ def initialize(
         frames: training frames with metric cameras; held-out ones must not be among them.
         config: strategy and settings.
         sfm: structure from motion in metres (`SfmModel.in_metres`); None: the poses are the capture's.
-        sfm_per_metre: the scale that it had; for voxel sizes in its unit.
         subject: what the points from depth cover; a scene needs no masks, and gets a far shell.
         recorded: the recording's own sparse points, which spare 'default' and 'random' those of ``sfm``.
 
@@ -69,12 +62,11 @@ def initialize(
         start = _from_photographs(frames, config, sfm, recorded, subject)
         config = replace(config, strategy=start.strategy or "mvs")
     elif config.strategy in ("default", "random", "hull"):
-        start = _without_depth(frames, config, sfm, recorded, subject)
+        start = _without_depth(frames, config, sfm, recorded)
     else:
-        measured = _with_depth(frames)
-        start = _from_depth(measured, config, sfm, sfm_per_metre, subject)
+        start = _from_depth(_with_depth(frames), config, sfm, subject)
     has_depth = any(frame.has(Layer.DEPTH) for frame in frames)
-    start = replace(start, because=start_reason(config.strategy, start.sources, has_depth))
+    start = replace(start, because=_reason(config.strategy, start.sources, has_depth))
     if subject == "object":
         return start
     shell = shell_points(start.points, [frame.camera for frame in frames])
@@ -89,28 +81,31 @@ def _from_photographs(
     recorded: PointCloud | None,
     subject: Subject,
 ) -> Start:
-    """Return points from matched photographs; without texture, those of the hull or the sparse ones."""
+    """Return points from matched photographs; without texture, those of the hull, sparse or random ones."""
     otherwise: StrategyName = "hull" if subject == "object" else "default"
-    other = replace(config, strategy=otherwise)
-    start, known = None, recorded or (sfm.points if sfm else None)
-    if known is None:
-        start = _without_depth(frames, other, sfm, recorded, subject)
-        known = start.points
-    level = config.mask_level if subject == "object" else -1
-    matched = matched_depth(frames, known.points_world, level)
-    share = 100 * matched.share
-    if matched.share >= LEAST_MATCHED:
-        logger.info("matching the photographs tells the depth of %.0f %% of their pixels", share)
-        # Other views have agreed already; and beside gaps, the filter would find edges everywhere.
-        kept = replace(config, edge_filter=False)
-        return _from_depth(matched.frames, kept, sfm, None, subject)
+    known = recorded or (sfm.points if sfm else None)
+    if known is None and subject == "scene":
+        otherwise, said = "random", "the photographs hardly match"
+    else:
+        known = (
+            known or _without_depth(frames, replace(config, strategy=otherwise), None, None).points
+        )
+        level = MASK_THRESHOLD if subject == "object" else -1
+        matched = matched_depth(frames, known.points_world, level)
+        said = f"matching the photographs tells the depth of {matched.share:.0%} of their pixels"
+        if matched.share >= LEAST_MATCHED:
+            logger.info(said)
+            # Other views have agreed already; and beside gaps, the filter would find edges everywhere.
+            return _from_depth(matched.frames, replace(config, edge_filter=False), sfm, subject)
     logger.warning(
-        "matching the photographs tells the depth of %.0f %% of their pixels, too little to start from: they "
-        "show little texture, or their poses are wrong; starting from %s",
-        *(share, start_reason(otherwise, {}, has_depth=True)),
+        "%s, too little to start from: they show little texture, or their poses are wrong; starting from %s",
+        *(said, _reason(otherwise, {}, has_depth=True)),
     )
-    start = start or _without_depth(frames, other, sfm, recorded, subject)
-    return replace(start, strategy=otherwise)
+    config = replace(config, strategy=otherwise)
+    if otherwise == "random":
+        count = config.target_points or RANDOM_POINTS
+        config = replace(config, target_points=count, voxel_size=None)
+    return replace(_without_depth(frames, config, sfm, recorded), strategy=otherwise)
 
 
 def _with_depth(frames: Sequence[Frame]) -> Sequence[Frame]:
@@ -127,42 +122,30 @@ def _with_depth(frames: Sequence[Frame]) -> Sequence[Frame]:
 
 
 def _without_depth(
-    frames: Sequence[Frame],
-    config: InitConfig,
-    sfm: SfmModel | None,
-    recorded: PointCloud | None,
-    subject: Subject,
+    frames: Sequence[Frame], config: InitConfig, sfm: SfmModel | None, recorded: PointCloud | None
 ) -> Start:
-    if config.strategy == "default":
-        if recorded is not None:
-            return Start(recorded, {"recorded": len(recorded)})
-        points = _needed(sfm, config).points
-        return Start(points, {"sfm": len(points)})
     if config.strategy == "hull":
         points = hull_points(frames, config)
         return Start(points, {"hull": len(points)})
-    count = config.target_points
-    if count is None:
-        count = len(_needed(sfm, config).points if recorded is None else recorded)
-    points = random_points([frame.camera for frame in frames], count)
-    return Start(points, {"random": len(points)})
+    if config.strategy == "random":
+        count = config.target_points or len(recorded or _needed(sfm, config).points)
+        return Start(random_points([f.camera for f in frames], count), {"random": count})
+    points = recorded or _needed(sfm, config).points
+    return Start(points, {"recorded" if recorded else "sfm": len(points)})
 
 
 def _from_depth(
     frames: Sequence[Frame],
     config: InitConfig,
     sfm: SfmModel | None,
-    sfm_per_metre: float | None,
     subject: Subject,
 ) -> Start:
-    from_depth, report = _measured_points(frames, config, sfm_per_metre, subject)
+    from_depth, report = _measured_points(frames, config, subject)
     points, sources = from_depth, {"depth": len(from_depth)}
     if config.strategy == "fusion":  # P_fusion = P_BB united with P*
-        from_sfm = _unmasked_points_in_box(
-            _needed(sfm, config), frames, config.mask_level, from_depth.bounds
-        )
+        from_sfm = _unmasked_points_in_box(_needed(sfm, config), frames, from_depth.bounds)
         points, sources["sfm"] = PointCloud.joined([points, from_sfm]), len(from_sfm)
-    if subject == "object" and fills_unseen(config, frames):
+    if subject == "object" and fills_unseen(frames):
         unseen = unseen_points(frames, from_depth, report.voxel_size, config)
         if len(unseen):
             points, sources["unseen"] = PointCloud.joined([points, unseen]), len(unseen)
@@ -170,11 +153,11 @@ def _from_depth(
 
 
 def _measured_points(
-    frames: Sequence[Frame], config: InitConfig, sfm_per_metre: float | None, subject: Subject
+    frames: Sequence[Frame], config: InitConfig, subject: Subject
 ) -> tuple[PointCloud, DepthReport]:
     """Return the points of the depth maps, without the edge filter where that drops nearly all of them."""
     try:
-        points, report = depth_points(frames, config, sfm_per_metre, subject)
+        points, report = depth_points(frames, config, subject)
         is_dotted = config.edge_filter and report.kept.get(EDGES, 1.0) < LEAST_KEPT
     except NoPointsError:
         if not config.edge_filter:
@@ -182,7 +165,7 @@ def _measured_points(
         is_dotted = True
     if is_dotted:
         config = replace(config, edge_filter=False)
-        points, report = depth_points(frames, config, sfm_per_metre, subject)
+        points, report = depth_points(frames, config, subject)
         logger.warning(
             "initialization: the edge filter would drop over %.0f %% of the depth, which consists of dots "
             "or thin lines: it is left out",
@@ -202,7 +185,7 @@ def _measured_points(
 
 
 def _unmasked_points_in_box(
-    sfm: SfmModel, frames: Sequence[Frame], mask_threshold: int, box: tuple[np.ndarray, np.ndarray]
+    sfm: SfmModel, frames: Sequence[Frame], box: tuple[np.ndarray, np.ndarray]
 ) -> PointCloud:
     """Return P_BB (section 3.3.2): the sparse points that no mask rejects, in the box of the depth points.
 
@@ -212,7 +195,6 @@ def _unmasked_points_in_box(
     Args:
         sfm: the model, in the unit of ``box``.
         frames: training frames with masks.
-        mask_threshold: a mask value above it is object.
         box: corners (minimum, maximum), shape (3,) each.
     """
     seen = np.zeros(len(sfm.points), dtype=bool)
@@ -224,11 +206,33 @@ def _unmasked_points_in_box(
         points, rows, columns = observed_pixels(sfm, frame.name, (k.height, k.width))
         seen[points] = True
         if frame.has(Layer.MASK):
-            rejected[points[frame.load_mask()[rows, columns] <= mask_threshold]] = True
+            rejected[points[frame.load_mask()[rows, columns] <= MASK_THRESHOLD]] = True
     positions = sfm.points.points_world
     in_box = np.all((positions >= box[0]) & (positions <= box[1]), axis=1)
     keep = seen & ~rejected & in_box
     return PointCloud(positions[keep], sfm.points.colors[keep])
+
+
+def _reason(strategy: StrategyName, sources: dict[str, int], has_depth: bool) -> str:
+    """Return a phrase such as "the sparse points of the recording, which has no depth".
+
+    Args:
+        strategy: how the points were made.
+        sources: number of points by where they came from, as in `Start`.
+        has_depth: whether a frame has a depth map.
+    """
+    lacks = "" if has_depth else "; the recording has no depth"
+    if strategy == "mvs":
+        return "depth that matching the photographs tells"
+    if strategy in ("hull", "random"):
+        return ("the visual hull of the masks" if strategy == "hull" else "random points") + lacks
+    if strategy == "default" and "recorded" in sources:
+        return "the sparse points of the recording" + ("" if has_depth else ", which has no depth")
+    if strategy == "default":
+        return "sparse points matched in the images" + lacks
+    sparse = ", and sparse points matched in the images" if strategy == "fusion" else ""
+    closed = "; closed where no view saw the object" if "unseen" in sources else ""
+    return "points from the depth maps" + sparse + closed
 
 
 def _needed(sfm: SfmModel | None, config: InitConfig) -> SfmModel:

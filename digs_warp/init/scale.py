@@ -25,7 +25,7 @@ from digs_warp.data.frame import Frame
 from digs_warp.data.layers import Layer
 from digs_warp.data.sfm_model import SfmModel
 from digs_warp.device.threads import default_threads
-from digs_warp.init.config import InitConfig
+from digs_warp.init.config import MASK_THRESHOLD, InitConfig
 from digs_warp.record.progress import progress
 from digs_warp.words import counted
 
@@ -57,26 +57,20 @@ class ScaleEstimate:
         sfm_per_metre: the most probable ratio, sigma* of eq. 7.
         width: standard deviation of the peak around it [sfm / m].
         values: number of ratios used.
-        modes: number of distinct peaks of the density.
-        warning: why the result is doubtful; empty if it is not.
     """
 
     sfm_per_metre: float
     width: float
     values: int
-    modes: int
-    warning: str = ""
 
     def __str__(self) -> str:
         spread = 100 * self.width / self.sfm_per_metre
         known = f"{self.sfm_per_metre:.4f} units of the model per metre, spread {spread:.2f} %"
-        peaks = counted(self.modes, "peak")
-        warning = f"; warning: {self.warning}" if self.warning else ""
-        return f"{known} over {counted(self.values, 'measurement')}, {peaks}{warning}"
+        return f"{known} over {counted(self.values, 'measurement')}"
 
 
 def estimate_scale(ratios: np.ndarray) -> ScaleEstimate:
-    """Return the mode of the ratios d*/d (eq. 7), with a warning if a second mode is nearly as high.
+    """Return the mode of the ratios d*/d (eq. 7); warn if a second mode is nearly as high.
 
     With 10^6 ratios the relative error of the mode is below 10^-3, whatever the share of outliers, as long as
     the peak is denser than they are.
@@ -103,12 +97,14 @@ def estimate_scale(ratios: np.ndarray) -> ScaleEstimate:
         bandwidth = (4 / 5) ** (1 / 7) * deviation * max(int(last - first), 1) ** (-1 / 7)
         bandwidth = max(bandwidth, LEAST_BANDWIDTH)
     modes, heights, deviation = _modes(near, bandwidth)
-    scales = np.exp(modes)
-    warning = _rival_warning(scales, heights)
-    if warning:
-        logger.warning(warning)
-    width = float(deviation * scales[0])
-    return ScaleEstimate(float(scales[0]), width, len(logs), len(modes), warning)
+    scale = float(np.exp(modes[0]))
+    if len(modes) > 1 and heights[1] >= RIVAL_HEIGHT:
+        logger.warning(
+            "scale: a second mode at %.5g sfm per metre is %.0f %% as high as the one at %.5g that was used; "
+            "check the depth unit of all frames and the masks",
+            *(np.exp(modes[1]), 100 * heights[1], scale),
+        )
+    return ScaleEstimate(scale, float(deviation * scale), len(logs))
 
 
 def _modes(logs: np.ndarray, bandwidth: float) -> tuple[np.ndarray, np.ndarray, float]:
@@ -133,15 +129,6 @@ def _modes(logs: np.ndarray, bandwidth: float) -> tuple[np.ndarray, np.ndarray, 
     return at[peaks], density[peaks] / density[peaks[0]], float(deviation)
 
 
-def _rival_warning(modes: np.ndarray, heights: np.ndarray) -> str:
-    if len(modes) < 2 or heights[1] < RIVAL_HEIGHT:
-        return ""
-    return (
-        f"scale: a second mode at {modes[1]:.5g} sfm per metre is {heights[1]:.0%} as high as the one "
-        f"at {modes[0]:.5g} that was used; check the depth unit of all frames and the masks"
-    )
-
-
 def local_scales(sfm: SfmModel, frames: Sequence[Frame], config: InitConfig) -> np.ndarray:
     """Return the ratios d*/d [sfm / m] of all observations in ``frames`` (eq. 6), float64, NaN-free.
 
@@ -151,7 +138,7 @@ def local_scales(sfm: SfmModel, frames: Sequence[Frame], config: InitConfig) -> 
     Args:
         sfm: the model in [sfm]; only its observations in ``frames`` are used.
         frames: frames with depth; held-out ones must not be among them.
-        config: its mask and edge filters.
+        config: its edge filter.
 
     Raises:
         DigsError: the model knows none of the frames.
@@ -196,7 +183,7 @@ def _ratios_of_view(sfm: SfmModel, frame: Frame, config: InitConfig) -> np.ndarr
     usable = np.isfinite(measured) & (sfm_depths > 0)
     in_mask = np.ones(len(points), dtype=bool)
     if frame.has(Layer.MASK):
-        in_mask = frame.load_mask()[rows, columns] > config.mask_level
+        in_mask = frame.load_mask()[rows, columns] > MASK_THRESHOLD
     return np.stack([sfm_depths[usable] / measured[usable], in_mask[usable]])
 
 

@@ -9,9 +9,8 @@ import numpy as np
 from digs_warp.data.gaussians import Gaussians
 from digs_warp.data.point_cloud import PointCloud
 from digs_warp.geometry.sh import coefficient_count, sh_from_rgb
-from digs_warp.init.config import InitConfig
+from digs_warp.init.config import REFERENCE_OPACITY, REFERENCE_WIDTH, InitConfig
 from digs_warp.init.start import Subject
-from digs_warp.init.strategies import REFERENCE_OPACITY, REFERENCE_WIDTH
 
 NEIGHBORS = 3
 
@@ -56,8 +55,6 @@ def seed_gaussians(
         least: the least opacity of measured points, where no view agrees with one.
     """
     count = len(points)
-    if not 0 < opacity < 1:
-        raise ValueError(f"opacity {opacity}, expected a value above 0 and below 1")
     apart = neighbor_scales(points.points_world, largest)
     scales = np.repeat(width * apart[:, None], 3, axis=1)
     quats = np.tile([0.0, 0.0, 0.0, 1.0], (count, 1))
@@ -129,15 +126,13 @@ def seed_start(config: InitConfig, subject: Subject, steps: int) -> SeedStart:
     """Return how the Gaussians start.
 
     Args:
-        config: strategy and opacity.
+        config: the strategy.
         subject: what is reconstructed.
         steps: of the whole run; 0: the Gaussians stay as they start.
     """
-    opacity, width = config.seed_opacity, config.seed_width
+    opacity, width = config.defaults.opacity, config.defaults.width
     if subject == "scene":
-        if config.opacity is None:
-            opacity = min(opacity, SCENE_OPACITY)
-        return SeedStart(opacity, width, SCENE_SCALE_RATIO, LEAST_OPACITY)
+        return SeedStart(min(opacity, SCENE_OPACITY), width, SCENE_SCALE_RATIO, LEAST_OPACITY)
     return SeedStart(opacity, width, MAX_SCALE_RATIO, _least_opacity(opacity, steps))
 
 

@@ -5,7 +5,7 @@ from itertools import pairwise
 from typing import TYPE_CHECKING, Annotated, Literal
 
 from digs_warp.data.point_cloud import PointCloud
-from digs_warp.init.strategies import StrategyName
+from digs_warp.init.config import StrategyName
 from digs_warp.record.results import Figure
 from digs_warp.record.typed import NOT_STORED
 
@@ -27,13 +27,11 @@ class DepthReport:
         voxel_size: edge length of the final grid [m].
         pixels: sums over all views of the pixels left after each filter.
         voxels: how many were left after each step on the grid.
-        seconds: CPU time of each stage, all threads together [s].
     """
 
     voxel_size: float = 0.0
     pixels: dict[str, int] = field(default_factory=dict)
     voxels: dict[str, int] = field(default_factory=dict)
-    seconds: dict[str, float] = field(default_factory=dict)
 
     def __str__(self) -> str:
         size = f"voxels of {1e3 * self.voxel_size:.2f} mm; " if self.voxel_size else ""
@@ -58,8 +56,6 @@ class DepthReport:
         """Count a view."""
         for name, count in view.pixels.items():
             self.pixels[name] = self.pixels.get(name, 0) + count
-        for name, seconds in view.seconds.items():
-            self.seconds[name] = self.seconds.get(name, 0.0) + seconds
 
 
 @dataclass(frozen=True, eq=False)

@@ -76,11 +76,9 @@ BULGE = 0.05
 NEIGHBORS = 16
 
 
-def fills_unseen(config: InitConfig, frames: Sequence[Frame]) -> bool:
+def fills_unseen(frames: Sequence[Frame]) -> bool:
     """Return whether the object is closed where none of the training frames saw it."""
-    if config.fill_unseen == "auto":
-        return len(frames) <= FEW_VIEWS and all(frame.has(Layer.MASK) for frame in frames)
-    return config.fill_unseen == "on"
+    return len(frames) <= FEW_VIEWS and all(frame.has(Layer.MASK) for frame in frames)
 
 
 def unseen_points(

@@ -10,7 +10,6 @@ photograph. Where it has texture, that does predict: it changes smoothly with th
 points in plain surroundings are compared.
 """
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -108,18 +107,13 @@ def chosen(directions: np.ndarray, colors: np.ndarray) -> ViewDependence:
         prediction_error(basis[..., : coefficient_count(d)], colors) for d in range(MAX_DEGREE + 1)
     ]
     errors = tuple(round(-10 * float(np.log10(max(miss, 1e-12))), 3) for miss in misses)
-    gain = gain_over_usual(errors)
-    degree = MAX_DEGREE if gain >= WORTH_DB else USUAL_DEGREE
+    gain = max(errors[USUAL_DEGREE + 1 :]) - errors[USUAL_DEGREE]
     because = (
         f"higher degrees predict a photograph from the others {gain:.1f} dB better than degree "
         f"{USUAL_DEGREE}, and are used from {WORTH_DB:g} dB on"
     )
+    degree = MAX_DEGREE if gain >= WORTH_DB else USUAL_DEGREE
     return ViewDependence(degree, errors, len(colors), because)
-
-
-def gain_over_usual(errors: Sequence[float]) -> float:
-    """Return by how much the best higher degree predicts better than the usual one [dB]."""
-    return max(errors[USUAL_DEGREE + 1 :]) - errors[USUAL_DEGREE]
 
 
 def prediction_error(basis: np.ndarray, colors: np.ndarray) -> float:

@@ -4,11 +4,9 @@ In a scene, pixels without depth, such as windows, shiny floors and what lies be
 placed at the depth of the nearest pixel that has one.
 """
 
-import time
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from functools import partial
 from itertools import chain
 from typing import TypeVar
 
@@ -19,14 +17,13 @@ from digs_warp.device.threads import default_threads
 from digs_warp.geometry.camera import Camera
 from digs_warp.geometry.rigid import grown, mask_box
 from digs_warp.init.back_project import back_project
-from digs_warp.init.config import InitConfig
+from digs_warp.init.config import MASK_THRESHOLD, InitConfig
 from digs_warp.init.edges import Box, smooth_depth
 from digs_warp.init.foreground import foreground_range
 from digs_warp.init.levels import Levels
 from digs_warp.init.start import Subject
-from digs_warp.init.voxel import VoxelSums
+from digs_warp.init.voxel import Voxels
 from digs_warp.record.progress import progress
-from digs_warp.record.run_log import timed
 
 T = TypeVar("T")
 
@@ -67,7 +64,7 @@ IN_VIEW = "in view"
 GUESS_COARSER = 1
 
 # Voxels by the number of their grid.
-Sums = dict[int, VoxelSums]
+Sums = dict[int, Voxels]
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,7 +78,6 @@ class ViewPoints:
         guessed: of a scene: sums over pixels without depth, placed at that of the nearest pixel with depth.
         pixels: how many remained after each of `FILTERS`.
         thinned_depth: for the visibility check; of an object see `thinned_object_depth`.
-        seconds: CPU time of each stage [s]; "read" is the time for the files.
     """
 
     name: str
@@ -90,7 +86,6 @@ class ViewPoints:
     guessed: Sums
     pixels: dict[str, int]
     thinned_depth: np.ndarray
-    seconds: dict[str, float]
 
 
 def view_points(frame: Frame, config: InitConfig, levels: Levels, subject: Subject) -> ViewPoints:
@@ -105,38 +100,32 @@ def view_points(frame: Frame, config: InitConfig, levels: Levels, subject: Subje
         levels: which grid for which distance.
         subject: what is reconstructed.
     """
-    seconds: dict[str, float] = {}
-    lap = partial(timed, seconds, clock=time.thread_time)
-    with lap("read"):
-        depth, image, unknown = frame.load_depth(), frame.load_image(), frame.load_unknown()
-        mask = frame.load_mask() if subject == "object" else None
+    depth, image, unknown = frame.load_depth(), frame.load_image(), frame.load_unknown()
+    mask = frame.load_mask() if subject == "object" else None
     known = ~np.isnan(depth)
-    in_mask = np.ones(depth.shape, bool) if mask is None else mask > config.mask_level
+    in_mask = np.ones(depth.shape, bool) if mask is None else mask > MASK_THRESHOLD
     box = box_of(in_mask)  # the part that is looked at
     keep = in_mask[box] & known[box]
     pixels = {IN_VIEW if mask is None else FILTERS[0]: int(np.count_nonzero(in_mask))}
     pixels[FILTERS[1]] = int(np.count_nonzero(keep))
-    with lap("edge filter"):
-        if config.edge_filter:
-            keep &= smooth_depth(1.0 / depth if mask is None else depth, box)
-        pixels[FILTERS[2]] = int(np.count_nonzero(keep))
-    if mask is not None:
-        with lap("foreground"):
-            if config.foreground_filter:
-                votes = depth if unknown is None else np.where(unknown, np.float32(np.nan), depth)
-                nearest, farthest = foreground_range(votes, in_mask)
-                keep &= (depth[box] >= nearest) & (depth[box] <= farthest)
-            pixels[FILTERS[3]] = int(np.count_nonzero(keep))
-    with lap("back-project"):
-        near = frame.camera.cropped(*box)
-        measured = _on_levels(near, image[box], depth[box], keep, levels, 0)
-        guessed: Sums = {}
-        if mask is None:
-            unmeasured = ~known if unknown is None else ~(known | unknown)
-            places = nearest_known(depth)
-            guessed = _on_levels(frame.camera, image, places, unmeasured, levels, GUESS_COARSER)
-    kept = thinned(depth) if mask is None else thinned_object_depth(depth, in_mask, unknown)
-    return ViewPoints(frame.name, frame.camera, measured, guessed, pixels, kept, seconds)
+    if config.edge_filter:
+        keep &= smooth_depth(1.0 / depth if mask is None else depth, box)
+    pixels[FILTERS[2]] = int(np.count_nonzero(keep))
+    guessed: Sums = {}
+    if mask is None:
+        unmeasured = ~known if unknown is None else ~(known | unknown)
+        places = nearest_known(depth)
+        guessed = _on_levels(frame.camera, image, places, unmeasured, levels, GUESS_COARSER)
+        kept = thinned(depth)
+    else:
+        votes = depth if unknown is None else np.where(unknown, np.float32(np.nan), depth)
+        nearest, farthest = foreground_range(votes, in_mask)
+        keep &= (depth[box] >= nearest) & (depth[box] <= farthest)
+        pixels[FILTERS[3]] = int(np.count_nonzero(keep))
+        kept = thinned_object_depth(depth, in_mask, unknown)
+    near = frame.camera.cropped(*box)
+    measured = _on_levels(near, image[box], depth[box], keep, levels, 0)
+    return ViewPoints(frame.name, frame.camera, measured, guessed, pixels, kept)
 
 
 def _on_levels(

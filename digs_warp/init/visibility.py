@@ -1,12 +1,8 @@
-"""Visibility across views, and outliers: what removes floaters, an extension of the paper.
+"""Visibility across views: what removes floaters, an extension of the paper.
 
 If a view measured depth d at the pixel of a point, it saw through everything nearer. The view contradicts a
 point at depth z < d - tolerance, and confirms one within the tolerance. A point farther away is hidden, and
 the view says nothing about it.
-
-Wrong depth can also put a point metres away from the object, where only one view looks: no other view sees
-through it, and in small images most voxels hold as few measurements as it does. A surface, however thin, is
-a chain of points one voxel apart; such an outlier has next to nothing around it.
 
 Views that disagree by a few voxels make a cloud several voxels thick. `onto_surface` moves its points to
 where the views together measured the surface: the zero of the mean of their truncated signed distances
@@ -24,7 +20,6 @@ import warp as wp
 from digs_warp.device.eyes import Eye, eyes_of, pixel_seen, place_of, shows
 from digs_warp.device.parallel import launch_parallel
 from digs_warp.geometry.camera import Camera
-from digs_warp.init.voxel import voxel_keys
 
 wp.set_module_options({"enable_backward": False})
 
@@ -49,7 +44,6 @@ _NEAR = wp.constant(wp.float64(NEAR_VOXELS))
 _VOXELS = wp.constant(wp.float64(TOLERANCE_VOXELS))
 _FACING = wp.constant(wp.float64(FACING))
 _STAYS = wp.constant(wp.float64(STAYS))
-_SHARE = wp.constant(wp.float64(TOLERANCE_SHARE))
 
 
 @wp.func
@@ -74,18 +68,21 @@ def count_views_kernel(
     eyes: wp.array[Eye],
     depth: wp.array[float],  # depth maps of all eyes [m], NaN: unknown
     voxel_size: wp.float64,  # [m]
+    share: wp.float64,  # of the depth
     # output
-    counts: wp.array2d[int],  # [n, 3] views that confirm, contradict and cannot see a point
+    counts: wp.array2d[int],  # [n, 5] as of `ViewCounts`
 ):
-    """Count the views that confirm, contradict and cannot see a point."""
+    """Count what the views say of a point."""
     i = first + wp.tid()
     confirmed = int(0)
     contradicted = int(0)
     occluded = int(0)
+    agreeing = int(0)
+    near = int(0)
     for e in range(eyes.shape[0]):
         measured, own = depths_at(eyes[e], depth, points[i])
         nearer = measured - own
-        tolerance = _VOXELS * voxel_size + _SHARE * measured
+        tolerance = _VOXELS * voxel_size + share * measured
         # Comparisons with NaN, where nothing was measured, are False.
         if wp.abs(nearer) <= tolerance:
             confirmed += 1
@@ -93,37 +90,15 @@ def count_views_kernel(
             contradicted += 1
         if nearer < -tolerance:
             occluded += 1
+        if wp.abs(nearer) <= _AGREES * voxel_size:
+            agreeing += 1
+        if wp.abs(nearer) <= _NEAR * voxel_size:
+            near += 1
     counts[i, 0] = confirmed
     counts[i, 1] = contradicted
     counts[i, 2] = occluded
-
-
-@wp.kernel
-def agreement_kernel(
-    first: int,
-    points: wp.array[wp.vec3d],  # [n] in the world [m]
-    eyes: wp.array[Eye],
-    depth: wp.array[float],  # depth maps of all eyes [m], NaN: unknown
-    voxel_size: wp.float64,  # [m]
-    # output
-    agreement: wp.array[float],  # [n] of the views that measured the surface near a point, 0..1
-):
-    """Compute the share of the views that agree; see `digs_warp.init.visibility.agreement_of_views`."""
-    i = first + wp.tid()
-    agreeing = int(0)
-    near = int(0)
-    for e in range(eyes.shape[0]):
-        measured, own = depths_at(eyes[e], depth, points[i])
-        apart = wp.abs(measured - own)
-        # Comparisons with NaN, where nothing was measured, are False.
-        if apart <= _AGREES * voxel_size:
-            agreeing += 1
-        if apart <= _NEAR * voxel_size:
-            near += 1
-    if near > 0:
-        agreement[i] = float(agreeing) / float(near)
-    else:
-        agreement[i] = 1.0
+    counts[i, 3] = agreeing
+    counts[i, 4] = near
 
 
 @wp.func
@@ -193,35 +168,49 @@ class DepthViews:
 
 
 class ViewCounts(NamedTuple):
-    """How many views confirm, contradict and cannot see each point, (n,) each, int32."""
+    """How many views say what of each point, (n,) each, int32.
+
+    Attributes:
+        confirmed, contradicted, occluded: measured the surface there; farther away; nearer, or do not show
+            it.
+        agreeing, near: measured the surface within `AGREES_VOXELS` and `NEAR_VOXELS` of it.
+    """
 
     confirmed: np.ndarray
     contradicted: np.ndarray
     occluded: np.ndarray
+    agreeing: np.ndarray
+    near: np.ndarray
 
 
-def not_seen_through(points_world: np.ndarray, views: DepthViews, voxel_size: float) -> np.ndarray:
-    """Return the points that at least as many views confirm as contradict, shape (n,), bool.
+def count_views(
+    points_world: np.ndarray,
+    views: DepthViews,
+    voxel_size: float,
+    share: float = TOLERANCE_SHARE,
+) -> ViewCounts:
+    """Return what the views say of points.
 
     Args:
         points_world: points [m], shape (n, 3).
         views: all of them.
         voxel_size: of the points' grid [m].
+        share: of the depth, by which depths of one surface may differ beside `TOLERANCE_VOXELS`.
     """
+    found = wp.empty((len(points_world), 5), dtype=int, device="cpu")
+    inputs = [*_inputs(points_world, views, voxel_size), wp.float64(share), found]
+    launch_parallel(count_views_kernel, len(points_world), inputs)
+    return ViewCounts(*found.numpy().T)
+
+
+def not_seen_through(points_world: np.ndarray, views: DepthViews, voxel_size: float) -> np.ndarray:
+    """Return the points that at least as many views confirm as contradict, shape (n,), bool."""
     counts = count_views(points_world, views, voxel_size)
     return counts.confirmed >= counts.contradicted
 
 
-def confirmed(points_world: np.ndarray, views: DepthViews, voxel_size: float) -> np.ndarray:
-    """Return which points a view confirms, (n,), bool; arguments as of `not_seen_through`."""
-    return count_views(points_world, views, voxel_size).confirmed > 0
-
-
 def hidden(points_world: np.ndarray, views: DepthViews, voxel_size: float) -> np.ndarray:
-    """Return which points no view can see, (n,), bool: behind what it measured, or not in its image.
-
-    Arguments as of `not_seen_through`.
-    """
+    """Return which points no view can see, (n,), bool: behind what it measured, or not in its image."""
     return count_views(points_world, views, voxel_size).occluded == len(views)
 
 
@@ -232,31 +221,22 @@ def agreement_of_views(
 
     Of the views that measured the surface within `NEAR_VOXELS` in front of a point or behind it, those agree
     that measured it within `AGREES_VOXELS`. Exact depth gives nearly 1; where views contradict each other, a
-    cloud is several voxels thick, and its outer points get the least. Arguments as of `not_seen_through`.
+    cloud is several voxels thick, and its outer points get the least.
     """
-    agreement = wp.empty(len(points_world), dtype=float, device="cpu")
-    inputs = [*_inputs(points_world, views, voxel_size), agreement]
-    launch_parallel(agreement_kernel, len(points_world), inputs)
-    return agreement.numpy()
+    counts = count_views(points_world, views, voxel_size)
+    share = counts.agreeing / np.maximum(counts.near, 1)
+    return np.where(counts.near > 0, share, 1.0).astype(np.float32)
 
 
 def onto_surface(points_world: np.ndarray, views: DepthViews, voxel_size: float) -> np.ndarray:
     """Return points moved to where the views that measured something near them put the surface [m], (n, 3).
 
-    Views count whose depth is within `NEAR_VOXELS` of the point. Arguments as of `not_seen_through`.
+    Views count whose depth is within `NEAR_VOXELS` of the point. Arguments as of `count_views`.
     """
     moved = wp.empty(len(points_world), dtype=wp.vec3d, device="cpu")
     inputs = [*_inputs(points_world, views, voxel_size), moved]
     launch_parallel(onto_surface_kernel, len(points_world), inputs)
     return moved.numpy()
-
-
-def count_views(points_world: np.ndarray, views: DepthViews, voxel_size: float) -> ViewCounts:
-    """Return how many views confirm, contradict, and cannot see each point."""
-    count = len(points_world)
-    found = wp.empty((count, 3), dtype=int, device="cpu")
-    launch_parallel(count_views_kernel, count, [*_inputs(points_world, views, voxel_size), found])
-    return ViewCounts(*found.numpy().T)
 
 
 def _inputs(points_world: np.ndarray, views: DepthViews, voxel_size: float) -> list[Any]:
@@ -265,47 +245,22 @@ def _inputs(points_world: np.ndarray, views: DepthViews, voxel_size: float) -> l
     return [points, views.eyes, views.depth, wp.float64(voxel_size)]
 
 
-# Points are counted in cells of this many times the distance between points, and in the cells around them.
-CELL = 8.0
-
-# Points with fewer than this many in their cell and the cells around it, themselves included, are outliers.
-MIN_CLUSTER = 4
-
-# The distance between points is measured from this many of them.
-SAMPLES = 1000
+# Points with fewer than this many within this many times the distance between points, themselves included,
+# are outliers.
+MIN_CLUSTER, REACH = 4, 12.0
 
 
-def not_isolated(points_world: np.ndarray, voxel_size: float) -> np.ndarray:
-    """Return which points have others around them, shape (n,), bool; all if none has.
+def not_isolated(points_world: np.ndarray) -> np.ndarray:
+    """Return which points (n, 3) have others around them, shape (n,), bool; all if none has.
 
-    Where depth maps are coarser than the voxels, the distance between the points counts, not the voxel size.
-
-    Args:
-        points_world: one point per voxel [m], shape (n, 3).
-        voxel_size: edge length of the voxels [m].
+    A surface, however thin, is a chain of points; an outlier has next to nothing around it.
     """
-    from scipy.spatial import KDTree  # pyright: ignore[reportAttributeAccessIssue]
+    from scipy.spatial import KDTree
 
     count = len(points_world)
     if count < MIN_CLUSTER:
         return np.ones(count, dtype=bool)
-    edge = CELL * max(voxel_size, _spacing(points_world))
-    _, first, cell_of, counts = np.unique(
-        voxel_keys(points_world, edge), return_index=True, return_inverse=True, return_counts=True
-    )
-    cells = KDTree(np.floor(points_world[first] / edge))
-    # Neighbors differ by at most 1 along each axis; 1.5 is safe against rounding.
-    one, other = cells.query_pairs(1.5, p=np.inf, output_type="ndarray").T
-    around = counts + np.bincount(one, counts[other], len(counts))
-    around += np.bincount(other, counts[one], len(counts))
-    clustered = (around >= MIN_CLUSTER)[cell_of]
-    return clustered if clustered.any() else np.ones(count, dtype=bool)
-
-
-def _spacing(points_world: np.ndarray) -> float:
-    """Return the median distance of points to their nearest neighbor [m]."""
-    from scipy.spatial import KDTree  # pyright: ignore[reportAttributeAccessIssue]
-
-    tree = KDTree(points_world, balanced_tree=False, compact_nodes=False)
-    sample = points_world[:: max(1, len(points_world) // SAMPLES)]
-    return float(np.median(tree.query(sample, k=2)[0][:, 1]))
+    tree = KDTree(points_world)
+    apart, _ = tree.query(points_world, k=MIN_CLUSTER, workers=-1)
+    keep = apart[:, -1] <= REACH * np.median(apart[:, 1])
+    return keep if keep.any() else np.ones(count, dtype=bool)

@@ -5,33 +5,37 @@ The grid is anchored at the world's origin, so the sums of separate batches can 
 reduced view by view and never held in memory as a whole.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from digs_warp.checks import DigsError, check_positive
+from digs_warp.data.point_cloud import PointCloud
 
 # Three signed voxel indices share one 64-bit key, so that a single sort groups the points.
 BITS = 21
 MAX_INDEX = 2 ** (BITS - 1) - 1
 
-POSITION, COLOR, VALUES = 0, 3, 6  # where each begins in a row of sums, and how many they are
+POSITION, COLOR, COLUMNS = 1, 4, 7  # where each begins in a row of sums, and how many there are
 
-# New views are collected until together they have this many times the grid's voxels, then merged.
-MERGE_AT = 3.0
+# A voxel is dropped when finer ones cover this share of the surface in it. Where two grids meet, a coarse
+# voxel is partly covered: dropping it would leave a gap, keeping it shows some of the surface twice.
+COVERED = 0.5
 
 
 @dataclass(frozen=True, eq=False)
-class VoxelSums:
-    """The accumulated measurements of each occupied voxel.
+class Voxels:
+    """The accumulated measurements of each occupied voxel of a grid.
 
     Attributes:
+        edge: edge length [m].
         keys: packed voxel indices, ascending, shape (n,), int64.
         sums: number of measurements, summed positions [m] and summed colors in 0..1, shape (n, 1 + 6),
             float64.
     """
 
+    edge: float
     keys: np.ndarray
     sums: np.ndarray
 
@@ -39,67 +43,55 @@ class VoxelSums:
         return len(self.keys)
 
     @property
-    def means(self) -> np.ndarray:
-        """Means of position and color, shape (n, 6)."""
-        return self.sums[:, 1:] / self.sums[:, :1]
-
-    @property
     def points_world(self) -> np.ndarray:
         """Mean positions [m], shape (n, 3), in the order of the keys."""
-        return self.means[:, POSITION:COLOR]
+        return self.sums[:, POSITION:COLOR] / self.sums[:, :1]
 
     @property
-    def colors(self) -> np.ndarray:
-        """Mean colors, shape (n, 3)."""
-        return self.means[:, COLOR:]
+    def points(self) -> PointCloud:
+        """One point per voxel."""
+        return PointCloud(self.points_world, self.sums[:, COLOR:] / self.sums[:, :1])
 
-    def select(self, keep: np.ndarray) -> "VoxelSums":
+    def select(self, keep: np.ndarray) -> "Voxels":
         """Return the voxels at ``keep``, a bool mask."""
-        return VoxelSums(self.keys[keep], self.sums[keep])
+        return Voxels(self.edge, self.keys[keep], self.sums[keep])
 
-    def coarser(self, voxel_size: float) -> "VoxelSums":
-        """Return the sums on a coarser grid [m]; a voxel's mean position decides where it goes.
+    def coarser(self, factor: float) -> "Voxels":
+        """Return the sums on a grid whose edges are ``factor`` >= 1 times as long.
+
+        A voxel's mean position decides where it goes.
 
         Raises:
-            DigsError: the voxel size is not positive, or so small that voxel indices overflow.
+            DigsError: the edge is so small that voxel indices overflow.
         """
-        return _sum_by_key(voxel_keys(self.points_world, voxel_size), self.sums)
+        if factor == 1:
+            return self
+        edge = factor * self.edge
+        return sums_by_key(edge, voxel_keys(self.points_world, edge), self.sums)
 
-    def moved(self, points_world: np.ndarray, voxel_size: float) -> "VoxelSums":
-        """Return the sums with other mean positions [m], (n, 3), on a grid; those in one voxel are joined."""
+    def moved(self, points_world: np.ndarray) -> "Voxels":
+        """Return the sums with other mean positions [m], (n, 3); those in one voxel are joined."""
         sums = self.sums.copy()
-        first = 1 + POSITION
-        sums[:, first : first + 3] = points_world * sums[:, :1]
-        return _sum_by_key(voxel_keys(points_world, voxel_size), sums)
+        sums[:, POSITION:COLOR] = points_world * sums[:, :1]
+        return sums_by_key(self.edge, voxel_keys(points_world, self.edge), sums)
+
+    def uncovered_by(self, others: Iterable["Voxels"]) -> "Voxels":
+        """Return the voxels in which the ``others``, not coarser ones, cover less than `COVERED`."""
+        share = np.zeros(len(self))
+        for other in others:
+            keys = voxel_keys(other.points_world, self.edge)
+            places = np.searchsorted(self.keys, keys)
+            inside = places < len(self)
+            inside[inside] = self.keys[places[inside]] == keys[inside]
+            covers = (other.edge / self.edge) ** 2  # of the surface in one of our voxels
+            share += covers * np.bincount(places[inside], minlength=len(self))
+        return self.select(share < COVERED)
 
 
-class GrowingGrid:
-    """Voxel sums of many views.
-
-    New views are collected until together they outweigh the grid, then merged. So each voxel is sorted a
-    logarithmic number of times, and memory stays within a few times the grid.
-    """
-
-    def __init__(self) -> None:
-        self._batches: list[VoxelSums] = []
-
-    def add(self, voxels: VoxelSums) -> None:
-        """Add the sums of one view."""
-        self._batches.append(voxels)
-        if sum(map(len, self._batches[1:])) > MERGE_AT * len(self._batches[0]):
-            self._batches = [self.merged()]
-
-    def merged(self) -> VoxelSums:
-        """Return the sums of all views; needs at least one."""
-        return merge_voxel_sums(self._batches)
-
-
-def merge_voxel_sums(batches: Sequence[VoxelSums]) -> VoxelSums:
+def merged(batches: Sequence[Voxels]) -> Voxels:
     """Return the sums of several batches (at least one) on the same grid."""
-    return _sum_by_key(
-        np.concatenate([batch.keys for batch in batches]),
-        np.concatenate([batch.sums for batch in batches]),
-    )
+    keys = np.concatenate([batch.keys for batch in batches])
+    return sums_by_key(batches[0].edge, keys, np.concatenate([batch.sums for batch in batches]))
 
 
 def voxel_keys(points_world: np.ndarray, voxel_size: float) -> np.ndarray:
@@ -124,9 +116,9 @@ def voxel_keys(points_world: np.ndarray, voxel_size: float) -> np.ndarray:
     return keys
 
 
-def _sum_by_key(keys: np.ndarray, rows: np.ndarray) -> VoxelSums:
+def sums_by_key(edge: float, keys: np.ndarray, rows: np.ndarray) -> Voxels:
+    """Return the sums of rows, (n, 1 + 6), with the same key, (n,)."""
     order = np.argsort(keys, kind="stable")
     keys = keys[order]
     first = np.flatnonzero(np.diff(keys, prepend=keys[:1] - 1))
-    sums = np.add.reduceat(rows[order], first, axis=0)
-    return VoxelSums(keys[first], sums)
+    return Voxels(edge, keys[first], np.add.reduceat(rows[order], first, axis=0))

@@ -21,8 +21,9 @@ from digs_warp.data.capture import Capture, object_alone
 from digs_warp.data.layers import Layer
 from digs_warp.data.point_cloud import PointCloud
 from digs_warp.data.posed_frames import CAMERAS, PosedFrames
+from digs_warp.device.libraries import MissingLibraryError
 from digs_warp.init.recipes import initialize
-from digs_warp.init.recorded_points import recorded_points
+from digs_warp.init.sparse_points import recorded_points
 from digs_warp.init.start import Start, Subject
 from digs_warp.masks.config import SegmentConfig
 from digs_warp.masks.masks import masked
@@ -39,7 +40,7 @@ from digs_warp.pipeline.poses import (
     tracked,
 )
 from digs_warp.pipeline.records import Poses, store, stored
-from digs_warp.pipeline.refine_poses import only_registered, refined, with_held_out
+from digs_warp.pipeline.refine_poses import only_registered, refined
 from digs_warp.poses.board import posed_by_board
 from digs_warp.poses.from_images.config import SfmConfig
 from digs_warp.poses.outcome import Tracking
@@ -176,7 +177,7 @@ def _poses_and_start(
     frames = PosedFrames.split(capture, config.test_every)
     recorded, sparse = _sparse_points(capture, frames, subject, config, folder, log)
     if sparse is not None:
-        frames = only_registered(frames, sparse.model.names, capture, config.test_every)
+        frames = only_registered(frames, sparse.model.names)
     if config.segment.source != "capture":
         with log.stage("masks"):
             frames = masked(frames, config.segment, folder / MASKS)
@@ -199,13 +200,14 @@ def _poses_and_start(
         logger.warning("%s: the scale is %s", capture, metric_scale)
     with log.stage("refine poses"):
         frames, refinement = refined(frames, capture, config.sfm)
-        frames = with_held_out(frames, capture, config.test_every)
+    if not frames.held_out and capture.split(config.test_every)[1]:
+        logger.warning("%s: no held-out frame is left, so the result is not measured", capture)
     frames = frames.changed(lambda frame: replace(frame, alone=False))
     with log.stage("check"):
         found = check.result()  # before the initialization, which counts its CPU time
     with log.stage("initialize"):
-        sfm = (model.sfm, model.sfm_per_metre) if model else (None, None)
-        start = initialize(frames.training, config.init, *sfm, subject, recorded)
+        sfm = model.sfm if model else None
+        start = initialize(frames.training, config.init, sfm, subject, recorded)
     logger.info("%s: starting from %s", capture, start.because)
     poses = Poses(
         frames=frames,
@@ -258,7 +260,15 @@ def _sparse_points(
     if not config.takes_sparse_points(subject) or recorded is not None:
         return recorded, None
     with log.stage("structure from motion"):
-        return None, match_images(capture, config.sfm, folder / SFM)
+        try:
+            return None, match_images(capture, config.sfm, folder / SFM)
+        except MissingLibraryError:
+            raise
+        except DigsError as error:
+            if config.needs_sfm:
+                raise
+            logger.warning("%s", error)  # photographs of known poses can start without
+            return None, None
 
 
 def _findings(capture: Capture, config: FrontEndConfig) -> "tuple[Finding, ...]":

@@ -12,22 +12,24 @@ from pathlib import Path
 from digs_warp.checks import DigsError
 from digs_warp.data.capture import Capture
 from digs_warp.data.decoded import decoded_once
+from digs_warp.data.images import write_image
 from digs_warp.data.posed_frames import CAMERAS
 from digs_warp.data.triangle_mesh import TriangleMesh
 from digs_warp.device.libraries import import_open3d, import_pycolmap
 from digs_warp.device.threads import default_threads
 from digs_warp.device.warp_start import require_device
-from digs_warp.measure.scores import Scores, SurfaceError
+from digs_warp.measure.scores import Scores
 from digs_warp.pipeline.config import ReconstructConfig, check_front_end
 from digs_warp.pipeline.front_end import SFM, front_end
 from digs_warp.pipeline.optimize import Optimized, optimize
 from digs_warp.pipeline.reconstruction import Reconstruction
-from digs_warp.pipeline.records import write_render, write_scores
+from digs_warp.pipeline.records import RENDERS
 from digs_warp.pipeline.verdict import verdict
-from digs_warp.record.files import remove
+from digs_warp.record.files import remove, to_json, write_atomically
 from digs_warp.record.layout import (
     CHECKPOINT,
     COURSE,
+    EVALUATION,
     GAUSSIANS,
     INITIAL_POINTS,
     MASKS,
@@ -147,35 +149,30 @@ def _evaluate(result: Reconstruction, found: Optimized, config: ReconstructConfi
         measured = trained.measured or measure_views(gaussians, found.test_views)
         names = [score.name for score in measured.scores]
         writes = [
-            beside.submit(write_render, folder, *each)
-            for each in zip(names, measured.images, strict=True)
+            beside.submit(write_image, folder / RENDERS / f"{name}.png", image)
+            for name, image in zip(names, measured.images, strict=True)
         ]
         sizes = measure_other_sizes(gaussians, found.test_views, measured.scores)
-        surface = _surface_error(result, truth.result(), config)
-        scene = result.frames if result.poses.subject == "scene" else None
-        unseen = unseen_part(measured, scene, found.test_views) if scene else None
+        frames, mesh = result.poses.posed, truth.result()
+        every = (*frames.training, *frames.held_out)
+        device, surface, unseen = config.train.device, None, None
+        if mesh is not None:
+            surface = surface_error(trained.gaussians, every, mesh, device)
+        if result.poses.subject == "scene":
+            unseen = unseen_part(measured, frames, found.test_views)
         for write in writes:
             write.result()
         scores = Scores.of(measured.scores, surface, sizes, unseen)
-        write_scores(folder, scores)
+        write_atomically(folder / EVALUATION, to_json(scores.to_json()).encode())
     return scores
 
 
 def _true_surface(result: Reconstruction, config: ReconstructConfig) -> TriangleMesh | None:
     """Return the true surface, where the recording is a simulated one and its mesh is still there."""
-    if result.capture is None or result.frames is None or result.poses.subject == "scene":
+    if result.capture is None or result.poses.subject == "scene":
         return None  # the true mesh is that of the object: a room would be far from it
     try:
         return read_true_surface(result.capture, config.segment.instance, textured=False)
     except DigsError as error:
         logger.info("no distance to the true surface: %s", error)
         return None
-
-
-def _surface_error(
-    result: Reconstruction, truth: TriangleMesh | None, config: ReconstructConfig
-) -> SurfaceError | None:
-    if truth is None or result.frames is None:
-        return None
-    frames = (*result.frames.training, *result.frames.held_out)
-    return surface_error(result.gaussians, frames, truth, config.train.device)

@@ -13,6 +13,7 @@ import numpy as np
 from digs_warp.checks import DigsError
 from digs_warp.data.capture import Capture, read_capture
 from digs_warp.data.gaussians import CARDS, OTHER_FORMATS, Gaussians
+from digs_warp.data.images import read_image
 from digs_warp.data.point_cloud import PointCloud
 from digs_warp.data.posed_frames import PosedFrames
 from digs_warp.geometry.camera import Camera
@@ -23,15 +24,13 @@ from digs_warp.pipeline.records import (
     Poses,
     Verdict,
     find_frames,
-    read_render,
     read_scores,
     store,
     stored,
     stored_capture,
-    write_scores,
 )
 from digs_warp.record.fields import Fields
-from digs_warp.record.files import copy_folder
+from digs_warp.record.files import copy_folder, to_json, write_atomically
 from digs_warp.record.layout import (
     COURSE,
     EVALUATION,
@@ -198,7 +197,16 @@ class Reconstruction:
         Raises:
             DigsError: it was not stored, or has another size.
         """
-        return read_render(self._stored(), name, shape)
+        if self.folder is None:
+            raise DigsError("reconstruction: it is only in memory; save it to a folder first")
+        path = self.folder / RENDERS / f"{name}.png"
+        pixels = read_image(path, "rendered view")
+        if pixels.dtype != np.uint8 or pixels.shape != shape:
+            raise DigsError(
+                f"rendered view '{path}': {pixels.shape} of {pixels.dtype}, expected {shape} of uint8 as the "
+                "capture has; reconstruct again"
+            )
+        return pixels
 
     def load_snapshots(self) -> tuple[tuple[int, Gaussians], ...]:
         """Return (iteration, Gaussians) of the training, ascending; empty where none were kept.
@@ -236,7 +244,7 @@ class Reconstruction:
         if self.start:
             self.start.points.save(folder / INITIAL_POINTS)
         write_course(folder / TRAINING, self.course)
-        write_scores(folder, self.scores)
+        write_atomically(folder / EVALUATION, to_json(self.scores.to_json()).encode())
         run = replace(self.run, results=self.results)
         run.save(folder / RUN_RECORD)
         self.gaussians.save(folder / GAUSSIANS)
@@ -301,8 +309,3 @@ class Reconstruction:
 
     def _setting(self, group: str, name: str) -> str | None:
         return Fields(self.settings, "settings").section(group, optional=True).text(name, None)
-
-    def _stored(self) -> Path:
-        if self.folder is None:
-            raise DigsError("reconstruction: it is only in memory; save it to a folder first")
-        return self.folder

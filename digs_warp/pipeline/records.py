@@ -10,11 +10,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, TypeVar
 
-import numpy as np
-
 from digs_warp.checks import DigsError
 from digs_warp.data.capture import Capture, MetricScale, read_capture
-from digs_warp.data.images import read_image, write_image
 from digs_warp.data.index_rules import INDEX_NAME
 from digs_warp.data.posed_frames import CAMERAS, PosedFrames
 from digs_warp.init.scale import ScaleEstimate
@@ -22,9 +19,8 @@ from digs_warp.init.start import Subject
 from digs_warp.measure.scores import Scores
 from digs_warp.poses.from_images.quality import SfmQuality
 from digs_warp.poses.outcome import PoseRefinement, Tracking
-from digs_warp.record import files
 from digs_warp.record.fields import Fields
-from digs_warp.record.files import read_json, write_atomically
+from digs_warp.record.files import read_json
 from digs_warp.record.layout import CAPTURE, EVALUATION, RUN_RECORD, places_of
 from digs_warp.record.manifest import Manifest
 from digs_warp.record.results import Figure
@@ -137,28 +133,6 @@ def stored_capture(run: RunRecord | None, folder: Path) -> Path | None:
 def _results(run: RunRecord | None, folder: Path) -> Fields:
     where = f"run record '{folder / RUN_RECORD}', results"
     return Fields(run.results if run else {}, where, remedy="reconstruct again")
-
-
-def write_scores(folder: Path, scores: Scores) -> None:
-    """Write the scores into the folder of a reconstruction."""
-    write_atomically(folder / EVALUATION, files.to_json(scores.to_json()).encode())
-
-
-def write_render(folder: Path, name: str, image: np.ndarray) -> None:
-    """Write a held-out view, uint8, where `Reconstruction.load_render` finds it."""
-    write_image(folder / RENDERS / f"{name}.png", image)
-
-
-def read_render(folder: Path, name: str, shape: tuple[int, ...]) -> np.ndarray:
-    """Return a held-out view; see `Reconstruction.load_render`."""
-    path = folder / RENDERS / f"{name}.png"
-    pixels = read_image(path, "rendered view")
-    if pixels.dtype != np.uint8 or pixels.shape != shape:
-        raise DigsError(
-            f"rendered view '{path}': {pixels.shape} of {pixels.dtype}, expected {shape} of uint8 "
-            "as the capture has; reconstruct again"
-        )
-    return pixels
 
 
 def find_capture(folder: Path, recorded: Path | None = None) -> Path | None:

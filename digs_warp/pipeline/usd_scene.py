@@ -42,6 +42,7 @@ def write_capture_package(
     Raises:
         DigsError: there is no surface to extract, or the scene cannot be written.
     """
+    from digs_warp.pipeline.mesh import extract_mesh
     from digs_warp.usd.capture_scene import CaptureScene, write_capture_scene
 
     posed = result.poses.frames or PosedFrames.as_recorded(capture)
@@ -50,16 +51,10 @@ def write_capture_package(
         gaussians=result.gaussians,
         cameras=_camera_path(capture, posed),
         source_mesh=_source_mesh(capture, result.instance),
-        surface=_surface(result.gaussians, poses) if surface else None,
+        surface=extract_mesh(result.gaussians, poses).mesh if surface else None,
         metadata=result.scene_metadata | _origin(capture, result.instance),
     )
     write_capture_scene(path, scene, precision)
-
-
-def _surface(gaussians: Gaussians, poses: Poses) -> "TriangleMesh":
-    from digs_warp.pipeline.mesh import extract_mesh
-
-    return extract_mesh(gaussians, poses).mesh
 
 
 def scene_metadata(

@@ -123,9 +123,9 @@ def verdict(
     helps = seen.steps is not None and seen.steps < PLAIN and not projects
     poor = [*_poor(poses, scores, seen, _size(gaussians), (PROJECTOR,) if helps else ())]
     if not poor:
-        because = tuple(_good(poses, scores, seen))
-        words = "; ".join(_words(poses, scores, adherence, seen)) or "nothing to object"
-        return Verdict(True, because, (), seen, f"good: {words}")
+        good = [*_good(poses, scores, adherence, seen)]
+        words = "; ".join(each for _, each in good if each) or "nothing to object"
+        return Verdict(True, tuple(what for what, _ in good), (), seen, f"good: {words}")
     because = tuple(what for what, _ in poor)
     advice = tuple(dict.fromkeys(each for _, todo in poor for each in todo))
     words = f"poor, because {'; '.join(because)}. To do: {'; '.join(advice)}"
@@ -171,29 +171,27 @@ def _poor(
         yield f"held-out views match to {psnr:.1f} dB only", (CHECK, VIEWS)
 
 
-def _good(poses: Poses, scores: Scores, seen: OnObject) -> Iterator[str]:
-    """Yield what was measured of a good result."""
-    if seen.depth is not None:
-        yield f"depth on {seen.depth:.0%} of the {poses.subject}"
-    if seen.apart is not None:
-        yield f"measured depth of neighboring views within {1e3 * seen.apart:.1f} mm"
-    if not np.isnan(psnr := _psnr(poses, scores)):
-        yield f"held-out views match to {psnr:.1f} dB"
-
-
-def _words(poses: Poses, scores: Scores, adherence: float | None, seen: OnObject) -> Iterator[str]:
-    """Yield what a good result is like, in plain words."""
-    if scores.surface is not None and seen.off is not None:
-        yield _nearness(scores.surface.accuracy, seen.off, "the surface", "the camera measures")
+def _good(
+    poses: Poses, scores: Scores, adherence: float | None, seen: OnObject
+) -> Iterator[tuple[str, str]]:
+    """Yield what was measured of a good result, and what that is like in plain words; one may be empty."""
+    surface = scores.surface.accuracy if scores.surface else None
+    near = ""
+    if surface is not None and seen.off is not None:
+        near = _nearness(surface, seen.off, "the surface", "the camera measures")
     elif adherence is not None and seen.apart is not None:
-        yield _nearness(adherence, seen.apart, "the measured depth", "neighboring views agree")
+        near = _nearness(adherence, seen.apart, "the measured depth", "neighboring views agree")
+    if seen.depth is not None:
+        yield f"depth on {seen.depth:.0%} of the {poses.subject}", near
+    if seen.apart is not None:
+        yield f"measured depth of neighboring views within {1e3 * seen.apart:.1f} mm", ""
     if not np.isnan(psnr := _psnr(poses, scores)):
-        yield f"held-out views {likeness(psnr, poses.subject)[1]} the photographs"
+        like = f"held-out views {likeness(psnr, poses.subject)[1]} the photographs"
+        yield f"held-out views match to {psnr:.1f} dB", like
 
 
 def _nearness(error: float, usual: float, what: str, who: str) -> str:
-    if error <= usual or not usual:
-        return f"as near to {what} as {who}"
-    if error <= NEARLY * usual:
-        return f"nearly as near to {what} as {who}"
-    return f"{error / usual:.1f} times as far from {what} as {who}"
+    if error > NEARLY * usual > 0:
+        return f"{error / usual:.1f} times as far from {what} as {who}"
+    nearly = "nearly " if error > usual > 0 else ""
+    return f"{nearly}as near to {what} as {who}"

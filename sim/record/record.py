@@ -11,7 +11,7 @@ from pathlib import Path
 
 from digs_warp.checks import CaptureError, DigsError
 from digs_warp.data.capture import Capture, read_capture
-from digs_warp.data.capture_writer import CaptureWriter, MemoryWriter
+from digs_warp.data.capture_writer import CaptureWriter
 from digs_warp.data.index_rules import INDEX_NAME
 from digs_warp.data.objects import ObjectView
 from digs_warp.device.threads import default_threads, limited_threads
@@ -107,7 +107,7 @@ def simulate_in_memory(config: SimulateConfig) -> Capture:
     """
     maker = FrameMaker.of(config)
     rig = maker.session.rig
-    writer = MemoryWriter(rig.image_intrinsics, rig_record(rig))
+    writer = CaptureWriter(None, rig.image_intrinsics, rig_record(rig))
     _record(maker, writer, RunLog("simulate", config), None)
     return writer.finish(facts_about(maker.session, maker.plan))
 
@@ -147,9 +147,7 @@ def frames_at_once() -> int:
     return min(AT_ONCE, default_threads())
 
 
-def _record(
-    maker: FrameMaker, writer: CaptureWriter | MemoryWriter, log: RunLog, record: Path | None
-) -> None:
+def _record(maker: FrameMaker, writer: CaptureWriter, log: RunLog, record: Path | None) -> None:
     """Make the frames that are not there yet; ``record`` is the file for the times so far, if any.
 
     Frames are made side by side: a stage gets the share of the time that passes as it has of the threads'
@@ -198,7 +196,7 @@ def _object_views(maker: FrameMaker, log: RunLog) -> list[tuple[ObjectView, ...]
 
 
 def _made(
-    maker: FrameMaker, numbers: list[int], writer: CaptureWriter | MemoryWriter
+    maker: FrameMaker, numbers: list[int], writer: CaptureWriter
 ) -> Generator[dict[str, float]]:
     """Make frames; yield the seconds of the stages of each, in order."""
     if not numbers:
@@ -228,13 +226,13 @@ def _made(
 
 
 def _make_within(
-    threads: int, maker: FrameMaker, number: int, writer: CaptureWriter | MemoryWriter
+    threads: int, maker: FrameMaker, number: int, writer: CaptureWriter
 ) -> dict[str, float]:
     with limited_threads(threads):
         return _make(maker, number, writer)
 
 
-def _make(maker: FrameMaker, number: int, writer: CaptureWriter | MemoryWriter) -> dict[str, float]:
+def _make(maker: FrameMaker, number: int, writer: CaptureWriter) -> dict[str, float]:
     """Render, sense and write a frame; return the seconds of each stage."""
     seconds: dict[str, float] = {}
     with timed(seconds, "render"):

@@ -7,7 +7,7 @@ from functools import lru_cache
 import numpy as np
 
 from digs_warp.data.capture import Capture
-from digs_warp.data.capture_writer import CaptureWriter, FrameImages, MemoryWriter
+from digs_warp.data.capture_writer import CaptureWriter, FrameImages
 from digs_warp.geometry.camera import Intrinsics
 from digs_warp.record.progress import progress
 from digs_warp.sim.camera.rig import StereoRig
@@ -66,7 +66,7 @@ PLACES = (
 
 
 def record_wall(
-    writer: CaptureWriter | MemoryWriter,
+    writer: CaptureWriter,
     rig: StereoRig,
     tier: Tier,
     places: Sequence[Place] = PLACES,
@@ -108,9 +108,9 @@ def record_wall(
     return writer.finish()
 
 
-def in_memory(rig: StereoRig) -> MemoryWriter:
+def in_memory(rig: StereoRig) -> CaptureWriter:
     """Return a writer that keeps the recording in memory."""
-    return MemoryWriter(rig.image_intrinsics, rig_record(rig))
+    return CaptureWriter(None, rig.image_intrinsics, rig_record(rig))
 
 
 def _of_color_camera(place: Place, rig: StereoRig, seed: int) -> FrameTruth:

@@ -149,10 +149,10 @@ def write_middlebury(capture: Capture, folder: Path) -> None:
     def write_scene(number: int, frame: Frame) -> None:
         scene = folder / f"{number:04d}"
         pairs.copy_pair(frame, scene / "im0.png", scene / "im1.png")
-        left, right = frame.load_disparity(), frame.load_disparity_right()
+        left, right = frame.load(Layer.DISPARITY), frame.load(Layer.DISPARITY_RIGHT)
         write_pfm(scene / "disp0.pfm", np.nan_to_num(left, nan=np.inf))
         write_pfm(scene / "disp1.pfm", np.nan_to_num(right, nan=np.inf))
-        both = frame.load_occlusion() == Occlusion.SEEN
+        both = frame.load(Layer.OCCLUSION) == Occlusion.SEEN
         mask = np.where(np.isfinite(left), np.where(both, SEEN, OCCLUDED), UNKNOWN)
         write_image(scene / "mask0nocc.png", mask.astype(np.uint8))
         calibration = calib_txt(pairs.camera(frame), pairs.baseline, left)
@@ -204,16 +204,16 @@ def write_sceneflow(capture: Capture, folder: Path) -> None:
     def write_frame(number: int, frame: Frame) -> None:
         name, images = f"{number:04d}", root / "frames_finalpass" / SEQUENCE
         pairs.copy_pair(frame, images / f"left/{name}.png", images / f"right/{name}.png")
-        sides = {"left": frame.load_disparity(), "right": frame.load_disparity_right()}
+        sides = {"left": frame.load(Layer.DISPARITY), "right": frame.load(Layer.DISPARITY_RIGHT)}
         for side, disparity in sides.items():
             known = np.nan_to_num(disparity, nan=UNKNOWN_DISPARITY)
             write_pfm(root / "disparity" / SEQUENCE / side / f"{name}.pfm", known)
         if pairs.has_flow and number + 1 < len(capture):
             into = f"{SEQUENCE}/into_future/left"
-            flow = np.dstack([frame.load_flow(), np.zeros(frame.load_mask().shape, np.float32)])
+            flow = np.where([True, True, False], frame.load(Layer.FLOW), np.float32(0))
             flow = np.where(np.isfinite(flow).all(axis=-1, keepdims=True), flow, UNKNOWN_FLOW)
             write_pfm(root / "optical_flow" / into / f"OpticalFlowIntoFuture_{name}_L.pfm", flow)
-            change = np.nan_to_num(frame.load_disparity_change(), nan=UNKNOWN_FLOW)
+            change = np.nan_to_num(frame.load(Layer.FLOW)[..., 2], nan=UNKNOWN_FLOW)
             write_pfm(root / "disparity_change" / into / f"{name}.pfm", change)
 
     for_each_frame(capture.frames, "Writing Scene Flow", write_frame)
@@ -249,15 +249,15 @@ def write_kitti_stereo(capture: Capture, folder: Path) -> None:
     def write_scene(number: int, frame: Frame) -> int:
         name = f"{number:06d}"
         pairs.copy_pair(frame, *eyes(f"{name}_10.png"))
-        disparity, seen = frame.load_disparity(), frame.load_occlusion() == Occlusion.SEEN
+        disparity, seen = frame.load(Layer.DISPARITY), frame.load(Layer.OCCLUSION) == Occlusion.SEEN
         encoded, lost = encode_disparity(disparity)
         _write_both(split, "disp_{}_0", f"{name}_10.png", encoded, seen)
         if pairs.has_flow:
             pairs.copy_pair(capture.frames[number + 1], *eyes(f"{name}_11.png"))
-            later, lost_later = encode_disparity(disparity + frame.load_disparity_change())
+            later, lost_later = encode_disparity(disparity + frame.load(Layer.FLOW)[..., 2])
             write_image(split / f"disp_occ_1/{name}_10.png", later)
-            flow, lost_flow = encode_flow(frame.load_flow())
-            seen = frame.load_flow_occlusion() == Occlusion.SEEN
+            flow, lost_flow = encode_flow(frame.load(Layer.FLOW)[..., :2])
+            seen = frame.load(Layer.FLOW_OCCLUSION) == Occlusion.SEEN
             _write_both(split, "flow_{}", f"{name}_10.png", flow, seen)
             lost += lost_later + lost_flow
         calibration = calib_cam_to_cam(pairs.camera(frame), pairs.baseline)

@@ -52,4 +52,4 @@ def in_masks(gaussians: Gaussians, frames: Sequence[Frame]) -> np.ndarray:
 
 def no_floater(gaussians: Gaussians) -> np.ndarray:
     """Return which centers have others around them, shape (n,), bool; distances are those of neighbors."""
-    return not_isolated(gaussians.means, 0.0)
+    return not_isolated(gaussians.means)

@@ -44,7 +44,6 @@ RECORDING: dict[str, Any] = {"frames": 48, "width": 480, "height": 270, "samples
 RECONSTRUCTION: dict[str, Any] = {
     "sfm.poses": "sfm",
     "sfm.double_size": True,
-    "init.voxel_unit": "object",
     "train.density.strategy": "adaptive",
 }
 

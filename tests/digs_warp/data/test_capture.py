@@ -10,7 +10,7 @@ import pytest
 from digs_warp.checks import CaptureError
 from digs_warp.data.about import About
 from digs_warp.data.capture import object_alone, read_capture
-from digs_warp.data.capture_writer import CaptureWriter, MemoryWriter
+from digs_warp.data.capture_writer import CaptureWriter
 from digs_warp.data.images import read_image, write_image
 from digs_warp.data.layers import BASIC_LAYERS, Layer
 from digs_warp.data.objects import PlacedObject, matrix_rows
@@ -84,15 +84,14 @@ def test_arrays_and_files_of_every_layer_give_the_same_pixels(tmp_path: Path) ->
     on_disk, plain = writer.finish().frames
     in_memory = replace(on_disk, layers=images.by_layer())
     for layer in (*BASIC_LAYERS, Layer.CAUSE, Layer.CONFIDENCE, Layer.NORMALS, *LABELS):
-        name = {Layer.RIGHT: "right_image"}.get(layer, layer.name.lower())
-        expected, found = (getattr(frame, f"load_{name}")() for frame in (on_disk, in_memory))
+        expected, found = on_disk.load(layer), in_memory.load(layer)
         assert expected.dtype == found.dtype
         np.testing.assert_array_equal(found, expected)
         found[:] = 0  # the caller's own: the frame keeps its pixels
-        np.testing.assert_array_equal(getattr(in_memory, f"load_{name}")(), expected)
+        np.testing.assert_array_equal(in_memory.load(layer), expected)
     np.testing.assert_array_equal(on_disk.load_cause(), gray)
     np.testing.assert_array_equal(np.round(255 * on_disk.load_confidence()), gray)
-    np.testing.assert_array_equal(on_disk.load_normals(), normals)
+    np.testing.assert_array_equal(on_disk.load(Layer.NORMALS), normals)
     # Codes of the sensor survive in the file and read as unknown.
     np.testing.assert_array_equal(read_image(on_disk.path(Layer.DEPTH))[..., 0], images.depth)
     assert np.isnan(on_disk.load_depth()[0, :5]).all()
@@ -203,7 +202,8 @@ def test_an_infrared_pair_comes_back_and_is_no_right_image(tmp_path: Path) -> No
 def test_motion_and_exposure_of_a_frame_come_back(tmp_path: Path) -> None:
     moving = Exposure(CameraMotion((0.1, -0.2, 0.3), (1.0, 0.0, -2.5)), 0.01)
     for exposure in (UNKNOWN_EXPOSURE, Exposure(exposure_time=0.0), moving):
-        for writer in (CaptureWriter(tmp_path, INTRINSICS), MemoryWriter(INTRINSICS)):
+        for folder in (tmp_path, None):
+            writer = CaptureWriter(folder, INTRINSICS)
             writer.write_frame(0, frame_images(0))
             writer.add_pose(0, view(0), time=0.0, exposure=exposure)
             assert writer.finish().frames[0].exposure == exposure

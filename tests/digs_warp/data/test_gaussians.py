@@ -99,9 +99,3 @@ def test_a_file_says_what_the_splats_are_drawn_with(tmp_path: Path) -> None:
     # An older file, without a note, is for the dilation of that time.
     np.savez(tmp_path / "g.npz", **{name: getattr(gaussians, name) for name in FIELDS})
     assert Gaussians.load(tmp_path / "g.npz").screen_filter == CLASSIC
-
-
-def test_splats_for_different_renderers_are_not_mixed() -> None:
-    ours = random_gaussians(2)
-    with pytest.raises(DigsError, match="different renderers"):
-        joined([ours, replace(ours, screen_filter=CLASSIC)])

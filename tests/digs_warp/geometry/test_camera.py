@@ -2,11 +2,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from numpy.testing import assert_allclose, assert_array_equal
+from numpy.testing import assert_allclose
 from scipy.spatial.transform import Rotation
 
 from digs_warp.checks import DigsError
-from digs_warp.geometry.camera import Camera, Intrinsics, pixel_centers
+from digs_warp.geometry.camera import Camera, Intrinsics
 from digs_warp.geometry.rigid import rigid
 
 # Nothing is centered, square or round.
@@ -83,15 +83,6 @@ def test_right_eye_sees_a_point_shifted_by_its_disparity():
     assert_allclose(px[:, 0] - right_px[:, 0], INTRINSICS.fx * 0.12 / depth, rtol=1e-9)
     assert_allclose(right_px[:, 1], px[:, 1], atol=1e-9)
     assert_allclose(right_depth, depth)
-
-
-def test_first_pixel_centre_is_at_half_and_the_last_half_before_the_edge():
-    centers = pixel_centers(5, 3)
-    assert centers.shape == (3, 5, 2)
-    assert_array_equal(centers[0, 0], (0.5, 0.5))
-    assert_array_equal(centers[2, 4], (4.5, 2.5))
-    assert_array_equal(centers[1, 3], (3.5, 1.5))
-    assert_allclose(centers.mean(axis=(0, 1)), (2.5, 1.5))
 
 
 def test_impossible_intrinsics_and_poses_are_refused():

@@ -1,7 +1,5 @@
 """Back-projection and its voxels, against the formulas."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
@@ -9,7 +7,7 @@ from digs_warp.checks import DigsError
 from digs_warp.geometry.camera import Camera, Intrinsics
 from digs_warp.geometry.rigid import look_at
 from digs_warp.init.back_project import back_project
-from digs_warp.init.voxel import MAX_INDEX, VoxelSums
+from digs_warp.init.voxel import MAX_INDEX, Voxels
 from reference.init_twin import back_projected, voxel_means
 
 HEIGHT, WIDTH = 17, 31
@@ -30,13 +28,12 @@ def random_view(seed: int = 0) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     return depth, image, keep
 
 
-def check_against_twin(
-    found: VoxelSums, points: np.ndarray, values: np.ndarray, size: float
-) -> None:
+def check_against_twin(found: Voxels, points: np.ndarray, values: np.ndarray, size: float) -> None:
     expected = voxel_means(points, values, size)
     np.testing.assert_array_equal(found.sums[:, 0], [count for count, _ in expected.values()])
     # float64 sums in both: a few roundings of coordinates up to 3.
-    np.testing.assert_allclose(found.means, [mean for _, mean in expected.values()], atol=1e-12)
+    means = found.sums[:, 1:] / found.sums[:, :1]
+    np.testing.assert_allclose(means, [mean for _, mean in expected.values()], atol=1e-12)
 
 
 @pytest.mark.parametrize("voxel_size", [TINY, 0.4, 100.0])
@@ -73,26 +70,13 @@ def test_no_pixel_and_one_pixel(pixel: tuple[int, int] | None) -> None:
     found = back_project(CAMERA, image, depth, keep, 0.01)
     expected = back_projected(CAMERA, depth, keep)
     np.testing.assert_allclose(found.points_world, expected, atol=1e-12)
-    assert found.colors.shape == expected.shape
+    assert found.points_world.shape == expected.shape
 
 
 def test_points_too_far_for_the_grid_raise() -> None:
     depth, image, keep = random_view()
     far = np.where(keep, depth * np.float32(1e6), depth)
     assert len(back_project(CAMERA, image, far, keep, 10.0)) > 0
-    with pytest.raises(DigsError, match=r"voxel size 0\.004 m: too small for points up to 2\.99"):
+    with pytest.raises(DigsError, match=r"voxel size 0\.004 m: too small for a camera 0\.6 m"):
         back_project(CAMERA, image, far, keep, 0.004)
     assert 3e6 / 10.0 < MAX_INDEX < 3e6 / 0.004
-
-
-def test_a_camera_too_far_for_the_grid_blames_the_poses() -> None:
-    depth, image, keep = random_view()
-    pose = CAMERA.world_from_cam.copy()
-    pose[0, 3] = -1.5e6
-    away = replace(CAMERA, world_from_cam=pose)
-    with pytest.raises(
-        DigsError, match=r"camera itself is 1\.5e\+06 m .* the poses are wrong.*--poses rgbd"
-    ):
-        back_project(away, image, depth, keep, 0.004)
-    with pytest.raises(DigsError, match="check that the depth is in metres"):
-        back_project(CAMERA, image, depth * np.float32(1e6), keep, 0.004)

@@ -1,12 +1,10 @@
 """The visual hull of masks: a ball whose silhouettes are known in closed form."""
 
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from digs_warp.checks import DigsError
 from digs_warp.data.capture import Capture
 from digs_warp.data.frame import Frame
 from digs_warp.data.layers import Layer
@@ -59,10 +57,6 @@ def test_a_mask_that_misses_the_object_in_one_view_of_many_does_not_cut_it(
     assert len(initialize(frames, HULL).points) == pytest.approx(whole, rel=0.1)
 
 
-def test_the_number_of_points_can_be_limited(frames: list[Frame]) -> None:
-    assert len(initialize(frames, replace(HULL, target_points=100)).points) == 100
-
-
 def test_masks_that_agree_on_no_place_are_named(frames: list[Frame]) -> None:
     """Each view has its object in another corner."""
     corners = []
@@ -74,8 +68,3 @@ def test_masks_that_agree_on_no_place_are_named(frames: list[Frame]) -> None:
         )
     with pytest.raises(NoPointsError, match="inside the masks of the 12 views"):
         initialize(corners, HULL)
-
-
-def test_masks_are_needed(frames: list[Frame]) -> None:
-    with pytest.raises(DigsError, match="mask_path"):
-        initialize([frame.without_layer(Layer.MASK) for frame in frames], HULL)

@@ -2,11 +2,11 @@
 
 import numpy as np
 
-from digs_warp.init.levels import Grid, Levels, count, finest_of
-from digs_warp.init.voxel import VoxelSums, voxel_keys
+from digs_warp.init.levels import Levels, count, finest_of
+from digs_warp.init.voxel import Voxels, voxel_keys
 
 
-def plate(edge: float, side: float) -> Grid:
+def plate(edge: float, side: float) -> Voxels:
     """One voxel for each cell of a square of the plane z = edge / 2, with its corner at the origin."""
     steps = np.arange(0.5 * edge, side, edge)
     points = np.stack(np.meshgrid(steps, steps, [0.5 * edge]), axis=-1).reshape(-1, 3)
@@ -14,7 +14,7 @@ def plate(edge: float, side: float) -> Grid:
     order = np.argsort(keys)
     ones = np.ones((len(points), 1))
     sums = np.concatenate([ones, points, np.zeros_like(points)], axis=1)
-    return Grid(edge, VoxelSums(keys[order], sums[order]))
+    return Voxels(edge, keys[order], sums[order])
 
 
 def test_the_grid_for_a_depth_is_as_wide_as_the_pixels_there() -> None:
@@ -29,19 +29,19 @@ def test_the_grid_for_a_depth_is_as_wide_as_the_pixels_there() -> None:
 def test_coarse_voxels_under_fine_ones_are_dropped_and_others_stay() -> None:
     fine, coarse = plate(0.01, 0.2), plate(0.02, 0.4)
     kept = finest_of([fine, coarse])
-    assert len(kept[0].voxels) == 400
+    assert len(kept[0]) == 400
     # A quarter of the large square lies under the small one.
-    assert len(kept[1].voxels) == 400 - 100
+    assert len(kept[1]) == 400 - 100
     assert count(kept) == 700
     # The two squares touch the same plane at other heights; what counts is the cell.
-    assert (kept[1].voxels.points_world[:, :2].max(axis=1) > 0.2).all()
+    assert (kept[1].points_world[:, :2].max(axis=1) > 0.2).all()
 
 
 def test_several_grids_cover_together() -> None:
     coarse, middle, fine = plate(0.04, 0.04), plate(0.02, 0.04), plate(0.01, 0.04)
     a_quarter = middle.select(np.arange(4) < 1)
-    corner = np.all(fine.voxels.points_world[:, :2] > 0.02, axis=1)
+    corner = np.all(fine.points_world[:, :2] > 0.02, axis=1)
     another = fine.select(corner)
-    assert len(coarse.uncovered_by([a_quarter]).voxels) == 1
-    assert len(coarse.uncovered_by([another]).voxels) == 1
-    assert len(coarse.uncovered_by([a_quarter, another]).voxels) == 0
+    assert len(coarse.uncovered_by([a_quarter])) == 1
+    assert len(coarse.uncovered_by([another])) == 1
+    assert len(coarse.uncovered_by([a_quarter, another])) == 0

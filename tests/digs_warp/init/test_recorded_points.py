@@ -8,10 +8,10 @@ import pytest
 
 from digs_warp.data.capture import Capture
 from digs_warp.data.layers import Layer
-from digs_warp.data.point_cloud import PointCloud, read_points, write_points
+from digs_warp.data.point_cloud import PointCloud, write_points
 from digs_warp.init.config import InitConfig
 from digs_warp.init.recipes import initialize
-from digs_warp.init.recorded_points import FEWEST, recorded_points
+from digs_warp.init.sparse_points import FEWEST, recorded_points
 from reference.ball_capture import ball_views, write_capture
 
 Sparse = Callable[[np.ndarray], Capture]
@@ -53,19 +53,3 @@ def test_too_few_points_are_as_good_as_none(
     capture = with_points(near_the_middle(FEWEST - 1))
     assert recorded_points(capture, [frame.camera for frame in capture.frames]) is None
     assert "too few to start from" in caplog.text
-
-
-def test_points_that_are_not_finite_are_left_out(
-    tmp_path: Path, caplog: pytest.LogCaptureFixture
-) -> None:
-    path = tmp_path / "points.ply"
-    rows = "0 0 0 255 0 0\nnan 0 0 0 255 0\n0 0 inf 0 0 255\n"
-    header = "".join(
-        f"property {kind}\n"
-        for kind in ("float x", "float y", "float z", "uchar red", "uchar green", "uchar blue")
-    )
-    path.write_text(f"ply\nformat ascii 1.0\nelement vertex 3\n{header}end_header\n{rows}")
-    cloud = read_points(path)
-    np.testing.assert_array_equal(cloud.points_world, [[0, 0, 0]])
-    np.testing.assert_array_equal(cloud.colors, [[1, 0, 0]])
-    assert "2 of 3 are not finite" in caplog.text

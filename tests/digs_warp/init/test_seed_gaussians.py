@@ -8,14 +8,17 @@ import pytest
 from digs_warp.data.gaussians import FIELDS
 from digs_warp.data.point_cloud import PointCloud
 from digs_warp.geometry.sh import rgb_from_sh
+from digs_warp.init.config import InitConfig
 from digs_warp.init.seeds import (
     GUESSED_OPACITY,
     LEAST_OPACITY,
     LONELY_SCALE,
     MAX_SCALE_RATIO,
     MIN_SCALE_RATIO,
+    SCENE_OPACITY,
     neighbor_scales,
     seed_gaussians,
+    seed_start,
 )
 
 
@@ -65,8 +68,6 @@ def test_gaussians_show_the_colors_of_the_points_from_every_side() -> None:
     np.testing.assert_allclose(gaussians.opacities, 0.25, rtol=1e-6)
     assert gaussians.quats.tolist() == [[0, 0, 0, 1]] * 50
     assert (np.ptp(gaussians.log_scales, axis=1) == 0).all()
-    with pytest.raises(ValueError, match=r"opacity 1\.0"):
-        seed_gaussians(points, opacity=1.0)
 
 
 def test_guessed_places_start_almost_transparent(tmp_path: Path) -> None:
@@ -92,3 +93,19 @@ def test_points_start_as_opaque_as_views_agree_with_them(tmp_path: Path) -> None
     whatever_they_say = seed_gaussians(points, opacity=0.6, least=0.6).opacities
     np.testing.assert_allclose(whatever_they_say, 0.6, rtol=1e-6)
     assert PointCloud.joined([sparse, sparse]).agreement is None
+
+
+def test_the_longer_the_run_the_more_opaque_are_doubtful_points() -> None:
+    depth = InitConfig()
+    least = [seed_start(depth, "object", steps).least for steps in (0, 300, 500, 1000, 30_000)]
+    np.testing.assert_allclose(np.array(least)[[0, 1, 3, 4]], [0.1, 0.1, 0.8, 0.8], rtol=1e-12)
+    assert 0.1 < least[2] < 0.8
+    sparse = seed_start(InitConfig(strategy="default"), "object", 100)
+    assert sparse.least == sparse.opacity == 0.1
+
+
+def test_a_scene_starts_less_opaque_unless_told_otherwise() -> None:
+    scene = seed_start(InitConfig(), "scene", 1000)
+    assert (scene.opacity, scene.least) == (SCENE_OPACITY, LEAST_OPACITY)
+    assert scene.largest > seed_start(InitConfig(), "object", 1000).largest
+    assert seed_start(InitConfig(strategy="default"), "scene", 1000).opacity == 0.1

@@ -1,23 +1,15 @@
 """The five strategies, on a ball whose surface is known in closed form."""
 
-from collections.abc import Sequence
-from pathlib import Path
-
 import numpy as np
 import pytest
 
 from digs_warp.checks import DigsError
 from digs_warp.data.capture import Capture
-from digs_warp.data.frame import Frame
-from digs_warp.data.images import write_image
-from digs_warp.data.layers import Layer
 from digs_warp.data.sfm_model import SfmModel
-from digs_warp.data.viewpoints import looked_at
 from digs_warp.geometry.camera import Camera
-from digs_warp.geometry.rigid import look_at
 from digs_warp.init.config import InitConfig
-from digs_warp.init.random_points import random_points
 from digs_warp.init.recipes import initialize
+from digs_warp.init.sparse_points import random_points
 from reference.ball_capture import INTRINSICS, RADIUS
 from reference.synthetic_sfm import sfm_from_truth
 
@@ -96,13 +88,6 @@ def test_random_points_fill_the_cube_that_the_cameras_look_at(
     assert len(asked.points) == 77
 
 
-def test_the_point_that_cameras_look_at() -> None:
-    target, up = np.array([0.3, -0.2, 0.5]), np.array([0.0, 0.0, 1.0])
-    eyes = np.random.default_rng(0).normal(size=(5, 3))
-    cameras = [Camera(INTRINSICS, look_at(eye, target, up)) for eye in eyes]
-    np.testing.assert_allclose(looked_at(cameras), target, atol=1e-12)
-
-
 def test_cameras_in_one_direction_have_no_target() -> None:
     cameras = [Camera(INTRINSICS, np.eye(4)), Camera(INTRINSICS, np.eye(4))]
     with pytest.raises(DigsError, match="the same direction"):
@@ -117,35 +102,10 @@ def test_the_report_counts_what_each_filter_leaves(ball_ring: Capture) -> None:
     assert counts[0] == counts[1] == in_mask
     assert counts == sorted(counts, reverse=True)
     assert found.depth.pixels["away from edges"] < in_mask
-    assert found.depth.voxels["not seen through"] == len(found.points)
-    stages = {"read", "edge filter", "foreground", "back-project", "merge", "visibility"}
-    assert stages <= found.depth.seconds.keys()
+    assert found.depth.voxels["on the surface"] == len(found.points)
 
 
 # Depth maps and masks at their worst: the whole recipe has to give points on the ball, or say why not.
-
-
-def spoiled(
-    folder: Path, frames: Sequence[Frame], key: Layer, arrays: list[np.ndarray]
-) -> list[Frame]:
-    suffix = "exr" if key == Layer.DEPTH else "png"
-    changed = []
-    for frame, array in zip(frames, arrays, strict=True):
-        path = folder / f"{frame.name}.{suffix}"
-        write_image(path, array)
-        changed.append(frame.with_layer(key, path))
-    return changed
-
-
-def test_masks_that_disagree_with_the_depth_are_told(
-    ball_ring: Capture, tmp_path: Path, caplog: pytest.LogCaptureFixture
-) -> None:
-    masks = [frame.load_mask().copy() for frame in ball_ring.frames]
-    for mask in masks:
-        mask[:, 70:] = 255  # more than a third of the mask is wall
-    frames = spoiled(tmp_path, ball_ring.frames, Layer.MASK, masks)
-    initialize(frames, InitConfig(edge_filter=False))
-    assert "of its mask in the background" in caplog.text
 
 
 def test_without_structure_from_motion_other_strategies_say_what_they_need(

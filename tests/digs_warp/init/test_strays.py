@@ -1,13 +1,14 @@
 """Points alone in the air are dropped; surfaces, however thin or coarse, are not."""
 
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from digs_warp.data.capture import Capture
-from digs_warp.init.recipes import InitConfig, initial_points
+from digs_warp.init import depth_points, view_points
+from digs_warp.init.config import InitConfig
+from digs_warp.init.recipes import initialize
 from digs_warp.init.view_points import thinned_object_depth
 from digs_warp.init.visibility import not_isolated
 from reference.ball_capture import RADIUS, ball_views, write_capture
@@ -25,33 +26,10 @@ def plate(side: float = 0.2, spacing: float = VOXEL) -> np.ndarray:
 def test_points_away_from_everything_are_dropped() -> None:
     strays = np.array([[2.0, 0, 0], [0, 0, -1.5], [0.1, 0.1, 0.2], [3, 3, 3], [3, 3, 3.01]])
     points = np.concatenate([plate(), strays])
-    np.testing.assert_array_equal(
-        not_isolated(points, VOXEL), np.arange(len(points)) < len(plate())
-    )
-
-
-def test_a_wire_one_voxel_thick_stays() -> None:
-    wire = np.zeros((50, 3))
+    np.testing.assert_array_equal(not_isolated(points), np.arange(len(points)) < len(plate()))
+    wire = np.zeros((50, 3))  # one voxel thick
     wire[:, 2] = 0.5 + VOXEL * np.arange(50)
-    assert not_isolated(np.concatenate([plate(), wire]), VOXEL).all()
-
-
-@pytest.mark.parametrize("spacing", [0.004, 0.1])
-def test_depth_maps_coarser_than_the_voxels_lose_nothing(spacing: float) -> None:
-    surface = plate(20 * spacing, spacing)
-    assert not_isolated(surface, VOXEL).all()
-    stray = np.concatenate([surface, [[0, 0, 100 * spacing]]])
-    np.testing.assert_array_equal(not_isolated(stray, VOXEL), np.arange(len(stray)) < len(surface))
-
-
-def test_a_wrong_pixel_of_a_recording_leaves_no_point_in_the_air(tmp_path: Path) -> None:
-    """It lies 0.2 m before one camera; every other filter is off."""
-    (camera, images), *others = ball_views()
-    images.depth[30, 40] = 0.2
-    capture = write_capture(tmp_path, [(camera, images), *others])
-    off = dict.fromkeys(("edge_filter", "foreground_filter", "visibility_check"), False)
-    points = initial_points(capture.frames, InitConfig(voxel_size=0.02, **off))
-    assert np.linalg.norm(points.points_world, axis=1).max() < RADIUS * (1 + 1e-5)
+    assert not_isolated(np.concatenate([plate(), wire])).all()
 
 
 def leaking_capture(folder: Path) -> Capture:
@@ -61,16 +39,22 @@ def leaking_capture(folder: Path) -> Capture:
     return write_capture(folder, views)
 
 
-def test_a_wall_that_leaks_into_one_mask_leaves_no_points(tmp_path: Path) -> None:
+def test_a_wall_that_leaks_into_one_mask_leaves_no_points(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """Other views measure the wall at the same place, and only their masks tell that it is no object."""
     capture = leaking_capture(tmp_path)
-    config = InitConfig(voxel_size=0.02, foreground_filter=False)
-    unchecked = initial_points(capture.frames, replace(config, visibility_check=False))
-    points = initial_points(capture.frames, config)
-    far = np.linalg.norm(unchecked.points_world, axis=1) > 2 * RADIUS
-    assert far.sum() > 20
+    config = InitConfig(voxel_size=0.02)
+    points = initialize(capture.frames, config).points
     assert np.linalg.norm(points.points_world, axis=1).max() < RADIUS * (1 + 1e-5)
-    assert len(points) > 0.98 * (~far).sum()
+    everything = np.float32(0), np.float32(np.inf)
+    monkeypatch.setattr(view_points, "foreground_range", lambda *_: everything)
+    again = initialize(capture.frames, config).points
+    assert np.mean(np.linalg.norm(again.points_world, axis=1) > 2 * RADIUS) < 0.005
+    assert len(again) > 0.98 * len(points)
+    monkeypatch.setattr(depth_points, "not_seen_through", lambda places, *_: places[:, 0] < np.inf)
+    unchecked = initialize(capture.frames, config).points
+    assert np.sum(np.linalg.norm(unchecked.points_world, axis=1) > 2 * RADIUS) > 20
 
 
 def test_a_view_without_its_mask_takes_no_points_away(tmp_path: Path) -> None:
@@ -79,7 +63,7 @@ def test_a_view_without_its_mask_takes_no_points_away(tmp_path: Path) -> None:
         images.mask[:] = 0
     capture = write_capture(tmp_path, views)
     config = InitConfig(voxel_size=0.02)
-    assert len(initial_points(capture.frames, config)) > 50
+    assert len(initialize(capture.frames, config).points) > 50
 
 
 def test_something_in_front_takes_no_points_away(tmp_path: Path) -> None:
@@ -91,8 +75,8 @@ def test_something_in_front_takes_no_points_away(tmp_path: Path) -> None:
         if number % 3:
             images.mask[:, :40] = 0
             images.depth[:, :40] = 0.3
-    points = initial_points(write_capture(tmp_path / "hidden", views).frames, config)
-    assert len(points) > 0.9 * len(initial_points(open_capture.frames, config))
+    points = initialize(write_capture(tmp_path / "hidden", views).frames, config).points
+    assert len(points) > 0.9 * len(initialize(open_capture.frames, config).points)
 
 
 def test_what_another_object_hides_is_not_taken_for_empty() -> None:

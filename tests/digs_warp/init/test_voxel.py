@@ -7,7 +7,7 @@ import pytest
 
 from digs_warp.checks import DigsError
 from digs_warp.data.point_cloud import PointCloud
-from digs_warp.init.voxel import MAX_INDEX, VoxelSums, merge_voxel_sums
+from digs_warp.init.voxel import MAX_INDEX, Voxels, merged
 
 VOXEL = 0.0625  # a power of two: cell borders are exact
 
@@ -17,17 +17,16 @@ def cloud(count: int, seed: int = 0) -> PointCloud:
     return PointCloud(rng.uniform(-0.5, 0.5, (count, 3)), rng.uniform(0, 1, (count, 3)))
 
 
-def voxel_sums(points_world: np.ndarray, colors: np.ndarray, voxel_size: float) -> VoxelSums:
+def voxel_sums(points_world: np.ndarray, colors: np.ndarray, voxel_size: float) -> Voxels:
     """Each point in a separate voxel, put on the coarser grid."""
     ones = np.ones((len(points_world), 1))
     rows = np.concatenate([ones, points_world, colors], axis=1, dtype=np.float64)
-    single = VoxelSums(np.arange(len(rows)), rows)
-    return single.coarser(voxel_size)
+    return Voxels(1.0, np.arange(len(rows)), rows).coarser(voxel_size)
 
 
 def voxel_downsample(points: PointCloud, voxel_size: float) -> PointCloud:
     sums = voxel_sums(points.points_world, points.colors, voxel_size)
-    return PointCloud(sums.points_world, sums.colors)
+    return sums.points
 
 
 def brute_force(points: PointCloud, voxel_size: float) -> dict[tuple[int, ...], np.ndarray]:
@@ -51,13 +50,13 @@ def test_merging_batches_equals_one_batch() -> None:
     points = cloud(5000)
     whole = voxel_sums(points.points_world, points.colors, VOXEL)
     pieces = [voxel_sums(points.points_world[i::7], points.colors[i::7], VOXEL) for i in range(7)]
-    merged = merge_voxel_sums([merge_voxel_sums(pieces[:3]), *pieces[3:]])
-    np.testing.assert_array_equal(merged.keys, whole.keys)
-    np.testing.assert_allclose(merged.sums, whole.sums, rtol=1e-13, atol=1e-13)
+    joined = merged([merged(pieces[:3]), *pieces[3:]])
+    np.testing.assert_array_equal(joined.keys, whole.keys)
+    np.testing.assert_allclose(joined.sums, whole.sums, rtol=1e-13, atol=1e-13)
 
 
 def test_indices_just_below_the_limit_work_and_above_it_raise() -> None:
     points = np.array([[MAX_INDEX - 0.5, 0, 0], [-MAX_INDEX + 0.5, 0, 0], [0, 0, 0]])
-    assert len(voxel_sums(points, points, 1.0)) == 3
-    with pytest.raises(DigsError, match=r"points up to 1\.04858e\+06 m"):
-        voxel_sums(points * 1.00001, points, 1.0)
+    assert len(voxel_sums(points / 2, points, 0.5)) == 3
+    with pytest.raises(DigsError, match=r"points up to 524"):
+        voxel_sums(points * 0.500005, points, 0.5)

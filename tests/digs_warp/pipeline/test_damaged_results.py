@@ -71,15 +71,3 @@ def test_what_is_missing_is_made_again(
     assert f"1 file is missing and made again: {name}" in caplog.text
     assert files(folder) == files(result)
     assert Manifest.read(folder).is_complete()
-
-
-def test_nothing_is_made_again_without_need(
-    tiny_capture: Capture, result: Path, tmp_path: Path, caplog: pytest.LogCaptureFixture
-) -> None:
-    folder = Path(shutil.copytree(result, tmp_path / "copy"))
-    kept = ("masks/0001.png", "initial_points.npz", "gaussians.npz", "training.jsonl")
-    before = [(folder / name).stat().st_mtime_ns for name in kept]
-    reconstruct(tiny_capture, CONFIG, folder, resume=True)
-    assert [(folder / name).stat().st_mtime_ns for name in kept] == before
-    assert "missing" not in caplog.text
-    assert files(folder) == files(result)

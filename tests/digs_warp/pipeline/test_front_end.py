@@ -8,14 +8,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from digs_warp.checks import DigsError
 from digs_warp.data.about import About
 from digs_warp.data.capture import Capture, read_capture
 from digs_warp.data.layers import Layer
 from digs_warp.data.posed_frames import PosedFrames
 from digs_warp.init.config import InitConfig
 from digs_warp.masks.config import SegmentConfig
-from digs_warp.pipeline.config import FrontEndConfig, check_front_end
+from digs_warp.pipeline.config import FrontEndConfig
 from digs_warp.pipeline.front_end import FrontEnd, front_end, load_front_end
 from digs_warp.poses.from_images.config import SfmConfig
 from digs_warp.poses.refine.photometric_alignment import in_place
@@ -76,18 +75,6 @@ def test_without_depth_cameras_are_right_up_to_their_unit(
     assert prepared.start.sources["sfm"] == len(prepared.start.points)
 
 
-def test_finished_stages_are_taken_over(capture: Capture, found: tuple[FrontEnd, Path]) -> None:
-    before, folder = found
-    log = RunLog("test", FIND_POSES)
-    again = front_end(capture, FIND_POSES, folder, log, resume=True)
-    assert not log.seconds
-    np.testing.assert_array_equal(again.start.points.points_world, before.start.points.points_world)
-    for a, b in zip(again.poses.posed.training, before.poses.posed.training, strict=True):
-        np.testing.assert_array_equal(a.camera.world_from_cam, b.camera.world_from_cam)
-    assert (again.poses.sfm, again.poses.scale) == (before.poses.sfm, before.poses.scale)
-    assert (again.start.sources, again.start.depth) == (before.start.sources, before.start.depth)
-
-
 @pytest.mark.parametrize("strategy", ["default", "fusion", "random"])
 def test_sparse_points_are_triangulated_from_given_poses(
     capture: Capture,
@@ -133,12 +120,6 @@ def test_a_recording_without_poses_ends_upright_and_metric(
     # The origin is where the cameras look: inside the object.
     low, high = points.bounds
     assert (low < 0.02).all() and (high > -0.02).all()
-
-
-def test_unknown_poses_have_to_be_estimated(capture: Capture) -> None:
-    unknown = replace(capture, about=About(poses_known=False))
-    with pytest.raises(DigsError, match="--poses sfm"):
-        check_front_end(unknown, FrontEndConfig())
 
 
 def test_a_capture_that_does_not_fit_together_is_found_and_recorded(
@@ -188,11 +169,6 @@ def test_other_masks_serve_the_training_and_not_the_measurement(
         assert frame.path(Layer.MASK) == original.path(Layer.MASK)
     again = PosedFrames.load(capture, tmp_path)
     assert [frame.layers for frame in again.training] == [frame.layers for frame in frames.training]
-
-
-def test_a_single_frame_is_refused(capture: Capture) -> None:
-    with pytest.raises(DigsError, match="at least 2"):
-        check_front_end(replace(capture, frames=capture.frames[:1]), FIND_POSES)
 
 
 def test_perturbed_poses_are_refined_and_written(capture: Capture, tmp_path: Path) -> None:

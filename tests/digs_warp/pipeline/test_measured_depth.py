@@ -9,10 +9,9 @@ import pytest
 from digs_warp.data.frame import Frame
 from digs_warp.data.layers import Layer
 from digs_warp.data.posed_frames import PosedFrames
-from digs_warp.geometry.camera import Camera, Intrinsics
 from digs_warp.pipeline.mesh import MeasuredDepth, extract_mesh, measured_depth
 from digs_warp.pipeline.reconstruction import Reconstruction
-from digs_warp.surface.depth_views import MOST_SHARE, DepthView, toward_measured
+from digs_warp.surface.depth_views import MOST_SHARE
 from reference.optional import open3d_or_skip
 from reference.tiny_capture import ball, drawn_depth, write_tiny_capture
 
@@ -51,15 +50,6 @@ def test_a_shift_of_all_disparities_is_taken_off(frames: Sequence[Frame]) -> Non
     for frame, load in zip(frames, found.load, strict=True):
         apart = load() - frame.load_depth()
         assert abs(np.nanmedian(apart)) < 0.001  # of 8 mm
-
-
-def test_depth_moves_where_both_show_one_surface() -> None:
-    camera = Camera(Intrinsics(4, 1, 4.0, 4.0, 2.0, 0.5), np.eye(4))
-    rendered = np.array([[1.0, 1.0, 1.0, np.nan]], np.float32)
-    view = DepthView(camera, np.zeros((1, 4, 3), np.float32), rendered)
-    moved = toward_measured(view, np.array([[1.004, 1.2, np.nan, 1.0]], np.float32), 0.5).depth
-    expected = [[1.0 + 0.5 * MOST_SHARE * 0.004, 1.0, 1.0, np.nan]]
-    np.testing.assert_allclose(moved, expected, rtol=1e-6)
 
 
 def test_a_mesh_is_drawn_to_depth_that_is_trusted(frames: Sequence[Frame]) -> None:

@@ -4,7 +4,6 @@ from dataclasses import replace
 from pathlib import Path
 
 import digs_warp as dw
-from digs_warp.data.about import About
 from digs_warp.data.capture import Capture
 from digs_warp.data.layers import Layer
 from digs_warp.pipeline.reconstruction import Reconstruction
@@ -33,12 +32,3 @@ def test_an_unknown_scale_is_said_everywhere(tiny_capture: Capture, tmp_path: Pa
     assert "unknown: the recording has no depth" in figures_section(loaded)
     loaded.save_usd(tmp_path / "scene.usda")
     assert "scale unknown" in describe(tmp_path / "scene.usda")["axes and unit"]
-
-
-def test_depth_gives_the_scale_and_so_does_a_recorder_that_knows_its_unit(
-    tiny_capture: Capture,
-) -> None:
-    assert str(tiny_capture.metric_scale) == "metres, by the depth maps"
-    about = About(recorded_as="tum", poses_in_metres=True)
-    told = replace(without_depth(tiny_capture), about=about)
-    assert str(told.metric_scale) == "metres, by the poses of the recording"

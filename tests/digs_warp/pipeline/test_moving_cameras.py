@@ -11,7 +11,6 @@ from digs_warp.data.capture import Capture, read_capture
 from digs_warp.init.config import InitConfig
 from digs_warp.pipeline.reconstruct import ReconstructConfig, reconstruct
 from digs_warp.pipeline.reconstruction import Reconstruction
-from digs_warp.poses.from_images.config import SfmConfig
 from digs_warp.train.config import Stop, TrainConfig
 from reference.tiny_capture import READOUT_TIME, write_tiny_capture
 from reference.trained_ball import score_of_perfect_views
@@ -89,15 +88,3 @@ def test_the_runs_say_what_was_decided_and_why(
     assert "16 frames drawn from up to" in blur["because"]
     for each in said:
         assert each["drawn"] and f"moves {each['moved_px']:.2f} px" in each["because"]
-
-
-def test_the_readout_time_of_the_settings_counts_more_than_that_of_the_recording(
-    rolling: Capture, tmp_path: Path
-) -> None:
-    short = replace(ROLLING.train, stop=Stop(iterations=1))
-    found = reconstruct(
-        rolling,
-        replace(ROLLING, train=short, sfm=SfmConfig(poses="capture", readout_time=0.0)),
-        tmp_path,
-    )
-    assert found.training.rolling_shutter is not None and not found.training.rolling_shutter.drawn

@@ -35,15 +35,6 @@ def test_the_recording_is_found_from_another_folder(
     assert found is not None and found.samefile(capture)
 
 
-def test_another_projects_recording_is_not_taken_for_it(
-    tmp_path: Path, result: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    capture = with_index(tmp_path / "project" / NOTED)
-    with_index(tmp_path / "other" / NOTED)
-    monkeypatch.chdir(tmp_path / "other")
-    assert find_capture(result, NOTED) == capture
-
-
 def test_far_from_its_recording_a_result_is_read_where_it_was_made_or_inside_the_run(
     tmp_path: Path, result: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

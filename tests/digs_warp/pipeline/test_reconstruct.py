@@ -8,7 +8,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from digs_warp.checks import DigsError
 from digs_warp.data.capture import Capture, read_capture
 from digs_warp.data.gaussians import FIELDS, Gaussians
 from digs_warp.data.images import read_image, write_image
@@ -76,12 +75,6 @@ def test_an_interrupted_run_resumes_to_the_same_bits(
     assert_same_bits(resumed.gaussians, Gaussians.load(result / "gaussians.npz"))
     lines = [json.loads(line) for line in (tmp_path / "training.jsonl").read_text().splitlines()]
     assert [line["iteration"] for line in lines] == list(range(0, 61, 10))
-
-
-def test_resuming_with_other_settings_is_refused(tiny_capture: Capture, result: Path) -> None:
-    other = replace(CONFIG, train=replace(CONFIG.train, stop=Stop(iterations=70)))
-    with pytest.raises(DigsError, match="other settings"):
-        reconstruct(tiny_capture, other, result, resume=True)
 
 
 def test_held_out_views_do_not_serve_the_training(tiny_capture: Capture, tmp_path: Path) -> None:

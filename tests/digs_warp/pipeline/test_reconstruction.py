@@ -3,7 +3,6 @@
 import json
 import re
 import shutil
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -116,22 +115,3 @@ def test_other_distances_are_measured_at_the_end_and_kept(
     older = Reconstruction.load(folder)
     assert older.scores.other_sizes is None
     assert "PSNR from other distances" not in older.figures["scores"]
-
-
-def test_results_of_another_form_are_named(result: Reconstruction, tmp_path: Path) -> None:
-    assert result.folder is not None
-    folder = Path(shutil.copytree(result.folder, tmp_path / "copy"))
-    record = json.loads((folder / "run.json").read_text())
-    record["results"]["poses"]["scale"] = {"width": 1.0}
-    (folder / "run.json").write_text(json.dumps(record))
-    with pytest.raises(
-        DigsError, match=r"run\.json', results, poses, scale: has no 'sfm_per_metre'; reconstruct"
-    ):
-        Reconstruction.load(folder)
-
-
-def test_gaussians_alone_have_no_folder(result: Reconstruction) -> None:
-    bare = replace(result, folder=None)
-    assert bare.load_snapshots() == ()
-    with pytest.raises(DigsError, match="save it to a folder first"):
-        bare.load_render("0000", (54, 72, 3))

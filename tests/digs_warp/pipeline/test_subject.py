@@ -74,8 +74,3 @@ def test_a_scene_leaves_the_masks_of_the_recording_alone(masked: Capture, tmp_pa
     again = load_front_end(masked, tmp_path)
     assert again.poses.subject == "scene"
     assert not any(frame.has(Layer.MASK) for frame in again.poses.posed.training)
-
-
-def test_an_object_without_masks_says_where_to_get_them(unmasked: Capture, tmp_path: Path) -> None:
-    with pytest.raises(DigsError, match=r"6 of 6 frames have no 'mask_path'.*--subject scene"):
-        prepared(unmasked, tmp_path, "object")

@@ -1,7 +1,6 @@
 """The verdict says whether a result is good, why, and what to do; nothing in it contradicts another."""
 
 import re
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -12,7 +11,7 @@ from digs_warp.data.gaussians import Gaussians
 from digs_warp.data.layers import Layer
 from digs_warp.data.posed_frames import PosedFrames
 from digs_warp.geometry.camera import Camera, Intrinsics
-from digs_warp.measure.scores import Score, Scores, SurfaceError
+from digs_warp.measure.scores import Score, Scores
 from digs_warp.pipeline.records import Poses, Verdict
 from digs_warp.pipeline.verdict import PROJECTOR, likeness, verdict
 
@@ -97,13 +96,6 @@ def test_a_poor_result_says_why_and_what_to_do(name: str) -> None:
     assert not found.good and found.words.startswith("poor, because ")
     assert because in found.words and advice in found.words.split("To do: ")[1]
     assert len(set(found.advice)) == len(found.advice) and "fewer" not in found.words
-
-
-def test_a_surface_far_from_the_truth_is_poor_whatever_the_photographs_say() -> None:
-    off = replace(SCORES, surface=SurfaceError(0.0129, 0.02))
-    assert (
-        "the surface is off by 12.9 mm, 7% of the object" in judged(frames(1, 0, True), off).words
-    )
 
 
 def test_other_exposures_are_not_held_against_the_views() -> None:

@@ -8,12 +8,11 @@ from typing import Any
 import pytest
 
 import digs_warp as dw
-from digs_warp.checks import DigsError
 from digs_warp.data.capture import Capture
 from digs_warp.data.layers import Layer
 from digs_warp.formats.captures.formats import export_capture, read_recording
 from digs_warp.formats.captures.to_capture import write_capture
-from digs_warp.init.strategies import StrategyChoice
+from digs_warp.init.config import StrategyChoice
 from digs_warp.pipeline.reconstruction import Reconstruction
 from reference.tiny_capture import write_tiny_capture
 
@@ -89,6 +88,10 @@ def test_a_start_that_was_asked_for_is_taken(from_colmap: Capture) -> None:
     assert result.poses.sfm is None  # nothing was matched
 
 
-def test_images_that_hardly_match_are_named_with_what_to_do(photographs: Capture) -> None:
-    with pytest.raises(DigsError, match="--strategy random --target-points"):
-        dw.reconstruct(without_masks(photographs), **QUICK)
+def test_images_that_hardly_match_start_from_random_points(
+    photographs: Capture, caplog: pytest.LogCaptureFixture
+) -> None:
+    result = dw.reconstruct(without_masks(photographs), **QUICK)
+    assert result.strategy == "random" and result.start is not None
+    assert set(result.start.sources) == {"random", "shell"}
+    assert "the photographs hardly match" in caplog.text

@@ -31,7 +31,7 @@ def trained(capture: Capture) -> Gaussians:
     start, train = InitConfig(), TrainConfig(stop=Stop(iterations=STEPS), depth_weight=0.0)
     points = evenly_on_sphere(SPLATS)
     cloud = PointCloud(points, np.clip(texture(points / RADIUS), 0.0, 1.0))
-    seeds = seed_gaussians(cloud, 0, start.seed_opacity, start.seed_width)
+    seeds = seed_gaussians(cloud, 0, start.defaults.opacity, start.defaults.width)
     views = open_views(capture.frames, train)
     trainer = Trainer(seeds, views, train)
     for _ in range(STEPS):

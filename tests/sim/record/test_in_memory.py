@@ -5,7 +5,6 @@ import pytest
 
 from digs_warp.checks import CaptureError
 from digs_warp.data.capture import Capture
-from digs_warp.data.frame import Frame
 from digs_warp.data.layers import Layer
 from digs_warp.sim.config import SimulateConfig
 from digs_warp.sim.record.record import simulate, simulate_in_memory
@@ -15,25 +14,6 @@ CONFIGS = (
     SimulateConfig(profile="bare-matcher", frames=2, width=64, labels="all"),
     SimulateConfig(profile="bare-matcher", frames=2, width=64, tier="truth"),
 )
-LOADERS = {
-    Layer.IMAGE: Frame.load_image,
-    Layer.RIGHT: Frame.load_right_image,
-    Layer.DEPTH: Frame.load_depth,
-    Layer.DEPTH_TRUE: Frame.load_depth_true,
-    Layer.MASK: Frame.load_mask,
-    Layer.CAUSE: Frame.load_cause,
-    Layer.CONFIDENCE: Frame.load_confidence,
-    Layer.NORMALS: Frame.load_normals,
-    Layer.INSTANCES: Frame.load_instances,
-    Layer.DEPTH_RIGHT: Frame.load_depth_right,
-    Layer.MASK_RIGHT: Frame.load_mask_right,
-    Layer.DISPARITY: Frame.load_disparity,
-    Layer.DISPARITY_RIGHT: Frame.load_disparity_right,
-    Layer.OCCLUSION: Frame.load_occlusion,
-    Layer.OCCLUSION_RIGHT: Frame.load_occlusion_right,
-    Layer.FLOW: Frame.load_flow,
-    Layer.FLOW_OCCLUSION: Frame.load_flow_occlusion,
-}
 
 
 @pytest.fixture(scope="module", params=CONFIGS, ids=lambda config: config.tier)
@@ -55,7 +35,7 @@ def test_memory_holds_what_the_folder_holds(config: SimulateConfig, stored: Capt
         np.testing.assert_array_equal(here.camera.world_from_cam, there.camera.world_from_cam)
         assert here.layers.keys() == there.layers.keys()
         for layer in here.layers:
-            pixels, expected = LOADERS[layer](here), LOADERS[layer](there)
+            pixels, expected = here.load(layer), there.load(layer)
             assert pixels.dtype == expected.dtype
             np.testing.assert_array_equal(pixels, expected)
 

@@ -54,7 +54,7 @@ def test_depth_cause_and_confidence_agree(recording: Path) -> None:
         np.testing.assert_array_equal(np.isneginf(coded), missing & (cause == Cause.NEAR))
         np.testing.assert_array_equal(np.isposinf(coded), missing & (cause == Cause.FAR))
         np.testing.assert_array_equal(np.isnan(frame.load_depth()), missing)
-        np.testing.assert_allclose(np.linalg.norm(frame.load_normals(), axis=-1), 1, atol=1e-5)
+        np.testing.assert_allclose(np.linalg.norm(frame.load(Layer.NORMALS), axis=-1), 1, atol=1e-5)
 
 
 def test_the_plan_is_kept_with_the_recording(recording: Path, session: Session) -> None:

@@ -10,7 +10,7 @@ from digs_warp.checks import DigsError
 from digs_warp.data.capture import Capture
 from digs_warp.data.layers import Layer
 from digs_warp.init.config import InitConfig
-from digs_warp.init.recipes import initial_points
+from digs_warp.init.recipes import initialize
 from digs_warp.sim.config import SimulateConfig
 from digs_warp.sim.testing.series import CaptureCache, NoiseSeries
 from digs_warp.sim.testing.sources import SimulatedWalk
@@ -39,8 +39,8 @@ def initialization_error(capture: Capture) -> float:
     perfect = [
         frame.with_layer(Layer.DEPTH, frame.path(Layer.DEPTH_TRUE)) for frame in capture.frames
     ]
-    surface = initial_points(perfect, InitConfig()).points_world
-    points = initial_points(capture.frames, InitConfig()).points_world
+    surface = initialize(perfect, InitConfig()).points.points_world
+    points = initialize(capture.frames, InitConfig()).points.points_world
     return float(KDTree(surface).query(points)[0].mean())
 
 

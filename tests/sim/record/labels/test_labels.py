@@ -87,8 +87,8 @@ def test_disparity_of_perfect_eyes_is_focal_length_times_baseline_over_depth(
 ) -> None:
     focal_baseline = maker.session.rig.focal_baseline
     for disparity, depth in (
-        (frame.load_disparity(), frame.load_depth_true()),
-        (frame.load_disparity_right(), frame.load_depth_right()),
+        (frame.load(Layer.DISPARITY), frame.load_depth_true()),
+        (frame.load(Layer.DISPARITY_RIGHT), frame.load(Layer.DEPTH_RIGHT)),
     ):
         np.testing.assert_allclose(disparity, focal_baseline / depth, rtol=1e-5)
 
@@ -96,10 +96,10 @@ def test_disparity_of_perfect_eyes_is_focal_length_times_baseline_over_depth(
 def test_flow_and_change_of_disparity_lead_to_the_next_frame(
     frame: Frame, following: Frame
 ) -> None:
-    flow, change = frame.load_flow(), frame.load_disparity_change()
+    flow, change = frame.load(Layer.FLOW)[..., :2], frame.load(Layer.FLOW)[..., 2]
     places = centers(flow) + flow
-    then, disparity = following.load_disparity(), frame.load_disparity()
-    seen = (frame.load_flow_occlusion() == Occlusion.SEEN) & smooth(then, places, 0.5)
+    then, disparity = following.load(Layer.DISPARITY), frame.load(Layer.DISPARITY)
+    seen = (frame.load(Layer.FLOW_OCCLUSION) == Occlusion.SEEN) & smooth(then, places, 0.5)
     assert seen.mean() > 0.6 and np.median(np.linalg.norm(flow, axis=-1)) > 1
     apart = np.abs(at(then, places) - disparity - change)[seen]
     assert np.quantile(apart, 0.99) < 0.05 and np.median(apart) < 2e-3
@@ -111,7 +111,7 @@ def test_disparity_is_what_a_drifted_pair_shows() -> None:
     drifting = FrameMaker.of(replace(WALK, effects="calibration-drift", strength=20.0))
     truth = drifting.render(5).truth
     k, right_k = truth.rig.intrinsics, truth.drift.right_intrinsics(truth.rig.intrinsics)
-    disparity = frame_of(drifting, 5).load_disparity()
+    disparity = frame_of(drifting, 5).load(Layer.DISPARITY)
     assert np.abs(disparity - truth.disparity).max() > 0.3
     # The point in the axes of the turned eye, by matrices.
     points = np.linalg.inv(k.matrix) @ np.concatenate(
@@ -124,7 +124,7 @@ def test_disparity_is_what_a_drifted_pair_shows() -> None:
 
 
 def test_the_right_mask_covers_the_object_in_the_right_eye(maker: FrameMaker, frame: Frame) -> None:
-    mask = frame.load_mask_right()
+    mask = frame.load(Layer.MASK_RIGHT)
     ids = maker.session.eyes(5, maker._shutter(5))[1].geometry().object_ids
     assert (ids[mask == 255] == 1).all() and (ids[mask == 0] == 0).all()
     assert 0.05 < (mask == 255).mean() < 0.9
@@ -136,9 +136,9 @@ def test_frames_have_the_layers_that_were_asked_for(recording: Path) -> None:
     for frame in frames[:-1]:
         assert every <= set(frame.layers)
     assert every - set(frames[-1].layers) == set(LABELS["flow"])  # there is no next frame
-    assert frames[0].load_flow().shape == (36, 64, 2)
+    assert frames[0].load(Layer.FLOW)[..., :2].shape == (36, 64, 2)
     with pytest.raises(CaptureError, match="flow_file_path"):
-        frames[-1].load_flow()
+        frames[-1].load(Layer.FLOW)[..., :2]
 
 
 def test_labels_change_nothing_else(recording: Path, tmp_path: Path) -> None:
@@ -157,7 +157,9 @@ def test_an_infrared_pair_has_its_own_disparity_and_the_color_camera_the_flow() 
     maker = FrameMaker.of(config)
     frame, rig = frame_of(maker, 2), maker.session.rig
     truth = maker.render(2).truth
-    np.testing.assert_allclose(frame.load_disparity(), rig.focal_baseline / truth.depth, rtol=1e-5)
+    np.testing.assert_allclose(
+        frame.load(Layer.DISPARITY), rig.focal_baseline / truth.depth, rtol=1e-5
+    )
     camera, later = (
         maker.session.image_eye(2, maker._shutter(2)),
         maker.session.image_eye(3, maker._shutter(3)),
@@ -165,9 +167,9 @@ def test_an_infrared_pair_has_its_own_disparity_and_the_color_camera_the_flow() 
     (now,), (then,) = next(camera.middle_track.bands()), next(later.middle_track.bands())
     points = now.unproject(centers(frame.load_depth_true()), frame.load_depth_true())
     places, depth = then.project(points)
-    np.testing.assert_allclose(frame.load_flow(), places - centers(depth), atol=2e-3)
+    np.testing.assert_allclose(frame.load(Layer.FLOW)[..., :2], places - centers(depth), atol=2e-3)
     change = now.intrinsics.fx * rig.baseline * (1 / depth - 1 / frame.load_depth_true())
-    np.testing.assert_allclose(frame.load_disparity_change(), change, atol=1e-3)
+    np.testing.assert_allclose(frame.load(Layer.FLOW)[..., 2], change, atol=1e-3)
 
 
 def test_names_of_labels() -> None:

@@ -12,7 +12,7 @@ from digs_warp.data.layers import Layer
 from digs_warp.device.libraries import import_pycolmap
 from digs_warp.formats.captures.formats import export_capture
 from digs_warp.init.config import InitConfig
-from digs_warp.init.recipes import initial_points
+from digs_warp.init.recipes import initialize
 from reference.exported import exported, zoomed
 from reference.tiny_capture import RADIUS, write_tiny_capture
 
@@ -29,7 +29,7 @@ def test_the_points_are_those_that_our_own_start_takes(
 ) -> None:
     """Of the object, of the training frames, one per voxel."""
     model = import_pycolmap().Reconstruction(exported(ball, form, tmp_path) / "sparse/0")
-    expected = initial_points(ball.split()[0], InitConfig())
+    expected = initialize(ball.split()[0], InitConfig()).points
     found = [model.points3D[key] for key in sorted(model.points3D)]
     np.testing.assert_allclose([p.xyz for p in found], expected.points_world, atol=1e-7)
     np.testing.assert_allclose([p.color for p in found], 255 * expected.colors, atol=0.5001)
@@ -47,7 +47,7 @@ def test_a_capture_without_depth_keeps_its_points(
             replace(frame, layers={Layer.IMAGE: frame.layers[Layer.IMAGE]}) for frame in ball.frames
         ),
     )
-    points = initial_points(ball.split()[0], InitConfig())
+    points = initialize(ball.split()[0], InitConfig()).points
     flat = replace(flat, points=points if has_points else None)
     model = import_pycolmap().Reconstruction(exported(flat, "colmap", tmp_path / "a") / "sparse/0")
     count = len(points) if has_points else 0

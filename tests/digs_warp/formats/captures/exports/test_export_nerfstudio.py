@@ -9,7 +9,7 @@ import pytest
 
 from digs_warp.data.capture import Capture
 from digs_warp.init.config import InitConfig
-from digs_warp.init.recipes import initial_points
+from digs_warp.init.recipes import initialize
 from reference.exported import exported, with_last_frame, zoomed
 from reference.optional import open3d_or_skip
 from reference.tiny_capture import write_tiny_capture
@@ -30,7 +30,7 @@ def test_nerfstudio_starts_from_our_points(ball: Capture, tmp_path: Path) -> Non
     index = index_of(folder)
     assert "applied_transform" not in index and "applied_scale" not in index
     cloud = open3d_or_skip().io.read_point_cloud(str(folder / index["ply_file_path"]))
-    expected = initial_points(ball.split()[0], InitConfig())
+    expected = initialize(ball.split()[0], InitConfig()).points
     np.testing.assert_array_equal(np.asarray(cloud.points), expected.points_world)
     np.testing.assert_allclose(np.asarray(cloud.colors), expected.colors, atol=0.5001 / 255)
 
@@ -40,7 +40,7 @@ def test_opensplat_starts_from_our_points(ball: Capture, tmp_path: Path) -> None
     folder = exported(ball, "nerfstudio", tmp_path)
     header, _, body = (folder / "sparse_pc.ply").read_bytes().partition(b"end_header\n")
     lines = header.decode().splitlines()
-    count = len(initial_points(ball.split()[0], InitConfig()))
+    count = len(initialize(ball.split()[0], InitConfig()).points)
     assert lines[:3] == ["ply", "format binary_little_endian 1.0", f"element vertex {count}"]
     assert [line.split()[1:] for line in lines[3:]] == [
         *(["float", axis] for axis in "xyz"),

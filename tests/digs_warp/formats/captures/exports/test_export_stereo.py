@@ -65,15 +65,15 @@ def test_a_scene_has_the_files_of_2014(capture: Capture, scenes: Path) -> None:
         ]
         np.testing.assert_array_equal(read_image(scene / "im0.png"), frame.load_image())
         np.testing.assert_array_equal(read_image(scene / "im1.png"), frame.load_right_image())
-        left = frame.load_disparity()
+        left = frame.load(Layer.DISPARITY)
         np.testing.assert_array_equal(
             read_pfm(scene / "disp0.pfm")[..., 0], np.nan_to_num(left, nan=np.inf)
         )
         np.testing.assert_array_equal(
-            read_pfm(scene / "disp1.pfm")[..., 0], frame.load_disparity_right()
+            read_pfm(scene / "disp1.pfm")[..., 0], frame.load(Layer.DISPARITY_RIGHT)
         )
         mask = read_image(scene / "mask0nocc.png")[..., 0]
-        known, seen = np.isfinite(left), frame.load_occlusion() == 0
+        known, seen = np.isfinite(left), frame.load(Layer.OCCLUSION) == 0
         np.testing.assert_array_equal(mask == 255, known & seen)
         np.testing.assert_array_equal(mask == 128, known & ~seen)
         np.testing.assert_array_equal(mask == 0, ~known)
@@ -90,9 +90,9 @@ def test_the_calibration_turns_disparity_into_millimetres(capture: Capture, scen
         assert (found["width"], found["height"]) == (str(CAMERA.width), str(CAMERA.height))
         depth_mm = float(found["baseline"]) * numbers[0] / (9.5 + float(found["doffs"]))
         assert depth_mm == pytest.approx(1000 * CAMERA.fx * BASELINE / 9.5)
-        most = np.nanmax(frame.load_disparity())
+        most = np.nanmax(frame.load(Layer.DISPARITY))
         assert int(found["ndisp"]) - 1 == int(found["vmax"]) == np.ceil(most)
-        assert int(found["vmin"]) == np.floor(np.nanmin(frame.load_disparity()))
+        assert int(found["vmin"]) == np.floor(np.nanmin(frame.load(Layer.DISPARITY)))
 
 
 def test_torchvision_reads_a_scene(capture: Capture, scenes: Path, tmp_path: Path) -> None:
@@ -104,7 +104,7 @@ def test_torchvision_reads_a_scene(capture: Capture, scenes: Path, tmp_path: Pat
     frame = capture.frames[1]
     np.testing.assert_array_equal(np.asarray(left), frame.load_image())
     np.testing.assert_array_equal(np.asarray(right), frame.load_right_image())
-    true = frame.load_disparity()
+    true = frame.load(Layer.DISPARITY)
     np.testing.assert_array_equal(known, np.isfinite(true))
     np.testing.assert_array_equal(disparity[0][known], true[known])
 
@@ -129,7 +129,7 @@ FUTURE = "TRAIN/A/0000/into_future/left"
 
 def test_disparity_flow_and_change_come_back(capture: Capture, flying: Path) -> None:
     for number, frame in enumerate(capture.frames):
-        left, right = frame.load_disparity(), frame.load_disparity_right()
+        left, right = frame.load(Layer.DISPARITY), frame.load(Layer.DISPARITY_RIGHT)
         for side, true in (("left", np.nan_to_num(left, nan=0.0)), ("right", right)):
             path = flying / DATA / f"disparity/TRAIN/A/0000/{side}/{number:04d}.pfm"
             np.testing.assert_array_equal(read_pfm(path)[..., 0], true)
@@ -139,13 +139,13 @@ def test_disparity_flow_and_change_come_back(capture: Capture, flying: Path) -> 
         if number + 1 == len(capture):
             assert not flow.exists() and not change.exists()
             continue
-        known = np.isfinite(frame.load_disparity_change())
+        known = np.isfinite(frame.load(Layer.FLOW)[..., 2])
         assert not known.all()
         found = read_pfm(flow)
-        np.testing.assert_array_equal(found[known][:, :2], frame.load_flow()[known])
+        np.testing.assert_array_equal(found[known][:, :2], frame.load(Layer.FLOW)[..., :2][known])
         assert not found[known][:, 2].any() and (found[~known] > 1e9).all()
         found = read_pfm(change)[..., 0]
-        np.testing.assert_array_equal(found[known], frame.load_disparity_change()[known])
+        np.testing.assert_array_equal(found[known], frame.load(Layer.FLOW)[..., 2][known])
         assert (found[~known] > 1e9).all()
 
 
@@ -168,13 +168,13 @@ def test_torchvision_reads_pairs_and_flow(capture: Capture, flying: Path, tmp_pa
         left, right, disparity = pairs[number]
         np.testing.assert_array_equal(np.asarray(left), frame.load_image())
         np.testing.assert_array_equal(np.asarray(right), frame.load_right_image())
-        true = np.nan_to_num(frame.load_disparity(), nan=0.0)
+        true = np.nan_to_num(frame.load(Layer.DISPARITY), nan=0.0)
         np.testing.assert_array_equal(disparity, true[None])
     moving = datasets.FlyingThings3D(flying / "SceneFlow", pass_name="final")
     image, later, flow = moving[0]  # torchvision leaves out the last pair
     np.testing.assert_array_equal(np.asarray(image), capture.frames[0].load_image())
     np.testing.assert_array_equal(np.asarray(later), capture.frames[1].load_image())
-    true = np.moveaxis(capture.frames[0].load_flow(), -1, 0)
+    true = np.moveaxis(capture.frames[0].load(Layer.FLOW)[..., :2], -1, 0)
     known = np.isfinite(true)
     np.testing.assert_array_equal(flow[known], true[known])
 
@@ -211,17 +211,17 @@ def test_numbers_are_those_of_the_development_kit() -> None:
 
 def test_disparity_comes_back(capture: Capture, training: Path) -> None:
     for number, frame in enumerate(capture.frames[:-1]):
-        name, true = f"{number:06d}_10.png", frame.load_disparity()
+        name, true = f"{number:06d}_10.png", frame.load(Layer.DISPARITY)
         known = np.isfinite(true)
         every, both = (
             disparity_of(training / f"disp_{which}_0" / name) for which in ("occ", "noc")
         )
         np.testing.assert_array_equal(every > 0, known)
         np.testing.assert_allclose(every[known], true[known], atol=0.501 / 256)
-        seen = known & (frame.load_occlusion() == 0)
+        seen = known & (frame.load(Layer.OCCLUSION) == 0)
         np.testing.assert_array_equal(both, np.where(seen, every, 0))
         later = disparity_of(training / "disp_occ_1" / name)
-        then = true + frame.load_disparity_change()
+        then = true + frame.load(Layer.FLOW)[..., 2]
         inside = np.isfinite(then) & (then > 0) & (then < 255)
         np.testing.assert_allclose(later[inside], then[inside], atol=0.501 / 256)
         assert inside.sum() > 100 and not later[~inside].any()
@@ -229,12 +229,12 @@ def test_disparity_comes_back(capture: Capture, training: Path) -> None:
 
 def test_flow_comes_back(capture: Capture, training: Path) -> None:
     for number, frame in enumerate(capture.frames[:-1]):
-        name, true = f"{number:06d}_10.png", frame.load_flow()
+        name, true = f"{number:06d}_10.png", frame.load(Layer.FLOW)[..., :2]
         flow, known = flow_of(training / "flow_occ" / name)
         np.testing.assert_array_equal(known, np.isfinite(true).all(axis=-1))
         np.testing.assert_allclose(flow[known == 1], true[known == 1], atol=0.501 / 64)
         flow, seen = flow_of(training / "flow_noc" / name)
-        np.testing.assert_array_equal(seen, known * (frame.load_flow_occlusion() == 0))
+        np.testing.assert_array_equal(seen, known * (frame.load(Layer.FLOW_OCCLUSION) == 0))
         np.testing.assert_allclose(flow[seen == 1], true[seen == 1], atol=0.501 / 64)
 
 
@@ -288,9 +288,9 @@ def test_values_that_do_not_fit_are_told(
 ) -> None:
     exported(capture, "kitti-stereo", tmp_path)
     lost = sum(
-        encode_disparity(frame.load_disparity() + change)[1]
+        encode_disparity(frame.load(Layer.DISPARITY) + change)[1]
         for frame in capture.frames[:-1]
-        for change in (0, frame.load_disparity_change())
+        for change in (0, frame.load(Layer.FLOW)[..., 2])
     )
     assert lost > 2 and f"{lost} values outside are written as unknown" in caplog.text
 
@@ -315,7 +315,7 @@ def test_torchvision_reads_the_flow(capture: Capture, training: Path, tmp_path: 
         image, later, flow, known = found[number]
         np.testing.assert_array_equal(np.asarray(image), frame.load_image())
         np.testing.assert_array_equal(np.asarray(later), capture.frames[number + 1].load_image())
-        true = np.moveaxis(frame.load_flow(), -1, 0)
+        true = np.moveaxis(frame.load(Layer.FLOW)[..., :2], -1, 0)
         np.testing.assert_array_equal(known, np.isfinite(true).all(axis=0))
         where = np.asarray(known, bool)
         np.testing.assert_allclose(flow[:, where], true[:, where], atol=0.501 / 64)
