@@ -21,7 +21,7 @@ def wall(tmp_path_factory: pytest.TempPathFactory) -> Path:
     rig = replace(load_profile("bare-matcher").rig(240, 136), image_noise=NOISE, static_field=FIELD)
     writer = CaptureWriter(tmp_path_factory.mktemp("wall"), rig.intrinsics, Rig(rig.baseline))
     record_wall(writer, rig, "guided", PLACES[1:3], frames=2)
-    return writer.folder
+    return writer.folder or Path()
 
 
 def fit(*words: str | Path) -> int:
