@@ -1,5 +1,6 @@
 """Names of settings, and ``--config FILE``: the settings of an earlier run as the defaults of a command."""
 
+from contextlib import suppress
 from dataclasses import fields, is_dataclass, replace
 from pathlib import Path
 from types import UnionType
@@ -89,7 +90,9 @@ def read_defaults(kind: type[SettingsCommand], path: Path) -> SettingsCommand:
 def _with_found_files(value: Any, config: Path) -> Any:
     """Return settings whose files are where they lie as seen from this folder; what is nowhere stays."""
     if isinstance(value, Path):
-        return next((place for place in places_of(value, config) if place.exists()), value)
+        with suppress(OSError):  # a name longer than the system allows
+            return next((place for place in places_of(value, config) if place.exists()), value)
+        return value
     if isinstance(value, tuple):
         found = tuple(_with_found_files(each, config) for each in value)
         return value if all(a is b for a, b in zip(found, value, strict=True)) else found

@@ -165,6 +165,9 @@ def run_input(
     except BaseException:
         end, said = "traceback", io.StringIO(traceback.format_exc())
     seconds = time.process_time() - start
+    _limit(
+        resource.RLIMIT_CPU, 0, None
+    )  # what threads take until the next input is put down to none
     megabytes = max(0, _status("VmHWM") - before) / 1e6
     gc.collect()
     return Outcome(end, seconds, megabytes, said.getvalue()[-6000:])

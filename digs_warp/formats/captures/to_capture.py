@@ -11,6 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
+from digs_warp.bounds import IMAGE
 from digs_warp.checks import CaptureError
 from digs_warp.data.about import About
 from digs_warp.data.capture import OFFSET_TAKEN, Capture
@@ -266,6 +267,8 @@ def _with_sound_poses(folder: Path, posed: Sequence[RecordedFrame]) -> list[Reco
 def _check_views(folder: Path, frames: Sequence[RecordedFrame]) -> None:
     """Check that the recorded images fill the pinhole images that are made from them."""
     views = {view for frame in frames for view in (frame.view, frame.right_view) if view}
+    largest = max((view.target.width * view.target.height for view in views), default=0)
+    IMAGE.check(f"recording '{folder}': its camera", largest)
     seen = 1.0 - max((float(view.outside().mean()) for view in views), default=0.0)
     if seen < LEAST_SEEN:
         raise CaptureError(

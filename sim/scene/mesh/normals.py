@@ -11,6 +11,9 @@ from digs_warp.sim.scene.mesh.parts import Triangles
 # still looks round, the sides of a box stay flat.
 CREASE_DEGREES = 40.0
 
+# Where thousands of faces meet, as in the tip of a cone, so many others count for each: pairs take minutes.
+MOST_AT_A_PLACE = 1000
+
 # Normals that differ by less are the same: the order of a sum changes its last bits.
 SAME_NORMAL = 1e-4
 
@@ -102,7 +105,7 @@ def corner_normals(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
         own, places = unit[corners // 3], place[corners]
         sums = own * angles[corners]
         # Step k adds to every corner the k-th next one at its position.
-        for step in range(1, counts[places].max()):
+        for step in range(1, min(counts[places].max(), MOST_AT_A_PLACE)):
             here = np.flatnonzero(counts[places] > step)
             group = places[here]
             other = order[starts[group] + (rank[corners[here]] + step) % counts[group]]

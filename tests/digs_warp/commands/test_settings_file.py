@@ -50,12 +50,13 @@ def test_files_are_found_from_another_folder(
     project = tmp_path / "project"
     (project / "out").mkdir(parents=True)
     (project / "a b.glb").write_text("")
-    command = cli.parse(["simulate", "--out", "x", "--scene", "a b.glb", "gone.glb"])
+    endless = f"{'x' * 5000}.glb"  # no system has such names
+    command = cli.parse(["simulate", "--out", "x", "--scene", "a b.glb", endless])
     config = save(project / "out/run.json", "simulate", settings_of(command))
     monkeypatch.chdir(tmp_path)
     again = cli.parse(["simulate", "--out", "y", "--config", str(config)])
     assert isinstance(again, Simulate)
-    assert again.recording.scene == (project / "a b.glb", Path("gone.glb"))
+    assert again.recording.scene == (project / "a b.glb", Path(endless))
     monkeypatch.chdir(project)
     again = cli.parse(["simulate", "--out", "y", "--config", "out/run.json"])
     assert settings_of(again) == settings_of(command)

@@ -9,6 +9,7 @@ import trimesh
 from scipy.spatial import KDTree
 
 from digs_warp.sim.scene.load import load_scene, load_scene_at
+from digs_warp.sim.scene.mesh import normals
 from reference.mesh_files import check_scene, corners_of, face_vectors, lopsided, save
 
 
@@ -126,6 +127,17 @@ def test_a_box_without_normals_gets_flat_sides_and_shared_corners(tmp_path: Path
     expected = np.repeat(facing[:, None], 3, axis=1)
     np.testing.assert_allclose(scene.normals[scene.faces], expected, atol=1e-6)
     assert len(scene.vertices) == 24  # four corners on each of six sides
+
+
+def test_where_thousands_of_faces_meet_only_the_next_ones_count(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(normals, "MOST_AT_A_PLACE", 4)
+    box = trimesh.creation.box((1.0, 1.0, 1.0))
+    faces = np.tile(np.asarray(box.faces), (30, 1))
+    found = normals.corner_normals(np.asarray(box.vertices), faces)
+    flat = np.repeat(np.asarray(box.face_normals), 3, axis=0)
+    np.testing.assert_allclose(found, np.tile(flat, (30, 1)), atol=1e-12)
 
 
 @pytest.mark.parametrize(("sides", "corners"), [(8, 4), (10, 2)])

@@ -130,6 +130,7 @@ def test_a_fisheye_lens_is_taken_out(capture: Capture, tmp_path: Path) -> None:
         ({"camera_model": "OPENCV_FISHEYE", "p1": 0.1}, "OPENCV_FISHEYE with p1, expected only k1"),
         ({"camera_model": "EQUIRECTANGULAR"}, "camera_model is 'EQUIRECTANGULAR', expected one of"),
         ({"k1": 1e9}, "show 0% of the pinhole images"),
+        ({"k1": 0.1, "w": 48 * 10**9}, "its camera: 672,000,000,000 pixels, expected up to"),
         ({"k1": 0.1, "k5": 0.01}, "OPENCV with k5, expected only k1, k2"),
         ({"k1": "much"}, "frame 0 .*k1 is 'much', expected a finite number"),
         ({"depth_unit_scale_factor": -1}, "depth_unit_scale_factor is -1"),
