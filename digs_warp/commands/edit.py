@@ -76,6 +76,9 @@ class Edit(Command):
 
     def execute(self) -> str:
         """Edit, write, and say what was left out and what there is."""
+        import numpy as np
+        from scipy.spatial.transform import Rotation
+
         from digs_warp.data.gaussians import joined
         from digs_warp.formats.splats.edits import placed
         from digs_warp.formats.splats.files import SplatWriting
@@ -98,7 +101,8 @@ class Edit(Command):
         if self.share < 1:
             gaussians = level_of_detail(gaussians, self.share)
             steps["thinned out"] = f"{counted(len(gaussians), 'Gaussian')} left"
-        similarity = Similarity(self.scale, _rotation(self.turn), _vector(self.move))
+        turn = Rotation.from_euler("xyz", self.turn, degrees=True).as_matrix()
+        similarity = Similarity(self.scale, turn, np.array(self.move))
         if (self.scale, self.turn, self.move) != (1.0, ZERO, ZERO):
             gaussians = placed(gaussians, similarity)
         result = Reconstruction(gaussians=gaussians)
@@ -107,12 +111,14 @@ class Edit(Command):
 
     def _kept(self) -> "Iterator[tuple[str, Callable[[Gaussians], np.ndarray]]]":
         """Yield what keeps which Gaussians, with its name."""
+        import numpy as np
+
         from digs_warp.data.layers import Layer
         from digs_warp.formats.splats.edits import in_box, in_masks, no_floater
         from digs_warp.pipeline.scene_files import posed_capture
 
         if self.keep_box is not None:
-            low, high = _vector(self.keep_box[:3]), _vector(self.keep_box[3:])
+            low, high = np.array(self.keep_box).reshape(2, 3)
             if not (low < high).all():
                 raise DigsError(
                     f"--keep-box: {self.keep_box}, expected its lowest x, y, z, then its highest"
@@ -128,15 +134,3 @@ class Edit(Command):
             yield "without floaters", no_floater
         if self.min_opacity > 0:
             yield "opaque enough", lambda g: g.opacities >= self.min_opacity
-
-
-def _vector(values: tuple[float, ...]) -> "np.ndarray":
-    import numpy as np
-
-    return np.array(values)
-
-
-def _rotation(degrees: Triple) -> "np.ndarray":
-    from scipy.spatial.transform import Rotation
-
-    return Rotation.from_euler("xyz", degrees, degrees=True).as_matrix()

@@ -106,6 +106,7 @@ def check_room(path: Path, size: int) -> None:
     """
     temporary = temporary_beside(path)
     try:
+        path.parent.mkdir(parents=True, exist_ok=True)
         with reported(path, size), temporary.open("wb") as file:
             if hasattr(os, "posix_fallocate"):
                 os.posix_fallocate(file.fileno(), 0, size)
@@ -118,8 +119,9 @@ def check_room(path: Path, size: int) -> None:
 def out_of_space(path: Path, problem: str, needed: int | None = None) -> DigsError:
     """Return the error for a file that does not fit on the disk."""
     needs = f", needs {_in_words(needed)}" if needed is not None else ""
+    above = next(folder for folder in path.absolute().parents if folder.is_dir())
     try:
-        free = f", {_in_words(shutil.disk_usage(_existing(path)).free)} free"
+        free = f", {_in_words(shutil.disk_usage(above).free)} free"
     except OSError:
         free = ""
     return DigsError(
@@ -143,11 +145,6 @@ def _explained(path: Path, error: OSError, needed: int | None) -> str:
     if error.errno in SPACE_ERRORS:
         return str(out_of_space(path, problem, needed))
     return f"'{path}': cannot be written ({problem}); a file that was there before is unchanged"
-
-
-def _existing(path: Path) -> Path:
-    """Return the nearest folder above ``path`` that exists."""
-    return next(folder for folder in path.absolute().parents if folder.is_dir())
 
 
 def _in_words(size: int) -> str:

@@ -229,19 +229,16 @@ def _usable_frames(recording: Recording) -> Sequence[RecordedFrame]:
 def _without_placeholders(
     recording: Recording, frames: Sequence[RecordedFrame]
 ) -> list[RecordedFrame]:
-    """Return the frames; poses that are exactly the identity, though most are not, become unknown."""
+    """Return the frames; poses that the file has as the identity, though most are not, become unknown."""
     posed = [frame for frame in frames if frame.world_from_cam is not None]
-    lost = [frame for frame in posed[1:] if _is_identity(frame)]
+    kinds = [
+        each.tolist() for each in (np.eye(4), OPENCV_FROM_OPENGL)
+    ]  # of OpenCV's and OpenGL's axes
+    lost = [frame for frame in posed[1:] if np.asarray(frame.world_from_cam).tolist() in kinds]
     if not 0 < 2 * len(lost) < len(posed):
         return list(frames)
     recording.notes["poses are the identity, taken for unknown"] = len(lost)
     return [replace(frame, world_from_cam=None) if frame in lost else frame for frame in frames]
-
-
-def _is_identity(frame: RecordedFrame) -> bool:
-    """Whether the pose in the file is the identity, in the axes of OpenCV or of OpenGL."""
-    kinds = (np.eye(4), OPENCV_FROM_OPENGL)
-    return any(np.array_equal(frame.world_from_cam, each) for each in kinds)  # pyright: ignore
 
 
 def _with_sound_poses(folder: Path, posed: Sequence[RecordedFrame]) -> list[RecordedFrame]:

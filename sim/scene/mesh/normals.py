@@ -39,11 +39,8 @@ def fill_normals(triangles: Triangles) -> Triangles:
     faces = triangles.faces.copy()
     for rows in batches(len(faces)):
         part = faces[rows]
-        facing = np.einsum(
-            "ij,ij->i",
-            face_normals(triangles.vertices, part),
-            triangles.normals[part].sum(axis=1),
-        )
+        outward = triangles.normals[part].sum(axis=1)
+        facing = np.einsum("ij,ij->i", face_normals(triangles.vertices, part), outward)
         faces[rows] = np.where((facing < 0)[:, None], part[:, ::-1], part)
     return replace(triangles, faces=faces)
 
