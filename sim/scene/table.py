@@ -8,7 +8,7 @@ import numpy as np
 from digs_warp.data.images import read_image
 from digs_warp.sim.scene.scene import FURNITURE, Material, Scene
 
-# Seamless, its grain along x, 0.7 mm for a texel of a desk; made by code (see docs/licenses.md).
+# Seamless, its grain along x, 0.7 mm for a texel of a desk; made by code (see docs/install.md).
 OAK = Path(__file__).parent / "assets/oak.webp"
 
 # Of a desk [m]: half its sides at least, thickness of the top, and radius of its rounded edge.
