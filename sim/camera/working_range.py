@@ -49,39 +49,23 @@ def check_reach(scene: Scene, rig: StereoRig, walk: WalkSettings) -> None:
         DigsError: the camera would run into the object, or even the object's nearest point is farther away
             than the camera measures.
     """
-    distance = camera_distance(scene, rig, walk)
-    is_chosen = walk.distance is not None or walk.distance_factor != 1
-    how = "is recorded from" if is_chosen else "fits the image from"
+    distance, k = camera_distance(scene, rig, walk), rig.image_intrinsics
+    longest = scene.size.max()
+    size = f"{longest:.3g} m" if longest >= 1 else f"{100 * longest:.3g} cm"
+    where = f"object of {size}: is recorded from {distance:.3g} m away"
     measured = f"this camera measures {rig.min_depth:g} to {rig.max_depth:g} m"
-    size = _length(scene.size.max())
     if distance - scene.object_radius >= rig.max_depth:
-        raise DigsError(
-            f"object of {size}: {how} {distance:.3g} m away, but {measured}. {_hint(scene)}"
-        )
-    if distance > rig.max_depth:
-        _log.warning(
-            "object of %s: %s %.3g m away, but %s; only its near parts get depth. %s",
-            *(size, how, distance, measured, _hint(scene)),
-        )
-    if walk.distance is None and distance < _fitting(scene, rig, walk) * walk.distance_factor:
-        _log.warning(
-            "object of %s: is recorded from %.3g m away, where it is larger than the image, because %s. %s",
-            *(size, distance, measured, _hint(scene)),
-        )
-    if distance < rig.min_depth:
-        _log.warning(
-            "object of %s: %s %.3g m away, but %s; only its far parts get depth. "
-            "Choose another --camera-distance",
-            *(size, how, distance, measured),
-        )
-    filling = fitting_distance(scene.object_radius, rig.image_intrinsics, shake=0, unsteadiness=0)
+        raise DigsError(f"{where}, but {measured}. {_hint(scene)}")
+    if not rig.min_depth <= distance <= rig.max_depth:
+        part = "far" if distance < rig.min_depth else "near"
+        _log.warning("%s, but %s; only its %s parts get depth", where, measured, part)
+    filling = fitting_distance(scene.object_radius, k, shake=0, unsteadiness=0)
+    is_chosen = walk.distance is not None or walk.distance_factor != 1
     if not is_chosen and distance > LOST_PIXELS * filling:
-        k = rig.image_intrinsics
-        limit, other = _limit(scene, rig, walk)
         _log.warning(
-            "%s; an object of %s spans %.0f of %d x %d px. Use more pixels (--width) or a camera %s "
-            "(--profile), or scale the object (--object-size)",
-            *(limit, size, k.fx * scene.size.max() / distance, k.width, k.height, other),
+            "%s, where it spans %.0f of %d x %d px: nearer, the camera would not measure it (%s), or not see "
+            "it with both eyes. Use more pixels (--width) or another --profile, or scale it (--object-size)",
+            *(where, k.fx * longest / distance, k.width, k.height, measured),
         )
 
 
@@ -91,47 +75,23 @@ def _usual_distance(scene: Scene, rig: StereoRig, walk: WalkSettings) -> float:
     An object that would be out of reach is seen from nearer, where it is larger than the image, if there is
     room between it and the camera.
     """
-    fitting = max(_fitting(scene, rig, walk), _measurable(scene, rig, walk))
     nearest, _ = distance_limits(walk.unsteadiness)
+    k, baseline = rig.image_intrinsics, rig.image_baseline
+    seen = fitting_distance(scene.object_radius, k, walk.shake, walk.unsteadiness, baseline)
+    measurable = (rig.min_depth + NEAR_MARGIN * scene.object_radius) / nearest
+    fitting = max(seen, measurable)
     is_out_of_reach = fitting - scene.object_radius >= rig.max_depth
     has_room = nearest * rig.max_depth >= LEAST_RADII * scene.object_radius
     return rig.max_depth if is_out_of_reach and has_room else fitting
 
 
-def _fitting(scene: Scene, rig: StereoRig, walk: WalkSettings) -> float:
-    """Return the distance [m] from which the object stays in the images."""
-    k, baseline = rig.image_intrinsics, rig.image_baseline
-    return fitting_distance(scene.object_radius, k, walk.shake, walk.unsteadiness, baseline)
-
-
-def _limit(scene: Scene, rig: StereoRig, walk: WalkSettings) -> tuple[str, str]:
-    """Return what keeps the camera away from the object, and which camera would come nearer."""
-    fitting = _fitting(scene, rig, walk)
-    if fitting <= _measurable(scene, rig, walk):
-        return f"nearest depth of this camera is {rig.min_depth:g} m", "that measures nearer"
-    both = f"both eyes of this camera see the object only from {fitting:.3g} m away"
-    return both, "whose eyes are closer together"
-
-
-def _measurable(scene: Scene, rig: StereoRig, walk: WalkSettings) -> float:
-    """Return the distance [m] at which no part of the object is too near for the sensor."""
-    nearest, _ = distance_limits(walk.unsteadiness)
-    return (rig.min_depth + NEAR_MARGIN * scene.object_radius) / nearest
-
-
 def _hint(scene: Scene) -> str:
     """Say what to do about an object that is too large."""
-    placement = (
-        max(scene.objects, key=lambda each: each.size.max()).placement if scene.objects else None
-    )
-    if placement is None:
+    largest = max(scene.objects, key=lambda each: each.size.max(), default=None)
+    if largest is None or largest.placement is None:
         return "Choose another camera with --profile"
     return (
-        f"Size of the file: {placement.scale.origin}. Is that right? --mesh-unit or --object-size say "
-        "otherwise; or choose a camera that sees wider or farther with --profile, or come nearer "
+        f"Size of the file: {largest.placement.scale.origin}. Is that right? --mesh-unit or --object-size "
+        "say otherwise; or choose a camera that sees wider or farther with --profile, or come nearer "
         "with --camera-distance"
     )
-
-
-def _length(metres: float) -> str:
-    return f"{metres:.3g} m" if metres >= 1 else f"{100 * metres:.3g} cm"

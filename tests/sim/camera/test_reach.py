@@ -1,5 +1,6 @@
 """What a camera can record by its size: the nearest and the farthest depth."""
 
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -7,6 +8,7 @@ import pytest
 import trimesh
 
 from digs_warp.checks import DigsError
+from digs_warp.sim.camera.rig import StereoRig
 from digs_warp.sim.camera.walk.paths import fitting_distance
 from digs_warp.sim.camera.working_range import camera_distance
 from digs_warp.sim.config import SimulateConfig
@@ -35,55 +37,36 @@ def test_an_object_that_the_camera_can_measure_fills_the_image(
     assert not caplog.records
 
 
-def test_a_small_object_is_seen_from_the_nearest_depth_with_a_warning(
-    tmp_path: Path, caplog: pytest.LogCaptureFixture
-) -> None:
-    config = SimulateConfig(mesh=box(tmp_path, 0.08), frames=1, profile="oak-d")
+@pytest.mark.parametrize(
+    ("profile", "longest", "seen_from", "warning"),
+    [
+        # At its nearest the center is the nearest depth and 1.2 radii away, on the path 6 % more.
+        (
+            "oak-d",
+            0.08,
+            lambda r, rig: np.exp(0.06) * (rig.min_depth + 1.2 * r),
+            "spans 87 of 1280 x 800 px: nearer",
+        ),
+        # As both eyes ask for.
+        (
+            *("bare-matcher", 0.08),
+            lambda r, rig: fitting_distance(r, rig.image_intrinsics, baseline=rig.baseline),
+            "where it spans",
+        ),
+        ("bare-matcher", 9.0, None, "0.3 to 20 m; only its near parts get depth"),
+        ("bare-matcher", 12.0, lambda r, rig: 20.0, ""),  # would be out of reach: from nearer
+    ],
+)
+def test_objects_of_other_sizes_are_seen_from_where_it_is_best_with_a_warning(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture, profile: str, longest: float,
+    seen_from: Callable[[float, StereoRig], float] | None, warning: str,
+) -> None:  # fmt: skip
+    config = SimulateConfig(mesh=box(tmp_path, longest), frames=1, profile=profile)
     inputs = load_inputs(config)
-    rig = inputs.rig
-    # At its nearest the center is the nearest depth and 1.2 radii away, on the path 6 % more.
-    away = np.exp(0.06) * (rig.min_depth + 1.2 * inputs.scene.radius)
-    spans = rig.image_intrinsics.fx * 0.08 / away
-    expected = f"nearest depth of this camera is {rig.min_depth:g} m; an object of 8 cm spans "
-    k = rig.image_intrinsics
-    assert f"{expected}{spans:.0f} of {k.width} x {k.height} px" in caplog.text
-    assert "a camera that measures nearer" in caplog.text
-
-
-def test_a_small_object_is_as_far_away_as_both_eyes_ask_for_with_a_warning(
-    tmp_path: Path, caplog: pytest.LogCaptureFixture
-) -> None:
-    config = SimulateConfig(profile="bare-matcher", mesh=box(tmp_path, 0.08), frames=1)
-    inputs = load_inputs(config)
-    k, baseline = inputs.rig.image_intrinsics, inputs.rig.baseline
-    away = fitting_distance(inputs.scene.radius, k, baseline=baseline)
-    assert away > fitting_distance(inputs.scene.radius, k)
-    assert camera_distance(inputs.scene, inputs.rig, config.walk) == pytest.approx(away)
-    expected = (
-        f"both eyes of this camera see the object only from {away:.3g} m away; an object of 8 cm"
-    )
-    assert f"{expected} spans {k.fx * 0.08 / away:.0f} of 640 x 360 px" in caplog.text
-
-
-def test_an_object_partly_beyond_the_farthest_depth_is_warned_of(
-    tmp_path: Path, caplog: pytest.LogCaptureFixture
-) -> None:
-    load_inputs(SimulateConfig(profile="bare-matcher", mesh=box(tmp_path, 9.0), frames=1))
-    assert "object of 9 m: fits the image from " in caplog.text
-    assert "this camera measures 0.3 to 20 m; only its near parts get depth" in caplog.text
-
-
-def test_an_object_that_would_be_out_of_reach_is_seen_from_nearer(
-    tmp_path: Path, caplog: pytest.LogCaptureFixture
-) -> None:
-    config = SimulateConfig(profile="bare-matcher", mesh=box(tmp_path, 12.0), frames=1)
-    inputs = load_inputs(config)
-    assert fitting_distance(inputs.scene.radius, inputs.rig.intrinsics) > 20 + inputs.scene.radius
-    assert camera_distance(inputs.scene, inputs.rig, config.walk) == 20
-    assert (
-        "object of 12 m: is recorded from 20 m away, where it is larger than the image"
-        in caplog.text
-    )
+    assert warning in caplog.text
+    if seen_from is not None:
+        expected = seen_from(inputs.scene.radius, inputs.rig)
+        assert camera_distance(inputs.scene, inputs.rig, config.walk) == pytest.approx(expected)
 
 
 def test_an_object_beyond_the_farthest_depth_is_refused_before_rendering(tmp_path: Path) -> None:

@@ -127,57 +127,6 @@ def test_a_moving_camera_sees_the_mean_of_many_views(see_through: bool) -> None:
         assert found.mean() == pytest.approx(first.mean(), abs=0.2)
 
 
-def test_rays_that_are_spared_would_have_met_nothing() -> None:
-    """With a sphere around the scene that holds the camera, too, every ray is cast."""
-    gray = Material("gray", np.full(3, 0.2, np.float32))
-    scene = plate((0, 0, 0), (0.3, 0, 0.1), (0, 0, 0.4), gray)
-    sky = np.random.default_rng(2).random((16, 32, 3)).astype(np.float32)
-    renderer = RaycastRenderer(scene, Environment(sky, 20.0))
-    track = eye(renderer, Shutter(3, 4, READOUT, EXPOSURE)).track
-
-    def everything() -> tuple[np.ndarray, ...]:
-        camera = Camera(K, track.world_from_cam[0, 0])
-        return *renderer.photograph(track, 2, seed=1)[:2], *renderer.render_geometry(camera)
-
-    spared = everything()
-    renderer._surface.radius = 10.0
-    for found, expected in zip(spared, everything(), strict=True):
-        np.testing.assert_array_equal(found, expected)
-
-
-@pytest.mark.parametrize("texels", [32, 1024])
-def test_the_surround_of_an_exposure_is_the_mean_of_its_moments(texels: int) -> None:
-    """On a way shorter than a texel one look-up stands for all; on a longer one each moment has its own."""
-    gray = Material("gray", np.full(3, 0.2, np.float32))
-    scene = plate((0, 0, 50), (0.01, 0, 0), (0, 0, 0.01), gray)  # out of view
-    # Nothing brighter than white: views that are clipped one by one have another mean.
-    sky = np.random.default_rng(2).uniform(0.3, 0.8, (texels // 2, texels, 3)).astype(np.float32)
-    renderer = RaycastRenderer(scene, Environment(sky, 90.0))
-    track = eye(renderer, Shutter(1, 3, READOUT, EXPOSURE)).track
-    image, _ = renderer.photograph(track, 1, seed=1)[:2]
-    expected, _ = exposure_by_views(renderer, track, 1, seed=1)
-    error = np.abs(image.astype(float) - expected)
-    # White noise has a kink at every texel, which one look-up cannot follow.
-    assert np.quantile(error, 0.99) <= (4 if texels == 32 else 1)
-    assert error.mean() < 0.5
-
-
-def test_both_eyes_read_a_row_at_the_same_time(renderer: RaycastRenderer) -> None:
-    """Right and left edge of a band lie one disparity apart, whenever the row was read."""
-
-    def right_pose(after: float) -> np.ndarray:
-        pose = turning(TURN, after)
-        pose[:3, 3] += 0.1 * pose[:3, 0]
-        return pose
-
-    shutter = Shutter(60, 1, READOUT)
-    left = eye(renderer, shutter).geometry()
-    right = ShutteredEye(renderer, shutter, K, right_pose).geometry()
-    edges = [np.argmax(eye.material_ids == 0, axis=1) for eye in (left, right)]
-    depth_at_edge = left.depth[np.arange(K.height), edges[0]]
-    np.testing.assert_allclose(edges[0] - edges[1], K.fx * 0.1 / depth_at_edge, atol=1.01)
-
-
 def test_rays_of_the_bands_are_those_of_their_rows(renderer: RaycastRenderer) -> None:
     still, banded = eye(renderer, Shutter(), 0.0), eye(renderer, Shutter(7), 0.0)
     rays = banded.rays(0.1)

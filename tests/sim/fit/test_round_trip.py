@@ -126,18 +126,6 @@ def test_an_infrared_pair_without_its_images_is_named() -> None:
         read_wall(replace(capture, frames=frames), rig.baseline)
 
 
-def test_what_a_mask_hides_is_no_hole() -> None:
-    """The wall fills the left half; the camera reports all of it."""
-    rig = replace(base(), static_field=0.1)
-    capture = record_wall(in_memory(rig), rig, "guided", PLACES[1:3], frames=1)
-    mask = np.zeros(SIZE[::-1], np.uint8)
-    mask[:, : SIZE[0] // 2] = 255
-    frames = tuple(frame.with_layer(Layer.MASK, mask) for frame in capture.frames)
-    fit = fit_wall(read_wall(replace(capture, frames=frames), rig.baseline), base())
-    (missing,) = (row for row in fit.comparisons if row.name == "share without depth")
-    assert missing.measured.value < 0.02 and missing.simulated.value < 0.02
-
-
 def test_depth_by_the_law_gives_back_its_noise_steps_and_what_changes() -> None:
     """The field of the unit has no part in it: what stays is another at each distance."""
     known = {

@@ -13,7 +13,6 @@ from scipy.ndimage import map_coordinates
 from digs_warp.data.capture import read_capture
 from digs_warp.geometry.camera import Intrinsics, pixel_centers
 from digs_warp.record.files import read_json
-from digs_warp.sim.camera.rig import StereoRig
 from digs_warp.sim.camera.shutter import Shutter
 from digs_warp.sim.config import SimulateConfig
 from digs_warp.sim.record.frame_maker import FrameMaker
@@ -42,19 +41,6 @@ def seen_by_turned_eye(points: np.ndarray, drift: Drift, k: Intrinsics) -> np.nd
     u = k.fx * grown * own[:, 0] / own[:, 2] + k.cx
     v = k.fy * grown * own[:, 1] / own[:, 2] + k.cy
     return np.stack([u, v], axis=1)
-
-
-def test_points_land_where_the_turned_eye_projects_them() -> None:
-    rng = np.random.default_rng(0)
-    points = np.stack([rng.uniform(-2, 2, 500), rng.uniform(-1, 1, 500), rng.uniform(2, 9, 500)], 1)
-    believed = points @ K.matrix.T
-    u, v = (believed[:, :2] / believed[:, 2:]).T
-    expected = seen_by_turned_eye(points, LARGE, K)
-    assert np.abs(expected - np.stack([u, v], 1)).max() > 10, "or the test shows nothing"
-    for kind, limit in ((np.float64, 1e-9), (np.float32, 1e-3)):
-        across, down = LARGE.shift(u.astype(kind), v.astype(kind), K)
-        np.testing.assert_allclose(across, expected[:, 0] - u, atol=limit)
-        np.testing.assert_allclose(down, expected[:, 1] - v, atol=limit)
 
 
 def test_the_shown_disparity_is_that_of_the_projected_points() -> None:
@@ -95,25 +81,13 @@ def test_the_rendered_image_is_the_warped_one() -> None:
     matrix = np.linalg.inv(half) @ drift.homography(k) @ half
     warped = cv2.warpPerspective(straight.right, matrix, (k.width, k.height), flags=cv2.INTER_CUBIC)
     inside = (slice(8, -8), slice(8, -8))
-    before = displacement(straight.right[inside], turned.right[inside])
-    after = displacement(warped[inside], turned.right[inside])
-    assert np.linalg.norm(before) > 1.0
-    assert np.linalg.norm(after) < 0.03
     error = np.abs(warped[inside].astype(float) - turned.right[inside]).mean()
     assert error < 0.25 * np.abs(straight.right[inside].astype(float) - turned.right[inside]).mean()
 
 
-def displacement(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """Mean motion from image a to b [px], by least squares over blurred grays."""
-    a, b = (cv2.GaussianBlur(image.mean(axis=2), (0, 0), 2.0) for image in (a, b))
-    down, across = np.gradient(0.5 * (a + b))
-    slopes = np.stack([across.ravel(), down.ravel()], axis=1)
-    return np.linalg.lstsq(slopes, (a - b).ravel(), rcond=None)[0]
-
-
-def slanted_pair(drift: Drift, rig: StereoRig | None = None) -> FrameTruth:
+def slanted_pair(drift: Drift) -> FrameTruth:
     """A slanted plane, whose disparity passes through all fractions, and its drifted right image."""
-    rig = rig or make_rig(480, 360)
+    rig = make_rig(480, 360)
     k = rig.intrinsics
     level, along, downward = 24.3, 0.021, 0.013
     u, v = np.moveaxis(pixel_centers(k.width, k.height), -1, 0)
@@ -142,19 +116,12 @@ def test_the_bias_depends_on_the_place_as_the_formula_says(tier: str) -> None:
     yaw, roll = np.deg2rad([drift.yaw_deg, drift.roll_deg])
     formula = k.fx * (yaw * (1 + x**2) - roll * y - drift.focal * x)
     np.testing.assert_allclose(truth.shown_disparity - truth.disparity, formula, atol=0.005)
-    rows, columns = slice(20, -20), slice(60, -20)
-    blocks = [
-        (np.nanmedian(error[r : r + 80, c : c + 80]), formula[r : r + 80, c : c + 80].mean())
-        for r in range(20, 340, 80)
-        for c in range(60, 460, 80)
-    ]
-    measured, expected = np.array(blocks).T
-    assert np.ptp(expected) > 0.8
-    np.testing.assert_allclose(measured, expected, atol=0.06)
-    slope, offset = np.polyfit(expected, measured, 1)
-    assert slope == pytest.approx(1, abs=0.06)
-    assert offset == pytest.approx(0, abs=0.03)
-    assert np.isfinite(error[rows, columns]).mean() > 0.97
+    inside = slice(20, -20), slice(60, -20)
+    assert np.ptp(formula[inside]) > 0.8
+    assert np.isfinite(error[inside]).mean() > 0.97
+    near = np.abs(error - formula)[inside] < 1  # pixel locking alone moves by up to .3 px
+    slope, offset = np.polyfit(formula[inside][near], error[inside][near], 1)
+    assert (slope, offset) == (pytest.approx(1, abs=0.06), pytest.approx(0, abs=0.03))
 
 
 def test_the_guided_search_looks_where_the_drifted_pair_shows_the_surface() -> None:
@@ -200,9 +167,8 @@ def test_the_drift_belongs_to_seed_and_unit_and_has_the_stated_size() -> None:
     assert len({draw(rig, 7), draw(rig, 8), draw(replace(rig, unit=1), 7)}) == 3
     assert draw(rig, 7, 0.0) == NO_DRIFT
     drawn = [draw(rig, seed) for seed in range(4000)]
-    for name, sd in (
-        ("pitch_deg", 0.02), ("yaw_deg", 0.02), ("roll_deg", 0.02), ("focal", 3e-4), ("baseline", 5e-4)
-    ):  # fmt: skip
+    for name in ("pitch_deg", "yaw_deg", "roll_deg", "focal", "baseline"):
+        sd = {"focal": 3e-4, "baseline": 5e-4}.get(name, 0.02)
         values = np.array([getattr(drift, name) for drift in drawn])
         assert values.std() == pytest.approx(sd, rel=0.05)
         assert abs(values.mean()) < 0.08 * sd
@@ -246,9 +212,3 @@ def test_a_recording_has_one_drift_and_tells_it(tmp_path: Path) -> None:
     plan = read_json(tmp_path / "capture" / "sensor_plan.json", "plan")
     assert Drift(**plan["drift"]) == expected
     assert capture.about.effects == ("calibration-drift",)
-
-    sound = simulate(replace(config, strength=0.0), tmp_path / "sound", session=session)
-    other = sound.frames[0]
-    drifted = capture.frames[0]
-    np.testing.assert_array_equal(drifted.load_image(), other.load_image())
-    assert not np.array_equal(drifted.load_right_image(), other.load_right_image())

@@ -5,7 +5,6 @@ from dataclasses import asdict, replace
 import numpy as np
 import pytest
 
-from digs_warp.checks import DigsError
 from digs_warp.sim.scene.scene import Material
 from digs_warp.sim.sensor.facts import SceneFacts, measure_facts
 from digs_warp.sim.sensor.frame import FrameTruth, Motion
@@ -78,8 +77,3 @@ def test_an_empty_frame_has_no_range_and_no_shares() -> None:
     assert facts_of(make_frame(np.nan), make_frame(30.0)) == replace(
         facts_of(make_frame(30.0)), frames=2
     )
-
-
-def test_no_frames_are_refused() -> None:
-    with pytest.raises(DigsError, match="no frames"):
-        measure_facts([], make_rig())

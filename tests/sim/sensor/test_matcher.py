@@ -9,7 +9,7 @@ from digs_warp.checks import DigsError
 from digs_warp.sim.sensor.color.image_noise import ReadNoise, ShotNoise
 from digs_warp.sim.sensor.color.recorded import recorded_images
 from digs_warp.sim.sensor.filters import gray_of
-from digs_warp.sim.sensor.frame import Cause, noise_of
+from digs_warp.sim.sensor.frame import Cause
 from digs_warp.sim.sensor.guided.confidence import confidence_of
 from digs_warp.sim.sensor.matcher import match, search_range
 from digs_warp.sim.sensor.tiers import sense, sense_by_matching
@@ -42,32 +42,6 @@ def test_without_checks_every_pixel_has_a_match() -> None:
     left, right = gray_of(truth.image), gray_of(truth.right)
     assert np.isnan(match(left, right, 64)).any()
     assert np.isfinite(match(left, right, 64, checks=False)).all()
-
-
-def test_luma_has_the_noise_that_textures_are_compared_with() -> None:
-    rig = make_rig(image_noise=4.0)
-    gray = make_frame(20.0, rig, flat((240, 320), 118))  # middle gray, for which rigs state noise
-    left, right = recorded_images(gray, (ShotNoise(), ReadNoise()), seed=3)
-    for image in (left, right):
-        assert gray_of(image).std() == pytest.approx(noise_of(4.0), rel=0.03)
-    assert recorded_images(gray, ()) == (gray.image, gray.right)
-
-
-def test_depth_out_of_range_is_not_reported() -> None:
-    truth = plane_pair(20.0, make_rig(min_depth=0.2, max_depth=2.0))  # at 2.5 m
-    sensed = sense(truth, "matcher")
-    assert np.isnan(sensed.disparity[:, 40:]).mean() > 0.99
-    assert (sensed.cause[:, 40:] == Cause.FAR).mean() > 0.99
-    assert (sensed.confidence[np.isnan(sensed.disparity)] == 0).all()
-
-
-@pytest.mark.parametrize("size", [(1, 1), (1, 40), (40, 1), (7, 5)])
-def test_tiny_images_are_matched_without_a_crash(size: tuple[int, int]) -> None:
-    width, height = size
-    found = match(
-        np.full((height, width), 99, np.uint8), np.full((height, width), 99, np.uint8), 16
-    )
-    assert found.shape == (height, width) and found.dtype == np.float32
 
 
 def test_the_search_covers_the_nearest_depth_but_not_more_than_the_image() -> None:

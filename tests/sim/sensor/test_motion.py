@@ -23,10 +23,3 @@ def test_image_motion_is_that_of_projected_points() -> None:
     moved, _ = after.project(before.unproject(px, depth.astype(np.float64)))
     expected = (moved - px) / dt
     np.testing.assert_allclose(np.stack([u, v], -1), expected, rtol=1e-3, atol=0.1)
-
-
-def test_what_has_no_depth_moves_as_if_far_away() -> None:
-    intrinsics = make_rig(8, 6).intrinsics
-    depth = np.full((6, 8), np.nan, np.float32)
-    u, v = image_motion(depth, intrinsics, (5.0, 5.0, 5.0), (0.0, 0.0, 0.0))
-    assert (u == 0).all() and (v == 0).all()

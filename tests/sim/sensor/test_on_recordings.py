@@ -11,7 +11,7 @@ from digs_warp.sim.sensor.on_recordings import (
     worse_depth,
     worse_images,
 )
-from reference.stereo_frames import broadband, flat, make_rig
+from reference.stereo_frames import flat, make_rig
 
 SHAPE = (240, 320)
 
@@ -81,15 +81,6 @@ def test_what_no_effect_changes_keeps_its_bits() -> None:
     depth = np.linspace(0.05, 90.0, 240 * 320, dtype=np.float32).reshape(SHAPE)
     worse = worse_depth(depth, rig, EFFECTS_ON_RECORDINGS, strength=0.1)
     np.testing.assert_array_equal(worse, depth)  # also beyond the range of the rig, 0.2 to 20 m
-
-
-def test_strength_zero_is_the_recording() -> None:
-    rig = make_rig(disparity_sigma=0.1, static_field=0.1, disparity_step=0.1)
-    image = broadband(SHAPE)
-    worse = worse_depth(step(), rig, EFFECTS_ON_RECORDINGS, strength=0.0)
-    np.testing.assert_array_equal(worse, step())
-    pair = worse_images(image, image, rig, EFFECTS_ON_RECORDINGS, strength=0.0)
-    np.testing.assert_array_equal(pair[0], image)
 
 
 def test_holes_stay_holes_and_noise_leaves_nothing_beyond_the_range() -> None:

@@ -158,11 +158,6 @@ def trust(scenes: Sequence[RecordedScene | Scene]) -> list[Trust]:
     return reliability(np.concatenate(confidence), np.concatenate(right), TRUSTED)
 
 
-def test_matches_with_more_confidence_are_right_more_often(scene: RecordedScene) -> None:
-    shares = [found.right for found in trust([scene]) if found.count > FEW]
-    assert len(shares) > 4 and (np.diff(shares) > 0).all()
-
-
 def test_confidence_tells_how_often_a_match_is_right(sample_data: Path) -> None:
     """On scenes with a ground to which it was not fitted."""
     chosen = [p for p in places(sample_data) if p.mesh and p.mesh.stem in FITTED_TO_OTHERS]

@@ -8,9 +8,7 @@ from pathlib import Path
 import pytest
 
 from digs_warp.checks import DigsError
-from digs_warp.sim.testing import each
 from digs_warp.sim.testing.marker import read_marker
-from digs_warp.sim.testing.sources import SimulatedWalk
 
 
 def run_pytest(folder: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
@@ -73,21 +71,6 @@ def test_failures_show_the_line_of_the_test_and_no_warning_of_others(tmp_path: P
     assert "test_curves.py:3: AssertionError" in said and "test_curves.py:4: AssertionError" in said
     assert "curve.py:" not in said.replace("test_curves.py:", "")
     assert "falls off a cliff" in said and "2 failed" in said and "warning" not in said
-
-
-def test_each_names_effects_that_exist() -> None:
-    marker = pytest.mark.sensor_noise(effects=each("shot-noise", "shot-nose")).mark
-    with pytest.raises(DigsError, match="shot-nose"):
-        read_marker(marker)
-    (source, _) = read_marker(
-        pytest.mark.sensor_noise(effects=each("shot-noise")).mark, "shot-noise"
-    )
-    assert isinstance(source, SimulatedWalk)
-    assert source.config.effects == "shot-noise"
-
-
-def test_the_marker_is_described(tmp_path: Path) -> None:
-    assert "sensor_noise(effects='auto'" in run_pytest(tmp_path, "--markers").stdout
 
 
 WRONG = [

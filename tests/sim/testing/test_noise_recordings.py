@@ -120,15 +120,6 @@ def test_depth_of_an_infrared_pair_errs_by_the_focal_length_of_the_pair(tmp_path
     assert noise_of(alone.capture(1)) == pytest.approx(0.13 / (30.0 * 0.05), rel=0.1)
 
 
-def test_a_profile_tells_the_camera_where_the_recording_does_not(tmp_path: Path) -> None:
-    folder = record(tmp_path / "own", rig=None)
-    profile = white(tmp_path, "d435")
-    series = captures_of(folder, tmp_path / "cache", profile=profile, effects=ALONE)
-    # The color camera of a D435 has 1.444 times the focal length of its eyes; their baseline is 50 mm.
-    expected = 0.13 / (60.0 / 1.444 * 0.05)
-    assert noise_of(series.capture(1)) == pytest.approx(expected, rel=0.1)
-
-
 def test_a_simulated_capture_tells_its_camera_itself(tmp_path: Path) -> None:
     folder = record(tmp_path / "own")
     own = read_capture(folder)

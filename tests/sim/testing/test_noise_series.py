@@ -8,9 +8,6 @@ import pytest
 
 from digs_warp.checks import DigsError
 from digs_warp.data.capture import Capture
-from digs_warp.data.layers import Layer
-from digs_warp.init.config import InitConfig
-from digs_warp.init.recipes import initialize
 from digs_warp.sim.config import SimulateConfig
 from digs_warp.sim.testing.series import CaptureCache, NoiseSeries
 from digs_warp.sim.testing.sources import SimulatedWalk
@@ -32,18 +29,6 @@ def depth_error(capture: Capture) -> float:
     return float(np.sqrt(np.mean(np.concatenate(errors) ** 2)))
 
 
-def initialization_error(capture: Capture) -> float:
-    """Mean distance [m] of the initial points to those of perfect depth."""
-    from scipy.spatial import KDTree
-
-    perfect = [
-        frame.with_layer(Layer.DEPTH, frame.path(Layer.DEPTH_TRUE)) for frame in capture.frames
-    ]
-    surface = initialize(perfect, InitConfig()).points.points_world
-    points = initialize(capture.frames, InitConfig()).points.points_world
-    return float(KDTree(surface).query(points)[0].mean())
-
-
 @pytest.mark.sensor_noise(mesh=BOX, object_size=0.5, tier="law", strengths=(0, 1, 4), frames=3)
 def test_depth_errors_follow_the_noise(sensor_noise: NoiseSeries) -> None:
     curve = sensor_noise.measure(depth_error)
@@ -51,34 +36,6 @@ def test_depth_errors_follow_the_noise(sensor_noise: NoiseSeries) -> None:
     # sigma_Z = Z^2 sigma_d / (f b): linear in the noise.
     assert [growth for *_, growth in curve.growth()] == pytest.approx([1.0], abs=0.1)
     curve.assert_no_cliff(largest_growth=1.1)
-
-
-@pytest.mark.sensor_noise(
-    mesh=BOX, object_size=0.5, profile="bare-matcher", tier="law", strengths=(0, 1, 4), frames=3
-)
-def test_initial_points_survive_sensor_noise(sensor_noise: NoiseSeries) -> None:
-    curve = sensor_noise.measure(initialization_error)
-    curve.assert_at_most({0: 1e-6, 1: 0.01})
-    curve.assert_no_cliff()
-
-
-@pytest.mark.sensor_noise(
-    mesh=BOX,
-    object_size=0.5,
-    profile="bare-matcher",
-    effects=("static-field", "quantum"),
-    strengths=(0, 1, 3),
-    frames=2,
-)
-def test_named_effects_act_alone(sensor_noise: NoiseSeries) -> None:
-    (_, perfect), (_, usual), (_, worse) = sensor_noise
-    for before, once, thrice in zip(perfect.frames, usual.frames, worse.frames, strict=True):
-        np.testing.assert_array_equal(before.load_depth(), before.load_depth_true())
-        for after in (once, thrice):
-            np.testing.assert_array_equal(before.load_image(), after.load_image())
-        # The same images, the same failures.
-        first, second = (np.isfinite(after.load_depth()) for after in (once, thrice))
-        assert (first != second).mean() < 1e-3  # the band moves with the field
 
 
 # The cache
@@ -123,21 +80,6 @@ def test_whatever_decides_the_bytes_decides_the_name(
     names.add(kept(captures, config).folder.name)
     assert len(names) == 4
     assert {path.name for path in captures.folder.glob("*/*")} == names
-
-
-def test_a_profile_and_the_meshes_of_a_scene_decide_the_name(
-    config: SimulateConfig, tmp_path: Path
-) -> None:
-    profile, cup = tmp_path / "mine.yaml", tmp_path / "cup.obj"
-    cup.write_text(TETRAHEDRON)
-    named = replace(config, mesh=None, scene=(cup,), profile=str(profile))
-    keys = set()
-    for baseline, top in ((0.1, 1), (0.2, 1), (0.2, 2)):
-        figure = f"{{value: {baseline}, origin: tuned}}"
-        profile.write_text(f"figures:\n  baseline: {figure}\n")
-        cup.write_text(TETRAHEDRON.replace("v 0 1 1", f"v 0 {top} 1"))
-        keys.add(SimulatedWalk(named).key(1.0))
-    assert len(keys) == 3
 
 
 def test_captures_of_other_code_are_removed(

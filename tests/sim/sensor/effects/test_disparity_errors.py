@@ -5,7 +5,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from digs_warp.sim.sensor.effects.disparity_errors import unit_field
 from digs_warp.sim.sensor.frame import Cause, FrameTruth, Sensed
 from digs_warp.sim.sensor.tiers import apply_effects
 from reference.stereo_frames import make_frame, make_rig
@@ -47,25 +46,6 @@ def test_static_field_belongs_to_the_unit_and_is_smooth() -> None:
     assert correlation_length(first, 1) == pytest.approx(640 / 16, rel=0.3)
     other = error_of(make_frame(50.0, replace(rig, unit=1)), "static-field")
     assert abs(np.corrcoef(first.ravel(), other.ravel())[0, 1]) < 0.3
-
-
-def test_static_field_exists_at_every_size() -> None:
-    for width, height in [(1, 1), (1, 40), (40, 1), (17, 9)]:
-        assert unit_field(0, width, height).shape == (height, width)
-        assert np.isfinite(unit_field(0, width, height)).all()
-
-
-def test_strength_scales_the_static_field() -> None:
-    truth = make_frame(50.3, make_rig(static_field=0.1))
-    once, twice = (error_of(truth, "static-field", strength=s) for s in (1.0, 2.0))
-    np.testing.assert_allclose(twice, 2 * once, atol=2e-5)  # float32 at 50 px
-
-
-def test_the_parts_of_the_error_add_up_as_independent_ones() -> None:
-    rig = make_rig(640, 480, static_field=0.1, disparity_step=1 / 4)
-    truth = make_frame(np.linspace(40, 60, 640)[None, :], rig)
-    expected = np.sqrt(0.1**2 + (1 / 4) ** 2 / 12)
-    assert error_of(truth, "static-field", "quantum").std() == pytest.approx(expected, rel=0.05)
 
 
 def test_the_device_smooths_noise_but_no_steps() -> None:

@@ -3,7 +3,6 @@
 from dataclasses import replace
 
 import numpy as np
-import pytest
 
 from digs_warp.geometry.camera import pixel_centers
 from digs_warp.sim.scene.scene import Material
@@ -68,10 +67,3 @@ def test_the_curvature_of_a_ball_is_one_over_its_radius() -> None:
     # Also at the rim, where one neighbor shows something else.
     np.testing.assert_allclose(curvature[curvature > 0], 5.0, rtol=0.1)
     assert (curvature == 0).mean() < 0.005
-
-
-def test_a_ball_of_chrome_shows_a_small_world_half_a_radius_behind_its_front() -> None:
-    truth = with_material(sphere_frame(radius=0.2, distance=1.0), CHROME)
-    sky = WallRays(truth, 1e4)
-    disparity = virtual_disparity(replace(truth, rays=sky), np.isfinite(truth.depth))
-    assert truth.rig.focal_baseline / disparity[120, 160] == pytest.approx(0.8 + 0.1, rel=0.01)

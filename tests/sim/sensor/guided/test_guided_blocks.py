@@ -54,30 +54,6 @@ def test_blocks_are_sorted_and_their_bits_tell_neighbors(scene: Scene) -> None:
         assert [(bits >> (28 + i)) & 1 for i in range(len(steps))] == (steps == 1).tolist()
 
 
-def test_a_second_surface_is_tried_with_its_nearer_neighbor() -> None:
-    surface = np.full((16, 200), 100, np.float32)
-    second = np.full((16, 200), 45, np.float32)  # in the upper half of block 5
-    second[8:] = np.nan
-    coarse = np.full((2, 25), 24, np.int32)
-    blocks = choose_blocks(surface, coarse, 20, second).numpy()
-    assert unpacked(int(blocks[4, 150])) == [5, 6, 12, 13]
-    assert unpacked(int(blocks[12, 150])) == [11, 12, 13, 14]
-
-
-def test_hidden_pixels_try_the_neighbors_of_what_the_coarse_search_prefers() -> None:
-    """In a full search, it is rarely their own block or its neighbors that win."""
-    surface = np.full((16, 200), 20, np.float32)
-    surface[:, 150:] = 60  # hides the 40 columns before it
-    coarse = np.full((2, 25), 2 * 13, np.int32)
-    coarse[1] += 1
-    blocks = choose_blocks(surface, coarse, 20).numpy()
-    assert unpacked(int(blocks[4, 105])) == [1, 2, 3, 13]
-    assert unpacked(int(blocks[4, 115])) == [2, 12, 13, 14]
-    # One place is left for the nearer one beside the other side of the step.
-    assert unpacked(int(blocks[4, 148])) == [2, 7, 12, 13]
-    assert unpacked(int(blocks[12, 148])) == [2, 7, 13, 14]
-
-
 def test_repeating_texture_adds_the_disparity_that_a_full_search_might_take() -> None:
     """Stripes with a period of 64 px: half the matches of a full search are off by one period."""
     rng = np.random.default_rng(0)

@@ -6,9 +6,7 @@ import warp as wp
 
 from digs_warp.checks import DigsError
 from digs_warp.device import parallel
-from digs_warp.sim.sensor.filters import gray_of
 from digs_warp.sim.sensor.guided.blocks import choose_blocks
-from digs_warp.sim.sensor.guided.confidence import confidence_of
 from digs_warp.sim.sensor.guided.planes import make_planes
 from digs_warp.sim.sensor.guided.search import (
     STRIP_ROWS,
@@ -17,10 +15,8 @@ from digs_warp.sim.sensor.guided.search import (
     search,
     search_blocks,
 )
-from digs_warp.sim.sensor.matcher import match
 from reference.guided_twin import tried_disparities, twin_costs, twin_matches, twin_sums
 from reference.stereo_frames import broadband
-from reference.stereo_pairs import plane_pair
 
 
 def stepped_pair(
@@ -103,28 +99,6 @@ def test_strips_hardly_differ_from_one_search_and_not_with_the_threads(
     assert same[: STRIP_ROWS // 2].mean() > 0.97
 
 
-@pytest.mark.parametrize("disparity", [7.0, 20.25, 40.5, 100.75])
-def test_a_textured_plane_is_found_where_it_is(disparity: float) -> None:
-    truth = plane_pair(disparity)
-    left, right = gray_of(truth.image), gray_of(truth.right)
-    found = search(left, right, truth.disparity, 128).disparity
-    inside = found[:, int(np.ceil(disparity)) + 8 :]
-    assert np.isfinite(inside).mean() > 0.95
-    # Pixel locking pulls fractional disparities by up to 0.2 px.
-    assert np.sqrt(np.nanmean((inside - disparity) ** 2)) < 0.25
-    # The right eye does not see the rest; the full search finds as much there.
-    wrong, full = (
-        np.isfinite(d[:, : int(disparity) - 3]) for d in (found, match(left, right, 128))
-    )
-    assert wrong.shape[1] < 10 or wrong.mean() == pytest.approx(full.mean(), abs=0.02)
-
-
-def test_without_texture_no_match_is_trusted() -> None:
-    flat = np.full((60, 120), 90, np.uint8)
-    found = search(flat, flat, np.full((60, 120), 20, np.float32), 64)
-    assert (confidence_of(flat, found.disparity, found.cost, found.rival) == 0).all()
-
-
 @pytest.mark.parametrize("shape", [(1, 1), (1, 40), (40, 1), (7, 9), (17, 59), (16, 58), (33, 117)])
 def test_images_of_any_size(shape: tuple[int, int]) -> None:
     rng = np.random.default_rng(0)
@@ -132,14 +106,6 @@ def test_images_of_any_size(shape: tuple[int, int]) -> None:
     found = search(left, right, np.full(shape, 5, np.float32), 32)
     assert found.disparity.shape == shape
     assert np.isfinite(found.cost).all() and np.isfinite(found.rival).all()
-
-
-@pytest.mark.parametrize("value", [np.nan, np.inf, -3.0, 1e9])
-def test_a_truth_that_is_nowhere_or_anywhere(value: float) -> None:
-    left, right, _ = stepped_pair((40, 80))
-    found = search(left, right, np.full((40, 80), value, np.float32), 64)
-    known = found.disparity[np.isfinite(found.disparity)]
-    assert ((known >= 0) & (known < 64)).all()
 
 
 def test_ranges_and_windows_that_cannot_be_searched_are_named() -> None:

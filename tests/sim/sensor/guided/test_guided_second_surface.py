@@ -85,12 +85,6 @@ def test_the_second_surface_is_found_where_a_full_search_finds_it(material: Mate
     assert missed[1] < 0.7, "or the coarse search is enough"
 
 
-def test_the_images_decide_which_surface_it_is() -> None:
-    for share, expected in ((0.9, (1, 0)), (0.1, (0, 1))):
-        truth = layered_frame(GLASS, share)
-        assert shares(sense_by_guided_matching(truth).disparity) == pytest.approx(expected, abs=0.1)
-
-
 def test_second_disparity_is_that_of_the_formulas_and_of_the_drifted_images() -> None:
     for material, kind in ((CHROME, "mirror"), (GLASS, "transparency")):
         truth = layered_frame(material, 0.5)
@@ -103,11 +97,3 @@ def test_second_disparity_is_that_of_the_formulas_and_of_the_drifted_images() ->
         expected = drifted.drift.shown_disparity(second, truth.rig.intrinsics)
         np.testing.assert_array_equal(shown, expected)
         assert np.abs(expected - BEHIND).max() > 0.5
-
-
-def test_where_nothing_is_clear_or_mirrors_no_ray_is_cast() -> None:
-    truth = make_frame(SURFACE)
-    rays = CountedRays(truth.depth.shape)
-    truth = replace(truth, rays=rays, materials=(*truth.materials, GLASS, CHROME))  # not in view
-    assert second_disparity(truth, SECOND_SURFACE_NAMES) is None
-    assert rays.asked == []

@@ -1,7 +1,5 @@
 """The dots of the projector: their places, brightness and shadows against formulas, and what they are for."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from scipy.spatial import KDTree  # pyright: ignore[reportAttributeAccessIssue]
@@ -12,10 +10,10 @@ from digs_warp.sim.camera.shutter import Shutter
 from digs_warp.sim.render.raycast import RaycastRenderer
 from digs_warp.sim.scene.join import join_scenes
 from digs_warp.sim.scene.scene import Material, Scene
-from digs_warp.sim.sensor.color import COLOR_EFFECTS, PIXEL_EFFECTS, PROJECTOR
+from digs_warp.sim.sensor.color import PIXEL_EFFECTS, PROJECTOR
 from digs_warp.sim.sensor.color.recorded import recorded_images
 from digs_warp.sim.sensor.facts import measure_facts
-from digs_warp.sim.sensor.frame import Cause, FrameTruth, Sensed
+from digs_warp.sim.sensor.frame import FrameTruth, Sensed
 from digs_warp.sim.sensor.infrared.pair import (
     DENSITY,
     FIELD_DEG,
@@ -88,47 +86,6 @@ def test_brightness_on_a_wall_follows_the_formula(distance: float, eye: float) -
     )
 
 
-@pytest.mark.parametrize("slope", [0.0, 0.7])
-def test_both_eyes_see_a_dot_at_the_same_point_of_the_wall(slope: float) -> None:
-    scene = wall(1.0, slope=slope)
-    session = still_session(scene, RIG)
-    truth, _ = session.truth(0, Shutter(), projects=False)
-    along = np.gradient(truth.disparity, axis=1)
-    left, right = (light_of(scene, eye=eye) for eye in (0.0, RIG.baseline))
-    found = 0
-    for row, column in zip(*np.nonzero(is_peak(left)), strict=True):
-        u, v = centroid(left, row, column)
-        disparity = float(truth.disparity[row, column] + (u - column - 0.5) * along[row, column])
-        there = round(u - disparity - 0.5)
-        if not (8 <= there < left.shape[1] - 8 and 8 <= column < left.shape[1] - 8):
-            continue
-        u_right, v_right = centroid(right, row, there)
-        assert u - u_right == pytest.approx(disparity, abs=0.05)
-        assert v - v_right == pytest.approx(0, abs=0.05)
-        found += 1
-    assert found > 200
-
-
-def is_peak(light: np.ndarray) -> np.ndarray:
-    """Dots that stand alone, away from the borders."""
-    import cv2
-
-    peak = (light == cv2.dilate(light, np.ones((7, 7)))) & (light > 0.3 * light.max())
-    inside = np.zeros_like(peak)
-    inside[8:-8, 8:-8] = True
-    return peak & inside
-
-
-def centroid(light: np.ndarray, row: int, column: int) -> tuple[float, float]:
-    """The center of the spot round a pixel: the top of a paraboloid through the logarithm."""
-    top = np.log(light[row - 1 : row + 2, column - 1 : column + 2].astype(np.float64))
-    steps = [
-        (top[1, 0] - top[1, 2]) / (2 * (top[1, 0] - 2 * top[1, 1] + top[1, 2])),
-        (top[0, 1] - top[2, 1]) / (2 * (top[0, 1] - 2 * top[1, 1] + top[2, 1])),
-    ]
-    return column + 0.5 + steps[0], row + 0.5 + steps[1]
-
-
 def test_a_near_thing_throws_a_shadow_on_the_side_that_the_projector_cannot_see() -> None:
     near, far = 0.5, 1.0
     # Its left edge is in the middle of the image; the projector sits to the right of the eye.
@@ -192,26 +149,6 @@ def test_bright_light_drowns_the_dots_and_the_plan_says_so() -> None:
     # Twice as far away, a quarter of the light.
     share = [measure_facts([sensed_wall(wall(z), "guided")[1]], RIG).dot_share for z in (1.0, 8.0)]
     assert share[0] > 0.99 and share[1] < share[0]
-
-
-def test_a_camera_without_projector_has_none_to_plan() -> None:
-    rig = replace(RIG, projector_power=0.0)
-    session = still_session(wall(1.0), rig)
-    truth, _ = session.truth(0, Shutter())
-    choice = PROJECTOR.choose(measure_facts([truth], truth.rig), rig)
-    assert not choice.on and choice.reason.startswith("the camera has no projector")
-    assert truth.dots_show is None and PROJECTOR in COLOR_EFFECTS
-
-
-def test_a_mirror_on_the_wall_loses_the_dots() -> None:
-    metal = Material("metal", np.full(3, 0.9), roughness=0.02, metallic=1.0)
-    pane = plate((0.0, 0, 0.99), (0.3, 0, 0.1), (0, -0.3, 0), metal)
-    sensed, truth = sensed_wall(join_scenes(wall(1.2), pane), "guided")
-    on_pane = truth.material_ids == 1
-    right = np.abs(sensed.disparity - truth.disparity) <= 1
-    assert right[on_pane].mean() < 0.5 and right[~on_pane & (truth.disparity < 30)].mean() > 0.7
-    wrong = sensed.cause[on_pane & ~right]
-    assert np.mean((wrong == Cause.MIRROR) | (wrong == Cause.BAND)) > 0.9
 
 
 def test_a_session_draws_the_dots_from_the_place_of_the_projector() -> None:
