@@ -47,8 +47,8 @@ class SimulateConfig(Settings):
     """Number of stereo frames, evenly spaced in time over the walk. Default: 60, or fps times duration."""
 
     profile: str | None = None
-    """The camera: d435, d455, gemini-335, oak-d, zed2-2k, zed2-1080, zed2-720, zed2-vga, bare-matcher, or a
-    YAML file. Default: d435, a RealSense at 640 x 360, its depth as rough and as full of holes as that of one
+    """The camera: d435, d455, gemini-335, oak-d, oak4-d, zed2-2k, zed2-1080, zed2-720, zed2-vga,
+    bare-matcher, or a YAML file. Default: d435, a RealSense at 640 x 360, its depth like that of one
     (docs/research/devices.md). It has no right color image: stereo labels and right images need a camera
     whose left eye takes the images, such as zed2-720."""
 

@@ -58,7 +58,7 @@ GAP = 0.3  # [m]
 ALLOWED = 0.02  # of a value from its side, as a share of the distance
 # RMS distance from the plane at 1 m [mm].
 TILTS = {0: 6.1, 15: 5.2, 30: 5.2, 45: 4.2, 60: 4.6}
-SURFACES = {"black": 4.35, "cardboard": 5.09, "reflective": 5.39}
+SURFACES = {"black": 4.35, "cardboard": 5.09, "reflective": 5.39, "transparent": 60.0}
 
 # Others' figures of a D455 before a flat board, in px.
 PUBLISHED = {"D455, flat board, measured": (0.031, 0.068, 0.113, 0.124)}
@@ -152,6 +152,11 @@ def _boards(profile: str = "gemini-335") -> Iterator[Result]:
         f"tilted by {tilt}": (board(1.0, tilt_deg=tilt), rmse) for tilt, rmse in TILTS.items()
     }
     others |= {name: (board(1.0, MATERIALS[name]), rmse) for name, rmse in SURFACES.items()}
+    # Nobody says what stood behind.
+    others["transparent"] = (
+        both(others["transparent"][0], board(1.0 + GAP)),
+        SURFACES["transparent"],
+    )
     for name, (scene, rmse) in others.items():
         still = photographed(scene, profile)
         values = {"real: RMSE [mm]": rmse}

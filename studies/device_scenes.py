@@ -28,6 +28,7 @@ MATERIALS = {
     "black": Material("black", np.full(3, 0.05), roughness=1.0),
     "cardboard": Material("cardboard", np.array([0.5, 0.36, 0.22]), roughness=0.9),
     "reflective": Material("reflective", np.full(3, 0.6), roughness=0.15),
+    "transparent": Material("transparent", np.ones(3), roughness=0.05, transmission=0.9),
 }
 WIDE = 10.0  # of a board to each side [m]; no camera sees its ends
 ROOM = 0.7  # mean radiance of the built-in room

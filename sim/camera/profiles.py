@@ -84,7 +84,7 @@ class Profile:
 MODELS = Path(__file__).parent / "models"
 PROFILES = (
     *("zed2-2k", "zed2-1080", "zed2-720", "zed2-vga"),
-    *("d435", "d455", "gemini-335", "oak-d", "bare-matcher"),
+    *("d435", "d455", "gemini-335", "oak-d", "oak4-d", "bare-matcher"),
 )
 """The built-in profiles, files of their own beside this one."""
 

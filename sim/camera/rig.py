@@ -26,13 +26,14 @@ class StereoRig:
         disparity_correlation: distance at which its coarsest part has fallen to 1/e [px], >= 1.5; 0: white.
         temporal_share: of its variance, what changes from frame to frame, 0 to 1.
         disparity_distortion: smooth constant error of the disparity, relative; with that, noise falls with
-            distance.
+            distance. Where matching makes the noise, it is part of the static field.
         hole_share: of a plain surface, what has no depth, 0 to 1; 0: no holes at all, nor shadows.
         disparity_step: step in which disparity is reported [px]; 0: none.
         min_depth: nearest depth that is reported [m].
         max_depth: farthest depth that is reported [m].
         max_disparity: end of the search range [px]; 0: as far as the nearest depth requires.
         window: width of the matching window [px].
+        smoothness: factor on the penalties of the search for disparities that change; 1: OpenCV's suggestion.
         least_confidence: matches with less are dropped by the device, 0 to 1; 0: none.
         smoothing: weight of the neighbors in the device's average of matches along rows and columns, 0 (none)
             to 1; steps stay.
@@ -74,6 +75,7 @@ class StereoRig:
     hole_share: float = 0.0
     max_disparity: float = 0.0
     window: int = 5
+    smoothness: float = 1.0
     least_confidence: float = 0.0
     smoothing: float = 0.0
     static_field: float = 0.1

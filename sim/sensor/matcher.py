@@ -37,6 +37,7 @@ def match(
     window: int = 5,
     checks: bool = True,
     uniqueness: int = UNIQUENESS,
+    smoothness: float = 1.0,
 ) -> np.ndarray:
     """Return the disparity of a rectified pair [px], shape (height, width), float32, NaN: no match.
 
@@ -47,6 +48,7 @@ def match(
         window: width of the square block, odd.
         checks: whether to drop matches that are not unique, differ between the eyes, or are islands.
         uniqueness: by how much the best match must be better than the second best [%], 0 to 100.
+        smoothness: factor on the penalties.
     """
     import cv2
 
@@ -67,8 +69,8 @@ def match(
         minDisparity=0,
         numDisparities=disparities,
         blockSize=window,
-        P1=SMALL_STEP * window * window,
-        P2=LARGE_STEP * window * window,
+        P1=round(smoothness * SMALL_STEP * window * window),
+        P2=round(smoothness * LARGE_STEP * window * window),
         # OpenCV takes 0 and less for 1; nothing differs by more than the range.
         disp12MaxDiff=LEFT_RIGHT if checks else disparities,
         uniquenessRatio=uniqueness if checks else 0,

@@ -87,7 +87,7 @@ def sense_by_matching(
     rig = truth.rig
     left, right = map(gray_of, recorded or (truth.image, truth.right))
     disparities = search_range(rig)
-    matched = match(left, right, disparities, rig.window)
+    matched = match(left, right, disparities, rig.window, smoothness=rig.smoothness)
     # OpenCV keeps its costs to itself: confidence computes them again.
     confidence = confidence_in_matches(left, right, matched, disparities, rig.window)
     disparity = truth.drift.reported_disparity(matched)

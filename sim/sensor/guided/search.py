@@ -177,6 +177,7 @@ def search(
     window: int = 5,
     second: np.ndarray | None = None,
     uniqueness: int = UNIQUENESS,
+    smoothness: float = 1.0,
 ) -> Found:
     """Match a rectified pair in a band round the true disparity.
 
@@ -189,6 +190,7 @@ def search(
         second: disparity of what shows through a surface or is reflected in it [px], (height, width),
             float32, NaN where there is nothing of that kind; None: nowhere. Such pixels try it as well.
         uniqueness: by how much a match must be better than its best rival [%], 0 to 100.
+        smoothness: factor on the penalties.
     """
     count = disparities // BLOCK
     if disparities % BLOCK or not BLOCKS <= count <= MAX_BLOCKS:
@@ -200,7 +202,7 @@ def search(
     eyes = make_planes(left, right, disparities)
     coarse = coarse_half_blocks(left, right, count, window)
     blocks = choose_blocks(true, coarse, count, second)
-    raw, cost, rival = search_blocks(eyes, blocks, window, uniqueness)
+    raw, cost, rival = search_blocks(eyes, blocks, window, uniqueness, smoothness)
     disparity = _without_islands(raw)
     scale = np.float32(1 / (5 * window * window))
     return Found(disparity, cost * scale, rival * scale)
@@ -215,12 +217,18 @@ def known_disparity(surface: np.ndarray, disparities: int) -> np.ndarray:
 
 
 def search_blocks(
-    eyes: EyePlanes, blocks: wp.array, window: int, uniqueness: int = UNIQUENESS
+    eyes: EyePlanes,
+    blocks: wp.array,
+    window: int,
+    uniqueness: int = UNIQUENESS,
+    smoothness: float = 1.0,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return disparity in sixteenths of a pixel and the two costs, (height, width), int16; see `search`."""
     width, height = eyes.width, eyes.height
     strips = -(-height // STRIP_ROWS)
-    small_step, large_step = (step * window * window for step in (SMALL_STEP, LARGE_STEP))
+    small_step, large_step = (
+        round(smoothness * step * window * window) for step in (SMALL_STEP, LARGE_STEP)
+    )
     steps = wp.array(neighbor_steps(small_step).reshape(-1), dtype=wp.int16, device="cpu")
     pair = packed(
         Pair,

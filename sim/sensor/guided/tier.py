@@ -132,7 +132,8 @@ def sense_by_guided_matching(
     disparities = min(max(search_range(rig), BLOCKS * BLOCK), MAX_BLOCKS * BLOCK)
     second = second_disparity(truth, effects)
     # Where the calibration has drifted, the match is not at the true disparity.
-    found = search(left, right, truth.shown_disparity, disparities, rig.window, second)
+    surface, smoothness = truth.shown_disparity, rig.smoothness
+    found = search(left, right, surface, disparities, rig.window, second, smoothness=smoothness)
     confidence = confidence_of(left, found.disparity, found.cost, found.rival, rig.window)
     disparity = truth.drift.reported_disparity(found.disparity)
     return Sensed(disparity, attribute_errors(disparity, truth), confidence)

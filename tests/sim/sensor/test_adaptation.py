@@ -198,6 +198,11 @@ def test_the_walk_is_metered_at_the_same_moments_however_many_frames_it_has(
     np.testing.assert_array_equal(few.settings, many.settings[:shared])
     assert few.times[-1] >= session.moments[-1]
     assert np.ptp(few.settings[:, 0]) > 0.3, "the walk goes from light to shade"
+    # The meter sees what the frames show.
+    frame = FrameMaker(session, SensorPlan()).render(1).truth
+    colors = linear_from_srgb(frame.image / 255.0).mean(axis=(0, 1))
+    i = int(np.argmin(np.abs(few.times - session.moments[1])))
+    np.testing.assert_allclose(few.aims[i], targets(colors[None], session.rig)[0], atol=0.15)
 
 
 def test_both_eyes_and_all_orders_get_the_same_gain_and_the_index_tells_it(

@@ -99,6 +99,6 @@ def test_a_drifted_calibration_is_blamed_for_its_columns_and_rows(drift: Drift) 
 
 
 def test_rays_are_asked_only_where_their_answer_counts() -> None:
-    truth = frame(shadow())
-    attribute_errors(truth.disparity, truth)
-    assert truth.rays.asked == []  # pyright: ignore[reportAttributeAccessIssue]
+    for truth, found in ((frame(shadow()), shadow()), (frame(0.3 * shadow()), NOTHING)):
+        attribute_errors(found, truth)  # right, and out of range
+        assert truth.rays.asked == []  # pyright: ignore[reportAttributeAccessIssue]

@@ -38,6 +38,8 @@ def rng(seed: int = 0) -> np.random.Generator:
 def test_every_eight_bit_value_survives_linear_light() -> None:
     values = np.arange(256, dtype=np.uint8)
     np.testing.assert_array_equal(encode(decode(values)), values)
+    steps = np.linspace(0, 1, 65536)
+    np.testing.assert_array_equal(encode(steps - 0.3 / 65535), encode(steps))
 
 
 @pytest.mark.parametrize("noise", [1.0, 2.0, 4.0])

@@ -66,6 +66,9 @@ def test_long_rows_are_classified_as_point_by_point() -> None:
     disparity[:, 130:133] = 17.5
     disparity[:, 40:60] = np.round((12 + 0.7 * np.arange(20)) * 64) / 64  # flat rising slope
     disparity[20:, 280:] = np.nan
+    disparity[:4, :40] = (
+        np.round((np.arange(40) + 0.05 * rows[:4, :40] - 0.3) * 64) / 64
+    )  # the left border
     opaque = disparity.copy()
     opaque[5:9, 180:200] = np.nan
     expected = classified(disparity, opaque)

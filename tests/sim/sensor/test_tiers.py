@@ -97,6 +97,14 @@ def test_tiers_that_match_have_the_planned_effects_of_the_device(tier: str) -> N
     assert added.std() == pytest.approx(0.1, rel=0.2)
 
 
+def test_holes_keep_their_first_label_and_have_no_confidence() -> None:
+    holes = np.indices((240, 320))[1] // 80
+    sensed = Sensed.of(make_frame(50.0)).with_holes(holes == 1, Cause.MIRROR)
+    sensed = sensed.with_holes((holes == 1) | (holes == 2), Cause.EDGE)
+    assert sensed.cause[0, ::80].tolist() == [Cause.OK, Cause.MIRROR, Cause.EDGE, Cause.OK]
+    assert sensed.confidence[0, ::80].tolist() == [1, 0, 0, 1]
+
+
 def test_law_tier_is_the_law() -> None:
     truth = make_frame(np.linspace(3, 240, 320)[None], make_rig(disparity_sigma=0.1), number=3)
     truth = replace(truth, rig=replace(truth.rig, min_depth=0.4, max_depth=5.0))

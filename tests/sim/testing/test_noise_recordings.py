@@ -118,6 +118,10 @@ def test_depth_of_an_infrared_pair_errs_by_the_focal_length_of_the_pair(tmp_path
     profile = white(tmp_path, "d435")
     alone = captures_of(folder, tmp_path / "cache", profile=profile, effects=ALONE)
     assert noise_of(alone.capture(1)) == pytest.approx(0.13 / (30.0 * 0.05), rel=0.1)
+    # Only the profile tells it here: the color camera of a D435 has 1.444 times the eyes' focal length.
+    unknown = record(tmp_path / "unknown", rig=None)
+    told = captures_of(unknown, tmp_path / "cache", profile=profile, effects=ALONE)
+    assert noise_of(told.capture(1)) == pytest.approx(0.13 / (60.0 / 1.444 * 0.05), rel=0.1)
 
 
 def test_a_simulated_capture_tells_its_camera_itself(tmp_path: Path) -> None:

@@ -74,5 +74,9 @@ def test_a_distance_that_is_asked_for_is_kept_and_one_within_the_object_is_refus
     assert farther / usual == pytest.approx(1.5, rel=0.1)
     with pytest.raises(
         DigsError, match=r"--camera-distance: 0\.2 m .* run into them; choose 0\.2\d+ m"
-    ):
+    ) as refused:
         load_inputs(replace(CONFIG, walk=WalkSettings(distance=0.2)))
+    advised = float(str(refused.value).split("choose ")[1].split()[0])
+    load_inputs(replace(CONFIG, walk=WalkSettings(distance=1.01 * advised)))
+    with pytest.raises(DigsError, match="run into them"):
+        load_inputs(replace(CONFIG, walk=WalkSettings(distance=0.98 * advised)))

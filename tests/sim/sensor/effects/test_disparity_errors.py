@@ -48,6 +48,12 @@ def test_static_field_belongs_to_the_unit_and_is_smooth() -> None:
     assert abs(np.corrcoef(first.ravel(), other.ravel())[0, 1]) < 0.3
 
 
+def test_a_relative_error_is_part_of_the_field_and_falls_with_the_disparity() -> None:
+    rig = make_rig(640, 480, static_field=0.05, disparity_distortion=0.002)
+    far, near = (error_of(make_frame(d, rig), "static-field").std() for d in (10.0, 50.0))
+    assert (far, near) == (pytest.approx(0.07, rel=0.02), pytest.approx(0.15, rel=0.02))
+
+
 def test_the_device_smooths_noise_but_no_steps() -> None:
     rig = make_rig(smoothing=0.4)
     true = np.full((240, 320), 30.0, np.float32)

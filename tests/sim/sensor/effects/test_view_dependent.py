@@ -3,6 +3,7 @@
 from dataclasses import replace
 
 import numpy as np
+import pytest
 
 from digs_warp.geometry.camera import pixel_centers
 from digs_warp.sim.scene.scene import Material
@@ -67,3 +68,7 @@ def test_the_curvature_of_a_ball_is_one_over_its_radius() -> None:
     # Also at the rim, where one neighbor shows something else.
     np.testing.assert_allclose(curvature[curvature > 0], 5.0, rtol=0.1)
     assert (curvature == 0).mean() < 0.005
+    # It shows a small world half a radius behind its front.
+    sky = replace(with_material(truth, CHROME), rays=WallRays(truth, 1e4))
+    disparity = virtual_disparity(sky, np.isfinite(truth.depth))
+    assert truth.rig.focal_baseline / disparity[120, 160] == pytest.approx(0.8 + 0.1, rel=0.01)

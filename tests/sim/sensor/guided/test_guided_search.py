@@ -50,18 +50,20 @@ def searched(
     disparities: int,
     window: int = 5,
     uniqueness: int = 13,
+    smoothness: float = 1.0,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     eyes = make_planes(left, right, disparities)
-    return search_blocks(eyes, wp.array(blocks, dtype=int, device="cpu"), window, uniqueness)
+    packed = wp.array(blocks, dtype=int, device="cpu")
+    return search_blocks(eyes, packed, window, uniqueness, smoothness)
 
 
-@pytest.mark.parametrize("window", [1, 3, 5, 7])
-def test_disparity_and_costs_equal_the_twin_to_the_bit(window: int) -> None:
+@pytest.mark.parametrize(("window", "smoothness"), [(1, 1.0), (3, 0.375), (5, 1.0), (7, 1.0)])
+def test_disparity_and_costs_equal_the_twin_to_the_bit(window: int, smoothness: float) -> None:
     left, right, surface = stepped_pair((35, 75), seed=window)
     blocks = wide_blocks(left, right, surface, 10, window)
-    found = searched(left, right, blocks, 80, window)
+    found = searched(left, right, blocks, 80, window, smoothness=smoothness)
     costs = twin_costs(left, right, 80, window)
-    steps = (8 * window * window, 32 * window * window)
+    steps = (round(8 * smoothness * window**2), round(32 * smoothness * window**2))
     sums = twin_sums(costs, tried_disparities(blocks, 80), *steps)
     for mine, twins in zip(found, twin_matches(sums, 13, 1), strict=True):
         np.testing.assert_array_equal(mine, twins)
