@@ -108,6 +108,7 @@ def write_reconstruction(folder: Path, capture: Capture) -> None:
     )
     surface = {"accuracy": 0.00125, "completeness": 0.00375, "seen_completeness": 0.00155}
     record.results |= {"training": {"adherence": 0.0025}, "scores": {"surface": surface}}
+    record.results["capture"] = str(capture.folder)
     record.save(folder / "run.json")
 
 

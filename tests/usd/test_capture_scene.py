@@ -142,13 +142,11 @@ def test_scenes_that_make_no_sense_are_refused(tmp_path: Path):
         write_capture_scene(tmp_path / "a.usdc", full_scene())
     assert not list(tmp_path.iterdir())
     views = camera_path(views=2)
-    for wrong, words in (
-        ({"times": (0.0,)}, "2 cameras, 1 times"),
-        ({"times": (1.0, 0.0)}, "not ascending"),
-        (
-            {"cameras": (views.cameras[0], views.cameras[1].resized(44, 33))},
-            "different image sizes",
-        ),
+    other = (views.cameras[0], views.cameras[1].resized(44, 33))
+    for name, value, words in (
+        ("times", (0.0,), "2 cameras, 1 times"),
+        ("times", (1.0, 0.0), "not ascending"),
+        ("cameras", other, "different image sizes"),
     ):
         with pytest.raises(UsdError, match=words):
-            replace(views, **wrong)
+            replace(views, **{name: value})

@@ -50,6 +50,7 @@ MISTAKES: list[tuple[Edit, str, str]] = [
     (spoiled("positions", (3, 1), np.nan), "finite", "1 NaN or infinite values in 'positions'"),
     (spoiled(SH, 7, np.inf), "finite", "3 NaN or infinite values in 'radiance"),
     (centers_only, "extent", "cuts off splats"),
+    (changed("extent", lambda box: box * [[0.5], [1]]), "extent", "cuts off splats"),
     (changed("extent", lambda box: box * 3), "extent", "much larger"),
     (lambda arrays: arrays.pop("extent"), "extent", "not authored"),
     (changed("orientations", lambda q: q * 1.01), "quaternion-length", "50 quaternions"),

@@ -145,17 +145,13 @@ def test_arrays_of_a_wrong_length_are_cut_or_ignored_with_a_warning(
 
 
 def test_several_fields_are_listed_and_one_can_be_chosen(tmp_path: Path):
-    body = field("point3f[] positions = [(1, 0, 0)]", "A") + field(
-        "point3f[] positions = [(2, 0, 0)]", "B"
-    )
-    path = scene(tmp_path, body)
-    with pytest.raises(UsdError, match=r"found 2: /A, /B"):
-        read_gaussians(path)
+    one, two = (f"point3f[] positions = [({x}, 0, 0)]" for x in (1, 2))
+    path = scene(tmp_path, field(one, "A") + field(two, "B"))
     chosen = read_scene(path, "/B")
     assert_allclose(chosen.gaussians.means, [(2, 0, 0)])
     assert chosen.prim_path == "/B"
-    for wrong in ("/C", "B", "not a path", ""):
-        with pytest.raises(UsdError, match=rf"at '{wrong}'; found: /A, /B"):
+    for wrong in (None, "/C", "B", "not a path", ""):
+        with pytest.raises(UsdError, match=r"found.*: /A, /B"):
             read_gaussians(path, wrong)
 
 

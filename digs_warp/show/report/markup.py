@@ -90,8 +90,6 @@ figcaption { color: var(--soft); font-size: .85rem; margin-top: .35rem; max-widt
   margin-bottom: 1rem; }
 .swatches img { display: inline-block; width: 1.5rem; height: 1rem; border-radius: 3px;
   margin-right: .35rem; outline: 1px solid var(--rule); vertical-align: -.15rem; }
-.columns { display: grid; grid-template-columns: repeat(auto-fit, minmax(min(20rem, 100%), 1fr));
-  gap: 0 2.5rem; align-items: start; }
 #view3d { padding: .75rem; margin-top: .5rem; position: relative; }
 #view3d .stage { position: relative; background: var(--stage); border-radius: 4px; }
 #view3d canvas { display: none; width: 100%; height: min(clamp(17rem, 52vh, 50rem), 84vw); border-radius: 4px;

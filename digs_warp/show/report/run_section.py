@@ -176,6 +176,8 @@ def _flags(record: RunRecord) -> dict[str, list[str]]:
         value, hint = record.settings, _SETTINGS.get(record.command)
         for key in keys:
             value, hint = value[key], _type_of(hint, key)
+        if hint is None:
+            continue  # a setting of another version
         if name.endswith("seed"):
             name = "seed"
         elif NO_FLAG in getattr(hint, "__metadata__", ()):

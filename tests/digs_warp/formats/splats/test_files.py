@@ -9,6 +9,7 @@ import pytest
 
 from digs_warp.checks import DigsError
 from digs_warp.data.gaussians import ANTIALIASED, CLASSIC, NO_FILTER, ScreenFilter
+from digs_warp.formats.splats.dot_splat import ROW, read_dot_splat, write_dot_splat
 from digs_warp.formats.splats.files import WRITABLE as SUFFIXES
 from digs_warp.formats.splats.files import SplatWriting, read_splat_file, write_splat_file
 from digs_warp.formats.splats.rows import (
@@ -130,24 +131,24 @@ def test_a_full_disk_leaves_the_old_file_and_nothing_else(tmp_path: Path, suffix
     assert list(tmp_path.iterdir()) == [path]
 
 
-def test_targets_that_cannot_be_written(tmp_path: Path) -> None:
+def test_what_cannot_be_written_or_read_is_named(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
     (tmp_path / "folder.ply").mkdir()
-    for path in (tmp_path / "file/a.ply", tmp_path / "folder.ply"):
-        with pytest.raises(DigsError, match="cannot be written"):
-            write_splat_file(path, random_gaussians(1, 0))
-    with pytest.raises(DigsError, match=r"suffix '.obj', expected one of .ply"):
-        write_splat_file(tmp_path / "a.obj", random_gaussians(1, 0))
-
-
-def test_sources_that_cannot_be_read(tmp_path: Path) -> None:
-    (tmp_path / "folder.ply").mkdir()
-    with pytest.raises(DigsError, match="found a folder"):
-        read_splat_file(tmp_path / "folder.ply")
-    with pytest.raises(DigsError, match="no such file"):
-        read_splat_file(tmp_path / "none.spz")
-    with pytest.raises(DigsError, match="expected one of"):
-        read_splat_file(tmp_path / "a.ksplat")
+    g = random_gaussians(1, 0)
+    for name, message in (
+        ("file/a.ply", "cannot be written"),
+        ("folder.ply", "cannot be written"),
+        ("a.obj", r"suffix '.obj', expected one of .ply"),
+    ):
+        with pytest.raises(DigsError, match=message):
+            write_splat_file(tmp_path / name, g)
+    for name, message in (
+        ("folder.ply", "found a folder"),
+        ("none.spz", "no such file"),
+        ("a.ksplat", "expected one of"),
+    ):
+        with pytest.raises(DigsError, match=message):
+            read_splat_file(tmp_path / name)
 
 
 def test_every_opacity_code_survives_a_round_trip() -> None:
@@ -207,3 +208,40 @@ def test_open3d_reads_the_same_values(tmp_path: Path, suffix: str, degree: int) 
     if degree:
         np.testing.assert_array_equal(read["f_rest"].reshape(20, 8, 3), ours.sh[:, 1:])
         np.testing.assert_array_equal(read["opacity"].ravel(), ours.opacity_logits)
+
+
+def test_bytes_of_one_gaussian_in_dot_splat(tmp_path: Path) -> None:
+    """By hand: 1, 2, 3; e^0; dc 0 is gray 128; opacity 1/2; half a turn around x, wxyz."""
+    g = random_gaussians(1, 0)
+    g.means[:], g.log_scales[:], g.sh[:], g.opacity_logits[:] = (1, 2, 3), 0, 0, 0
+    g.quats[:] = (2, 0, 0, 0)
+    write_dot_splat(tmp_path / "a.splat", g)
+    data = (tmp_path / "a.splat").read_bytes()
+    np.testing.assert_array_equal(np.frombuffer(data[:24], "<f4"), [1, 2, 3, 1, 1, 1])
+    assert list(data[24:]) == [128, 128, 128, 128, 128, 255, 128, 128]
+
+
+def test_what_is_lost_is_said(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    lossy = replace(random_gaussians(2, 1), screen_filter=ANTIALIASED)
+    write_dot_splat(tmp_path / "a.splat", lossy)
+    assert "view-dependent" in caplog.text and "antialiasing" in caplog.text
+
+
+def test_zeros_are_read_and_what_is_no_splat_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "a.splat"
+    row = np.zeros(2, ROW)
+    row["quaternion"] = 128
+    path.write_bytes(row.tobytes())
+    read = read_dot_splat(path)
+    assert np.isfinite(read.log_scales).all()
+    np.testing.assert_array_equal(read.quats, 0)
+    assert read.opacities[0] < 1 / 255
+    row["scale"][1] = -1
+    for data, message in (
+        (bytes(31), "31 bytes, expected a multiple of 32"),
+        (b"", "empty"),
+        (row.tobytes(), "1 of 2 Gaussians have negative scales"),
+    ):
+        path.write_bytes(data)
+        with pytest.raises(DigsError, match=message):
+            read_dot_splat(path)

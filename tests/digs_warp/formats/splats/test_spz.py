@@ -56,14 +56,16 @@ def upright(quats: np.ndarray) -> np.ndarray:
     return quats * np.where(quats[:, 3:] < 0, -1, 1)
 
 
-def test_up_is_y_in_the_file(tmp_path: Path) -> None:
-    """A Gaussian one metre above the origin, long along our z, has y = 1 and is long along y."""
+def test_bytes_of_one_gaussian_and_up_is_y_in_the_file(tmp_path: Path) -> None:
+    """By hand: a metre above the origin; e^-4, e^0; opacity 1/2; dc 1 is 255 (.15 + .5)."""
     g = random_gaussians(1, 0)
     g.means[:], g.log_scales[:], g.quats[:] = (0, 0, 1), (-4, -4, 0), (0, 0, 0, 1)
+    g.opacity_logits[:], g.sh[:] = 0, 1
     write_spz(tmp_path / "a.spz", g)
     data = gzip.decompress((tmp_path / "a.spz").read_bytes())
     place = [int.from_bytes(data[16 + 3 * i : 19 + 3 * i], "little") for i in range(3)]
     assert place == [0, 1 << data[13], 0]
+    assert list(data[25:32]) == [128, 166, 166, 166, 96, 96, 160]
     there = turned(read_spz(tmp_path / "a.spz"), WORLD_FROM_Y_UP.T)
     np.testing.assert_allclose(shapes(there)[0], np.diag([-4, 0, -4]), atol=0.02)
 
