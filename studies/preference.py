@@ -8,7 +8,6 @@ import argparse
 import csv
 import sys
 from collections.abc import Iterator, Mapping, Sequence
-from itertools import combinations
 from pathlib import Path
 
 import numpy as np
@@ -218,21 +217,5 @@ def evaluate(answers: Sequence[tuple[str, str]], strategies: Sequence[str]) -> s
         f"{counted(len(answers), 'answer')} of {counted(len(dict(answers)), 'participant')}; equal: "
         f"chi-square {test.statistic:.2f}, {len(counts) - 1} degrees of freedom, p = {test.pvalue:.3g}"
     )
-    lines += [f"{a} against {b}: p = {p:.3g}" for (a, b), p in pair_tests(counts).items()]
     lines.append("Several answers of one person are not quite independent, as the test assumes.")
     return "\n".join(lines)
-
-
-def pair_tests(counts: Mapping[str, int]) -> dict[tuple[str, str], float]:
-    """Return the p value of each pair, corrected for the number of pairs (Holm 1979: step down)."""
-    from scipy.stats import chisquare
-
-    pairs = {
-        (a, b): float(chisquare([counts[a], counts[b]]).pvalue) if counts[a] + counts[b] else 1.0
-        for a, b in combinations(counts, 2)
-    }
-    largest = 0.0
-    for rank, pair in enumerate(sorted(pairs, key=pairs.__getitem__)):
-        largest = max(largest, min(1.0, (len(pairs) - rank) * pairs[pair]))
-        pairs[pair] = largest
-    return pairs
