@@ -103,3 +103,5 @@ def test_a_folder_that_was_moved_to_another_disk_and_linked_is_still_whole(tmp_p
     (folder / "images").symlink_to(tmp_path / "elsewhere")
     with recorded_files(folder, resume=True) as manifest:
         assert manifest.drop_missing() == [] and is_kept(folder / "images" / "a.bin")
+        (folder / "images" / "a.bin").unlink()
+        assert manifest.drop_missing() == ["images/a.bin"]

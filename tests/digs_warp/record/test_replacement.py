@@ -113,14 +113,14 @@ def killing(call: Callable[..., Any], at: int, steps: Iterator[int]) -> Callable
     return counted
 
 
-@pytest.mark.parametrize("name", ["added/y.txt", "added", "link"])
+@pytest.mark.parametrize("name", ["added/y.txt", "added/y.txt/mine", "added", "link"])
 def test_a_file_that_no_run_wrote_is_not_replaced(name: str, tmp_path: Path) -> None:
     """The new result is kept where it was made."""
     folder = make(tmp_path / "out")
     if name == "link":
         (folder / "added").symlink_to(tmp_path)
     else:
-        (folder / name).parent.mkdir(exist_ok=True)
+        (folder / name).parent.mkdir(exist_ok=True, parents=True)
         (folder / name).write_text("precious")
     before = content(folder)
     with pytest.raises(DigsError, match=r"needs the names added.*move them away"):
@@ -134,6 +134,8 @@ def test_files_behind_a_link_are_not_ours(tmp_path: Path) -> None:
     folder = make(tmp_path / "out")
     shutil.move(folder / "images", tmp_path / "elsewhere")
     (folder / "images").symlink_to(tmp_path / "elsewhere")
-    assert not any(name.startswith("images") for name in our_files(folder))
-    with pytest.raises(DigsError, match="names images"):
+    (folder / "a.txt").unlink()
+    (folder / "a.txt").symlink_to(tmp_path / "elsewhere")
+    assert not any(name.startswith(("images", "a.txt")) for name in our_files(folder))
+    with pytest.raises(DigsError, match=r"names a\.txt, images"):
         replace_result(folder)

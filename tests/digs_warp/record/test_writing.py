@@ -56,6 +56,13 @@ def test_room_is_checked_for_libraries_that_crash_without(tmp_path: Path) -> Non
         assert list(folder.iterdir()) == []
 
 
+def test_half_a_line_that_a_kill_left_is_cut_off(tmp_path: Path) -> None:
+    for before, kept in ((b"one\ntw", b"one\n"), (b"on", b""), (b"one\n", b"one\n")):
+        (tmp_path / "x.jsonl").write_bytes(before)
+        files.add_line(tmp_path / "x.jsonl", "new")
+        assert (tmp_path / "x.jsonl").read_bytes() == kept + b"new\n"
+
+
 def test_a_library_that_writes_by_name_gets_a_name_beside_the_target(tmp_path: Path) -> None:
     path = tmp_path / "new" / "x.bin"
     with files.new_file(path) as unfinished:
