@@ -2,13 +2,7 @@
 
 A profile is a base profile plus its own figures. The built-in profiles follow published figures of the ZED
 2, the RealSense D435 and the OAK-D as far as these exist; "class" in their titles means that they are
-bounded by such data, not fitted to one device. A custom profile is a YAML file:
-
-    title: my stereo head
-    base: zed2-720
-    figures:
-      baseline: {value: 0.2, origin: measured, note: calibration of 3 May}
-      static_field: {value: 0.0, origin: tuned}
+bounded by such data, not fitted to one device. docs/sensor.md shows a custom one.
 """
 
 from collections.abc import Mapping

@@ -158,7 +158,7 @@ def _of_color_camera(wall: Wall) -> list[Fitted]:
     if wall.color_camera is None:
         return []
     how = "calibration of the recording"
-    places = {"color_offset": wall.color_camera.offset, "color_zoom": wall.color_camera.zoom}
+    places = dict(zip(("color_offset", "color_zoom"), wall.color_camera, strict=True))
     found = [Fitted(name, Estimate(value, np.nan), how) for name, value in places.items()]
     images = image_noise([pose.color for pose in wall.poses if pose.color is not None])
     if images.mid_gray.is_known and images.is_still and not images.is_hidden:

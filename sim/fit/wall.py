@@ -181,14 +181,6 @@ class Pose:
     color: np.ndarray | None = None
 
 
-@dataclass(frozen=True)
-class ColorCamera:
-    """A color camera beside an infrared pair: `StereoRig.color_offset` [m] and `color_zoom`."""
-
-    offset: float
-    zoom: float
-
-
 @dataclass(frozen=True, eq=False)
 class Wall:
     """A recording of a wall.
@@ -197,13 +189,14 @@ class Wall:
         intrinsics: of the left eye.
         baseline: [m].
         poses: from the nearest to the farthest.
-        color_camera: beside an infrared pair; None: the left eye takes the images.
+        color_camera: `StereoRig.color_offset` [m] and `color_zoom` of that beside an infrared pair; None: the
+            left eye takes the images.
     """
 
     intrinsics: Intrinsics
     baseline: float
     poses: tuple[Pose, ...]
-    color_camera: ColorCamera | None = None
+    color_camera: tuple[float, float] | None = None
 
     @property
     def focal_baseline(self) -> float:
@@ -252,15 +245,10 @@ def read_wall(capture: Capture, baseline: float) -> Wall:
                 groups.append((plane, [loaded]))
             bar.update()
     poses = [_pose(capture, loaded) for _, loaded in groups]
-    wall = Wall(intrinsics, baseline, (), _color_camera(capture))
+    pair = capture.rig.infrared if capture.rig else None
+    color_camera = None if pair is None else (-pair.offset, color.fx / pair.fl_x)
+    wall = Wall(intrinsics, baseline, (), color_camera)
     return replace(wall, poses=tuple(sorted(poses, key=wall.distance)))
-
-
-def _color_camera(capture: Capture) -> ColorCamera | None:
-    if capture.rig is None or capture.rig.infrared is None:
-        return None
-    pair = capture.rig.infrared
-    return ColorCamera(-pair.offset, capture.frames[0].camera.intrinsics.fx / pair.fl_x)
 
 
 def _plane_of(disparity: np.ndarray, where: str) -> Plane:

@@ -82,7 +82,7 @@ class SceneFacts:
 
 
 # Extremes over the frames; every other fact is the mean over those where it can be measured.
-_SMALLEST, _LARGEST = "min_depth", "max_depth"
+_EXTREMES = {"min_depth": np.min, "max_depth": np.max}
 
 
 def measure_facts(frames: Sequence[FrameTruth], rig: StereoRig) -> SceneFacts:
@@ -104,13 +104,9 @@ def measure_facts(frames: Sequence[FrameTruth], rig: StereoRig) -> SceneFacts:
     for name in (field.name for field in fields(SceneFacts) if field.name != "frames"):
         values = np.array([m[name] for m in measured if name in m and np.isfinite(m[name])])
         if len(values) == 0:
-            facts[name] = np.nan if name in (_SMALLEST, _LARGEST) else 0.0
-        elif name == _SMALLEST:
-            facts[name] = float(values.min())
-        elif name == _LARGEST:
-            facts[name] = float(values.max())
+            facts[name] = np.nan if name in _EXTREMES else 0.0
         else:
-            facts[name] = float(values.mean())
+            facts[name] = float(_EXTREMES.get(name, np.mean)(values))
     return SceneFacts(frames=len(frames), **facts)
 
 

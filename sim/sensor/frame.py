@@ -14,7 +14,7 @@ from digs_warp.sim.scene.scene import Material
 from digs_warp.sim.sensor.drift import NO_DRIFT, Drift
 from digs_warp.sim.sensor.filters import box_mean, gray_of, horizontal_gradient
 from digs_warp.sim.sensor.highlights import Highlights
-from digs_warp.sim.sensor.right_eye import hidden_from_right
+from digs_warp.sim.sensor.right_eye import HIDDEN, UNSURE, classify
 
 
 class Cause(IntEnum):
@@ -206,13 +206,18 @@ class FrameTruth:
         return self.hidden_among(np.ones(self.depth.shape, bool))
 
     def hidden_among(self, where: np.ndarray) -> np.ndarray:
-        """Return which pixels of ``where`` are `hidden`, both (height, width), bool."""
+        """Return which pixels of ``where`` are `hidden`, both (height, width), bool.
+
+        Points that land outside the right image do not count: that is the invalid band, not occlusion.
+        """
         opaque, transparent = self.disparity, self.pixels_of(is_transparent)
         if transparent is not None:
             opaque = np.where(transparent, np.float32(np.nan), opaque)
-        return hidden_from_right(
-            self.disparity, opaque, where, lambda some: self.rays.right_visibility(some, self.depth)
-        )
+        state = classify(self.disparity, opaque, where)
+        hidden, unsure = state == HIDDEN, state == UNSURE
+        if unsure.any():
+            hidden |= unsure & ~self.rays.right_visibility(unsure, self.depth)
+        return hidden
 
 
 @dataclass(frozen=True, eq=False)

@@ -11,8 +11,6 @@ The kernel's formulas point by point: tests/reference/right_eye_twin.py.
 # pyright: reportGeneralTypeIssues=false, reportInvalidTypeForm=false, reportOperatorIssue=false
 # pyright: reportIndexIssue=false
 
-from collections.abc import Callable
-
 import numpy as np
 import warp as wp
 
@@ -110,27 +108,3 @@ def classify(disparity: np.ndarray, opaque: np.ndarray, where: np.ndarray) -> np
     state = np.empty((height, width), np.uint8)
     launch_parallel(_classify_kernel, height, [width, *images, scratch, shared(state)])
     return state
-
-
-def hidden_from_right(
-    disparity: np.ndarray,
-    opaque: np.ndarray,
-    where: np.ndarray,
-    right_visibility: Callable[[np.ndarray], np.ndarray],
-) -> np.ndarray:
-    """Return which pixels of ``where`` an opaque surface hides from the right eye, (height, width), bool.
-
-    Points that land outside the right image do not count: that is the invalid band, not occlusion.
-
-    Args:
-        disparity: [px], (height, width), NaN where there is nothing.
-        opaque: the same, without transparent surfaces.
-        where: the pixels in question, (height, width), bool.
-        right_visibility: casts rays to find whether the right eye sees the pixels of a mask, both
-            (height, width), bool; see `digs_warp.sim.sensor.frame.FrameRays`.
-    """
-    state = classify(disparity, opaque, where)
-    hidden, unsure = state == HIDDEN, state == UNSURE
-    if unsure.any():
-        hidden |= unsure & ~right_visibility(unsure)
-    return hidden

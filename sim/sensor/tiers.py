@@ -44,31 +44,22 @@ def sense(
     Raises:
         DigsError: an unknown tier.
     """
-    return within_range(_measured(truth, tier, plan, seed, strength, recorded), truth.rig)
-
-
-def _measured(
-    truth: FrameTruth,
-    tier: Tier,
-    plan: Sequence[Choice],
-    seed: int,
-    strength: float,
-    recorded: tuple[np.ndarray, np.ndarray] | None,
-) -> Sensed:
     if tier not in get_args(Tier):
         raise DigsError(f"tier '{tier}': expected {', '.join(get_args(Tier))}")
-    if tier == "truth" or strength == 0:
-        return Sensed.of(truth)
-    if tier == "law":
-        return _sense_law(truth, seed, strength)
     names = {choice.effect for choice in plan if choice.on}
-    if tier == "matcher":
-        matched = sense_by_matching(truth, recorded)
+    if tier == "truth" or strength == 0:
+        sensed = Sensed.of(truth)
+    elif tier == "law":
+        sensed = _sense_law(truth, seed, strength)
     else:
         from digs_warp.sim.sensor.guided.tier import sense_by_guided_matching
 
-        matched = sense_by_guided_matching(truth, recorded, names)
-    return apply_effects(matched, truth.rig, names, seed, truth.number, strength)
+        if tier == "matcher":
+            matched = sense_by_matching(truth, recorded)
+        else:
+            matched = sense_by_guided_matching(truth, recorded, names)
+        sensed = apply_effects(matched, truth.rig, names, seed, truth.number, strength)
+    return within_range(sensed, truth.rig)
 
 
 def sense_by_matching(

@@ -147,23 +147,6 @@ MARGIN = 30.0
 WANDER = 105
 
 
-@dataclass(frozen=True)
-class WanderSpectrum:
-    """A spectrum of RMS 1 that is flat up to a corner, falls off as f^-slope, and ends at FASTEST."""
-
-    corner: float
-    slope: float
-
-    def density(self, frequencies: np.ndarray) -> np.ndarray:
-        """Return the one-sided power spectral density."""
-        grid = np.linspace(0.0, FASTEST, 20_001)
-        total = float(np.trapezoid(self._shape(grid), grid))
-        return np.where(frequencies <= FASTEST, self._shape(frequencies), 0.0) / total
-
-    def _shape(self, frequencies: np.ndarray) -> np.ndarray:
-        return 1.0 / (1.0 + (frequencies / self.corner) ** self.slope)
-
-
 @dataclass(frozen=True, eq=False)
 class Wander:
     """The wander over the samples of a walk.
@@ -191,8 +174,8 @@ def wander(count: int, seed: int, unsteadiness: float) -> Wander:
         unsteadiness: factor on the measured one; 0: none.
     """
     position_seed, angle_seed = np.random.SeedSequence([seed, WANDER]).spawn(2)
-    position = _unit_noise(count, WanderSpectrum(POSITION_CORNER, POSITION_SLOPE), position_seed)
-    aim = _unit_noise(count, WanderSpectrum(ANGLE_CORNER, ANGLE_SLOPE), angle_seed)
+    position = _unit_noise(count, POSITION_CORNER, POSITION_SLOPE, position_seed)
+    aim = _unit_noise(count, ANGLE_CORNER, ANGLE_SLOPE, angle_seed)
     straying = unsteadiness * position * (DISTANCE_RMS, SIDEWAYS_RMS, HEIGHT_RMS)
     nearest, farthest = distance_limits(unsteadiness)
     return Wander(
@@ -218,5 +201,17 @@ def bounded(values: np.ndarray, limit: np.ndarray | float) -> np.ndarray:
     return limit * np.tanh(values / limit)
 
 
-def _unit_noise(count: int, spectrum: WanderSpectrum, seed: np.random.SeedSequence) -> np.ndarray:
-    return colored_noise(count, spectrum.density, MARGIN, np.random.default_rng(seed))
+def _unit_noise(
+    count: int, corner: float, slope: float, seed: np.random.SeedSequence
+) -> np.ndarray:
+    """Return noise of RMS 1 with a spectrum that is flat up to a corner and falls off as f^-slope."""
+
+    def shape(frequencies: np.ndarray) -> np.ndarray:
+        return 1.0 / (1.0 + (frequencies / corner) ** slope)
+
+    def density(frequencies: np.ndarray) -> np.ndarray:
+        grid = np.linspace(0.0, FASTEST, 20_001)
+        total = float(np.trapezoid(shape(grid), grid))
+        return np.where(frequencies <= FASTEST, shape(frequencies), 0.0) / total
+
+    return colored_noise(count, density, MARGIN, np.random.default_rng(seed))

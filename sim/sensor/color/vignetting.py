@@ -67,14 +67,9 @@ class Vignetting(PixelEffect):
 @lru_cache(maxsize=2)  # the eyes, and a color camera beside them
 def _transmission(k: Intrinsics, lost: float) -> np.ndarray:
     """Return the share of the light that is left, (height, width, 3), float32; ``lost``: in the corners."""
-    # Repeated for each channel: four times as fast as broadcasting.
-    return np.repeat(1 - np.float32(lost) * _falloff(k), 3, axis=2)
-
-
-def _falloff(k: Intrinsics) -> np.ndarray:
-    """Return the loss by the cos^4 law, 1 in the darkest corner, shape (height, width, 1), float32."""
     tangents = (pixel_centers(k.width, k.height) - [k.cx, k.cy]) / [k.fx, k.fy]
-    loss = 1 - 1 / (1 + (tangents**2).sum(axis=-1, keepdims=True)) ** 2
-    return (loss / max(loss.max(), 1e-12)).astype(
-        np.float32
-    )  # a single pixel on the axis loses nothing
+    loss = 1 - 1 / (1 + (tangents**2).sum(axis=-1, keepdims=True)) ** 2  # cos^4
+    # A single pixel on the axis loses nothing.
+    falloff = (loss / max(loss.max(), 1e-12)).astype(np.float32)
+    # Repeated for each channel: four times as fast as broadcasting.
+    return np.repeat(1 - np.float32(lost) * falloff, 3, axis=2)

@@ -14,9 +14,8 @@ import warp as wp
 
 from digs_warp.device.kernel_options import vector_module_options
 from digs_warp.device.parallel import launch_parallel
-from digs_warp.device.warp_start import start_warp
+from digs_warp.sim.sensor.arrays import shared
 
-start_warp()
 wp.set_module_options(vector_module_options())
 
 BLOCK = 8  # disparities
@@ -202,13 +201,9 @@ def choose_blocks(
         blocks_kernel,
         height,
         [
-            *(_flat(image, float) for image in images),
-            *(_flat(coarse, int), second is not None, width, *coarse.shape[::-1], count),
+            *map(shared, (*images, coarse)),
+            *(second is not None, width, *coarse.shape[::-1], count),
             blocks.flatten(),
         ],
     )
     return blocks
-
-
-def _flat(values: np.ndarray, dtype: type) -> wp.array:
-    return wp.array(values.reshape(-1), dtype=dtype, device="cpu", copy=False)

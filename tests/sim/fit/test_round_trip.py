@@ -152,11 +152,3 @@ def test_what_a_recording_cannot_tell_is_said_and_kept() -> None:
     assert "static_field" in found and "several frames" in fit.kept["image_noise"]
     assert any("one frame at each distance" in doubt for doubt in fit.doubts)
     assert any("2 distances" in doubt for doubt in fit.doubts)
-
-
-def test_noise_below_the_rounding_of_the_images_is_not_guessed() -> None:
-    rig = replace(base(), image_noise=0.25)
-    capture = record_wall(in_memory(rig), rig, "guided", PLACES[1:3], frames=2)
-    fit = fit_wall(read_wall(capture, rig.baseline), base())
-    assert "rounding" in fit.kept["image_noise"] and "rounding" in fit.kept["full_well"]
-    assert not {"image_noise", "full_well"} & {figure.name for figure in fit.figures}

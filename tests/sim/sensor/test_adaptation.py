@@ -13,7 +13,7 @@ from digs_warp.sim.config import SimulateConfig
 from digs_warp.sim.record.frame_maker import FrameMaker
 from digs_warp.sim.record.inputs import load_inputs
 from digs_warp.sim.record.record import simulate, simulate_in_memory
-from digs_warp.sim.record.sensor_plan import SensorPlan, make_plan, plan_for_facts
+from digs_warp.sim.record.sensor_plan import SensorPlan, make_plan
 from digs_warp.sim.record.session import Session, prepare_session
 from digs_warp.sim.sensor.color import AUTO_EXPOSURE, WHITE_BALANCE
 from digs_warp.sim.sensor.color.adaptation import (
@@ -159,19 +159,6 @@ def test_an_electronic_gain_multiplies_the_noise_of_the_darker_image() -> None:
         for eye, clean in ((noisy.left, amplified.left), (noisy.right, amplified.right)):
             spread = (eye - clean).std(axis=(0, 1))
             np.testing.assert_allclose(spread, gains * before, rtol=0.01)
-
-
-def test_a_longer_exposure_blurs_more() -> None:
-    truth = make_frame(np.full((90, 160), 25.0), rig=RIG, image=flat((90, 160)))
-    facts = replace(measure_facts([truth], RIG), blur_px=6.0)
-    config = replace(CONFIG, effects="image-blur")
-    plan = plan_for_facts(facts, RIG, config)
-    usual, longer, shorter = (
-        plan.shutter(RIG, 1.0, Adaptation(exposure)) for exposure in (0.0, 1.5, -1.0)
-    )
-    assert longer.exposure_time == pytest.approx(2 * usual.exposure_time)  # the headroom is 1 stop
-    assert shorter.exposure_time == pytest.approx(0.5 * usual.exposure_time)
-    assert longer.views > usual.views > shorter.views
 
 
 def test_rules_look_at_clipped_pixels_and_at_the_color_cast() -> None:

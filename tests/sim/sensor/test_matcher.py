@@ -5,13 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from digs_warp.checks import DigsError
 from digs_warp.sim.sensor.color.image_noise import ReadNoise, ShotNoise
 from digs_warp.sim.sensor.color.recorded import recorded_images
 from digs_warp.sim.sensor.filters import gray_of
 from digs_warp.sim.sensor.frame import Cause
 from digs_warp.sim.sensor.guided.confidence import confidence_of
-from digs_warp.sim.sensor.matcher import match, search_range
+from digs_warp.sim.sensor.matcher import search_range
 from digs_warp.sim.sensor.tiers import sense, sense_by_matching
 from reference.stereo_frames import broadband, flat, make_frame, make_rig
 from reference.stereo_pairs import (
@@ -36,25 +35,10 @@ def test_planes_are_matched_up_to_the_band_whatever_their_depth(disparity: float
     assert np.isfinite(found[:, : int(disparity) - 3]).mean() < 0.1
 
 
-def test_without_checks_every_pixel_has_a_match() -> None:
-    """Also those whose partner in the right eye found something else."""
-    truth = plane_pair(40.5)
-    left, right = gray_of(truth.image), gray_of(truth.right)
-    assert np.isnan(match(left, right, 64)).any()
-    assert np.isfinite(match(left, right, 64, checks=False)).all()
-
-
 def test_the_search_covers_the_nearest_depth_but_not_more_than_the_image() -> None:
     assert search_range(make_rig(640, 480, min_depth=0.5)) == 112  # 50 / 0.5 = 100 px
     assert search_range(make_rig(640, 480, min_depth=0.01)) == 640
     assert search_range(make_rig(640, 480, max_disparity=95.0)) == 96
-
-
-@pytest.mark.parametrize(("disparities", "window"), [(0, 5), (24, 5), (64, 4), (64, 0)])
-def test_bad_search_settings_are_refused(disparities: int, window: int) -> None:
-    image = np.zeros((8, 8), np.uint8)
-    with pytest.raises(DigsError, match="expected"):
-        match(image, image, disparities, window)
 
 
 def test_occlusion_is_left_of_near_things_and_labeled() -> None:

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from digs_warp.sim.sensor.noise_field import octave_normal, random_bytes, white_normal
+from digs_warp.sim.sensor.noise_field import octave_normal, white_normal
 
 
 def generator(seed: int) -> np.random.Generator:
@@ -25,12 +25,6 @@ def test_white_noise_is_normal_and_independent() -> None:
         (values[..., :-1], values[..., 1:]),
     ):
         assert np.mean(first * second) == pytest.approx(0, abs=0.01)
-
-
-@pytest.mark.parametrize("count", [0, 1, 8, 1001])
-def test_random_bytes_are_those_of_the_generator(count: int) -> None:
-    expected = np.frombuffer(generator(3).bytes(count), np.uint8)
-    np.testing.assert_array_equal(random_bytes(generator(3), count), expected)
 
 
 @pytest.mark.parametrize("correlation", [2.0, 6.0, 16.0])

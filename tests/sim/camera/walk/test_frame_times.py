@@ -19,9 +19,3 @@ def test_rate_and_duration_give_the_number_of_frames_and_two_of_three_are_enough
         SimulateConfig(walk=WalkSettings(fps=1000.0, duration=1000.0))
     with pytest.raises(DigsError, match=r"--fps 0.1 for --duration 1: --frames: 0"):
         SimulateConfig(walk=WalkSettings(fps=0.1, duration=1.0))
-
-
-def test_a_rate_gives_the_duration_of_so_many_frames() -> None:
-    assert WalkSettings(fps=10.0).for_frames(30).duration == 3.0
-    assert WalkSettings(fps=10.0, duration=5.0).for_frames(50).duration == 5.0
-    assert WalkSettings().for_frames(30).duration is None

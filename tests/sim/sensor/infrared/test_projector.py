@@ -9,7 +9,7 @@ from digs_warp.sim.camera.rig import StereoRig
 from digs_warp.sim.camera.shutter import Shutter
 from digs_warp.sim.render.raycast import RaycastRenderer
 from digs_warp.sim.scene.join import join_scenes
-from digs_warp.sim.scene.scene import Material, Scene
+from digs_warp.sim.scene.scene import Scene
 from digs_warp.sim.sensor.color import PIXEL_EFFECTS, PROJECTOR
 from digs_warp.sim.sensor.color.recorded import recorded_images
 from digs_warp.sim.sensor.facts import measure_facts
@@ -98,18 +98,6 @@ def test_a_near_thing_throws_a_shadow_on_the_side_that_the_projector_cannot_see(
     dark = np.flatnonzero(peak == 0)
     assert dark.max() == RIG.intrinsics.width // 2 - 1
     assert len(dark) == pytest.approx(width, abs=1.01)
-
-
-def test_metal_and_black_send_nothing_back_and_glass_lets_light_through() -> None:
-    white = light_of(wall(1.0)).mean()
-    mirror = Material("mirror", np.full(3, 0.9), roughness=0.05, metallic=1.0)
-    assert light_of(wall(1.0, mirror, slope=1.5)).mean() < 1e-3 * white
-    black = Material("black", np.full(3, 0.02), roughness=1.0)
-    assert light_of(wall(1.0, black)).mean() < 0.08 * white
-    glass = Material("glass", np.ones(3), roughness=0.05, transmission=0.95)
-    pane = plate((0, 0, 0.5), (2, 0, 0), (0, -2, 0), glass)
-    through = light_of(join_scenes(wall(1.0), pane))
-    np.testing.assert_allclose(through, light_of(wall(1.0)), rtol=1e-3, atol=1e-5)
 
 
 def sensed_wall(
