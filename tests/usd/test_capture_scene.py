@@ -1,4 +1,5 @@
 from dataclasses import replace
+from itertools import product
 from pathlib import Path
 
 import numpy as np
@@ -72,6 +73,9 @@ def test_usd_cameras_see_every_point_where_ours_do(tmp_path: Path):
     write_capture_scene(path, CaptureScene(splats(5), cameras=views))
     stage = open_stage(path)
     points = np.random.default_rng(0).uniform(-0.2, 0.2, (200, 3))
+    # The corners of the box of all ellipsoids, in the world.
+    box = np.array(stage.GetPrimAtPath("/Asset/Gaussians").GetAttribute("extent").Get())
+    points[:8] = [*product(*box.T)] @ Y_UP
     for role, shift in (("left", 0.0), ("right", BASELINE)):
         camera = UsdGeom.Camera(stage.GetPrimAtPath(f"/Asset/Rig/{role}"))
         assert camera.GetStereoRoleAttr().Get() == role

@@ -148,12 +148,14 @@ def test_nodes_move_turn_and_scale_splats_and_linear_colors_become_srgb(tmp_path
     g.sh[:, 1:] = 0
     stored = np.concatenate([((linear - 0.5) / C0)[:, None], g.sh[:, 1:]], axis=1)
     turn = [0.0, np.sqrt(0.5), 0.0, np.sqrt(0.5)]  # a quarter about the file's y: our z
-    wanted = turned(g, np.array([[0.0, -1, 0], [1, 0, 0], [0, 0, 1]]))
+    quarter = np.array([[0.0, -1, 0], [1, 0, 0], [0, 0, 1]])
+    wanted = turned(replace(g, means=g.means + [0.5, 0, 0]), quarter)
     for space, sh in (("srgb_rec709_display", g.sh), ("lin_rec709_display", stored)):
         write_splat_file(tmp_path / "a.glb", replace(g, sh=sh))
         header, binary = parts_of(tmp_path / "a.glb")
         header["meshes"][0]["primitives"][0]["extensions"][KHR]["colorSpace"] = space
         moved = {"children": [0], "translation": [1, 2, 3], "rotation": turn, "scale": [2.5] * 3}
+        header["nodes"][0]["translation"] = [0.5, 0, 0]
         header["nodes"].append(moved)
         header["scenes"][0]["nodes"] = [1]
         write_parts(tmp_path / "b.glb", header, binary)
