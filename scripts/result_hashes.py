@@ -31,7 +31,7 @@ RUNS: dict[str, str] = {
     ),
     "sparse": (
         "--frames 12 --width 320 --tier matcher --effects all --labels all --strategy default "
-        "--density adaptive --max-splats 4000 --iterations 120 --background white"
+        "--density adaptive --max-splats 4000 --iterations 120"
     ),
 }
 # Holds the settings by name: a renamed setting is no other result.

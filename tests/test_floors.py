@@ -44,9 +44,9 @@ LINE_BUDGETS = {
     "formats": 5_722,
     "geometry": 621,
     "init": 3_542,
-    "losses": 654,
+    "losses": 629,
     "masks": 674,
-    "measure": 1_517,
+    "measure": 1_507,
     "pipeline": 2_263,
     "poses": 4_580,
     "record": 1_853,
@@ -60,9 +60,9 @@ LINE_BUDGETS = {
     "sim.testing": 852,
     "splat": 4_053,
     "study": 1_499,
-    "surface": 571,
+    "surface": 558,
     "torch": 167,
-    "train": 3_544,
+    "train": 3_594,
     "usd": 2_370,
 }
 MOST_FILES = 474  # of the product; 65,000 lines in 500 files are the goal

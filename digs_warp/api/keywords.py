@@ -25,7 +25,6 @@ class ReconstructSettings(TypedDict, total=False):
     density: Literal["auto", "fixed", "adaptive"]
     max_splats: int
     sh_degree: int | None
-    background: Literal["random", "white", "black"]
     depth_weight: float | None
     fit_exposure: Literal["on", "off"]
     rolling_shutter: Literal["auto", "on", "off"]

@@ -3,6 +3,9 @@
 A photograph is stored cropped to the box of its mask; outside the box, the target is only background. The
 gain of a photograph (`digs_warp.measure.color_gain`) is taken off its colors; what the camera clipped then
 tells only how bright the object is at least.
+
+No term may judge pixels at which something else may hide the object: their target is the rendered image
+itself. SSIM compares windows, which reach over from known pixels, so their gradient is erased.
 """
 
 import numpy as np
@@ -180,3 +183,29 @@ class Target:
             put(self._factors, _UNCHANGED)
         self._has_gain = gain is not None
         self._compose.set_param(_TAKES_GAIN, int(self._has_gain))
+
+
+def accept(unknown: np.ndarray, image: ImagePlanes, target: ImagePlanes) -> None:
+    """Take what is rendered for the target; call it between target and terms.
+
+    ``unknown``: rows and columns of the pixels, (2, n).
+    """
+    _put(unknown, target, image.data.numpy()[_places(unknown, image)])
+
+
+def erase(unknown: np.ndarray, adj_image: ImagePlanes) -> None:
+    """Erase the gradient with respect to the image; call it after the terms."""
+    _put(unknown, adj_image, 0.0)
+
+
+def _places(unknown: np.ndarray, planes: ImagePlanes) -> np.ndarray:
+    """Return the indices of the pixels in three planes, (3, n)."""
+    first = planes.origin + unknown[0] * planes.pitch + unknown[1]
+    return first + planes.plane * np.arange(3)[:, None]
+
+
+def _put(unknown: np.ndarray, planes: ImagePlanes, values: np.ndarray | float) -> None:
+    data = planes.data.numpy()  # on a CPU no copy
+    data[_places(unknown, planes)] = values
+    if str(planes.data.device) != "cpu":
+        planes.data.assign(data)

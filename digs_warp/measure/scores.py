@@ -15,17 +15,13 @@ from digs_warp.words import counted
 
 @dataclass(frozen=True)
 class SurfaceError:
-    """Distances between the rendered and the true surface [m].
+    """Mean distances between the rendered and the true surface [m]."""
 
-    Attributes:
-        accuracy: mean distance of the rendered surface to the true one.
-        completeness: mean distance of the true surface to the rendered one; what no camera saw counts.
-        seen_completeness: the same of what cameras saw alone; None where that is not known.
-    """
-
-    accuracy: float
-    completeness: float
-    seen_completeness: float | None = None
+    accuracy: float  # from the rendered one
+    completeness: float  # from the true one; what no camera saw counts
+    seen_completeness: float | None = (
+        None  # of what cameras saw alone; None where that is not known
+    )
 
     def __str__(self) -> str:
         known = (

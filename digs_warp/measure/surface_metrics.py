@@ -93,20 +93,16 @@ class SurfaceScore:
 
     Attributes:
         accuracy: mean distance from the points to the surface.
-        accuracy_median: median of the same distances; stray points do not affect it.
         completeness: mean distance from the surface to the nearest point.
         chamfer: mean of accuracy and completeness.
-        precision: share of points within ``threshold`` of the surface.
         recall: share of the surface within ``threshold`` of a point.
-        f_score: harmonic mean of precision and recall.
-        threshold: the distance [m] for precision and recall.
+        f_score: harmonic mean of precision, the share of points within it of the surface, and recall.
+        threshold: the distance [m] for these.
     """
 
     accuracy: float
-    accuracy_median: float
     completeness: float
     chamfer: float
-    precision: float
     recall: float
     f_score: float
     threshold: float
@@ -156,10 +152,8 @@ def surface_score(
     accuracy, completeness = float(to_surface.mean()), float(to_points.mean())
     return SurfaceScore(
         accuracy=accuracy,
-        accuracy_median=float(np.median(to_surface)),
         completeness=completeness,
         chamfer=0.5 * (accuracy + completeness),
-        precision=precision,
         recall=recall,
         f_score=2 * precision * recall / total if total > 0 else 0.0,
         threshold=threshold,

@@ -37,7 +37,7 @@ def depth_views(
     device: str = "cpu",
     is_object: bool = True,
 ) -> Iterator[DepthView]:
-    """Yield the view of each camera; the arguments are those of `surface_depths`."""
+    """Yield the view of each camera; arguments as of `drawn_surfaces`."""
     on_device = DeviceGaussians.from_numpy(gaussians, device)
     drawn = drawn_surfaces(on_device, cameras, center_world, is_object)
     for camera, renderer in zip(cameras, drawn, strict=True):
@@ -45,19 +45,6 @@ def depth_views(
         color = renderer.image.to_numpy() / np.maximum(alpha, LEAST_ALPHA)
         depth = surface_depth(renderer.depth.to_numpy())
         yield DepthView(camera, np.clip(color, 0.0, 1.0), depth)
-
-
-def surface_depths(
-    gaussians: Gaussians,
-    cameras: Sequence[Camera],
-    center_world: np.ndarray,
-    device: str = "cpu",
-    is_object: bool = True,
-) -> Iterator[np.ndarray]:
-    """Yield the depth that each camera sees, as of `DepthView`; arguments as of `drawn_surfaces`."""
-    on_device = DeviceGaussians.from_numpy(gaussians, device)
-    for renderer in drawn_surfaces(on_device, cameras, center_world, is_object):
-        yield surface_depth(renderer.depth.to_numpy())
 
 
 # How far, where the measured depth is trusted entirely: more than half, because the noise of its pixels

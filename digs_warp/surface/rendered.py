@@ -17,7 +17,7 @@ from digs_warp.measure.surface_metrics import (
     sample_with_normals,
     visible_places,
 )
-from digs_warp.surface.depth_views import surface_depths
+from digs_warp.surface.depth_views import depth_views
 from digs_warp.surface.extract import depth_within
 
 # Of all around the object; the figures hardly change with more views, or more points for the accuracy.
@@ -41,10 +41,10 @@ def surface_error(
     """
     chosen = evenly(frames, VIEWS)
     cameras = [frame.camera for frame in chosen]
-    depths = surface_depths(gaussians, cameras, gaussians.means.mean(axis=0), device)
+    views = depth_views(gaussians, cameras, gaussians.means.mean(axis=0), device)
     with ThreadPoolExecutor(1) as beside:  # while the next view is rendered
-        pairs = zip(chosen, depths, strict=True)
-        shown = [beside.submit(_points, frame, depth) for frame, depth in pairs]
+        pairs = zip(chosen, views, strict=True)
+        shown = [beside.submit(_points, frame, view.depth) for frame, view in pairs]
     points = np.concatenate([each.result() for each in shown])
     if not len(points) or not len(truth):
         return None

@@ -76,7 +76,7 @@ def checkpoint_step(path: Path) -> int:
         return 0
     saved = _read(path)
     with _named(path):
-        return int(_number(saved, "step"))
+        return int(saved["step"])
 
 
 def load_checkpoint(path: Path, trainer: Trainer) -> None:
@@ -101,7 +101,7 @@ def load_checkpoint(path: Path, trainer: Trainer) -> None:
         for prefix, part in parts.items():
             if prefix != _SMOOTHING:
                 part.restore(states[prefix])
-        step, seconds = int(_number(saved, "step")), _number(saved, "seconds")
+        step, seconds = int(saved["step"]), float(saved["seconds"])
     trainer.restore(groups[0], (groups[1], groups[2]), states[_SMOOTHING], step)
     trainer.seconds = seconds
 
@@ -123,14 +123,6 @@ def _state(saved: dict[str, np.ndarray], prefix: str, part: _Part) -> dict[str, 
         for name, array in found.items():
             check_shape(name, array, (count, *now[name].shape[1:]))
     return found
-
-
-def _number(saved: dict[str, np.ndarray], name: str) -> float:
-    """Return a number, 0 or more."""
-    value = float(check_shape(name, saved[name], ()))
-    if not 0 <= value < np.inf:
-        raise DigsError(f"{name}: {value}, expected 0 or more")
-    return value
 
 
 def _read(path: Path) -> dict[str, np.ndarray]:

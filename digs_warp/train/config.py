@@ -73,9 +73,6 @@ class TrainConfig(Settings):
     """View-dependent color: degree of the spherical harmonics, 0 (none) to 3. Default: 1 for matte objects, 3
     for shiny ones, as the photographs show before the training."""
 
-    background: Literal["random", "white", "black"] = "random"
-    """Color behind the object during training. random also penalizes stray Gaussians of any color."""
-
     depth_weight: Annotated[float | None, WEIGHT] = None
     """Weight of the difference between rendered and measured depth: holds the surface where it was measured.
     Default: 0.008 where the recording has depth."""

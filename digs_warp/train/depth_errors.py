@@ -54,16 +54,11 @@ def cells_of(samples: Samples) -> np.ndarray:
 
 @dataclass(frozen=True)
 class DepthErrors:
-    """The errors of a recording's depth.
+    """The errors of a recording's depth."""
 
-    Attributes:
-        offset: by how much measured inverse depth is too large [1/m]; 0 where that is no more than errors of
-            the model.
-        trust: factor on the weight of the depth, 0 to 1.
-    """
-
+    # By how much measured inverse depth is too large [1/m]; 0 where that is no more than the model's errors.
     offset: float = 0.0
-    trust: float = 1.0
+    trust: float = 1.0  # factor on the weight of the depth, 0 to 1
 
 
 NO_ERRORS = DepthErrors()

@@ -191,17 +191,11 @@ def drawn_views(
 
 @dataclass(frozen=True, eq=False)
 class MeasuredViews:
-    """Held-out views as Gaussians show them.
+    """Held-out views as Gaussians show them."""
 
-    Attributes:
-        images: sRGB, (height, width, 3), uint8.
-        depths: of every `UNSEEN_STEP`-th pixel in both directions [m], float32; see `Rendering.depth`.
-        scores: beside the photographs.
-    """
-
-    images: Sequence[np.ndarray]
-    depths: Sequence[np.ndarray]
-    scores: Sequence[ViewScore]
+    images: Sequence[np.ndarray]  # sRGB, (height, width, 3), uint8
+    depths: Sequence[np.ndarray]  # of every `UNSEEN_STEP`-th pixel in both directions [m], float32
+    scores: Sequence[ViewScore]  # beside the photographs
 
 
 # Pixels are asked whether training views see them at this distance from each other [px]. A view with depth

@@ -15,8 +15,7 @@ from digs_warp.geometry.rigid import PixelBox
 from digs_warp.losses.depth import DepthLoss
 from digs_warp.losses.photometric import PhotometricLoss
 from digs_warp.losses.regions import loss_blocks, read_region, union
-from digs_warp.losses.target import Target
-from digs_warp.losses.unknown import accept, erase
+from digs_warp.losses.target import Target, accept, erase
 from digs_warp.measure.color_gain import ColorGain
 from digs_warp.splat.bin_tiles import pixels_of
 from digs_warp.splat.blur_renderer import BlurRenderer

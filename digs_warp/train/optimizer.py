@@ -178,6 +178,11 @@ class Adam:
             values[rows] = HELD
             moments.assign(values)
 
+    @property
+    def held(self) -> np.ndarray:
+        """Which Gaussians `hold` keeps, shape (n,), bool."""
+        return self.moments_2.opacity_logits.numpy() > 1e-9 * HELD  # it decays
+
     def rates(self, progress: float) -> list[float]:
         """Return the learning rates of means, scales, quats, opacities and base colors at 0 to 1 of a run."""
         rates = self._first_rates

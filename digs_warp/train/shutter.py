@@ -55,21 +55,14 @@ _BLUR = _Effect(
 
 @dataclass(frozen=True)
 class MotionPlan:
-    """Whether the training draws how cameras moved in a time of theirs, and why.
-
-    Attributes:
-        drawn: whether it does.
-        because: the reason, in words.
-        seconds: the longest time [s].
-        moved_px: how far the object's image moves meanwhile [px], median over the frames whose motion is
-            known; None: unknown.
-        motions: of these frames, by name.
-    """
+    """Whether the training draws how cameras moved in a time of theirs, and why."""
 
     drawn: bool
     because: str
-    seconds: float = 0.0
+    seconds: float = 0.0  # the longest time
+    # How far the object's image moves meanwhile [px], median over the frames whose motion is known.
     moved_px: float | None = None
+    # Of these frames, by name.
     motions: Annotated[Mapping[str, Blur], NOT_STORED] = field(
         default_factory=dict, repr=False, compare=False
     )

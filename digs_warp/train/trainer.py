@@ -26,6 +26,7 @@ from digs_warp.train.depth_errors import (
     rendered_depths,
 )
 from digs_warp.train.exposure import Exposures, rendered_samples
+from digs_warp.train.merging import MERGE_AT, merged
 from digs_warp.train.objective import Objective, OwnLoss
 from digs_warp.train.optimizer import Adam, non_finite_rows
 from digs_warp.train.smoothing import SmoothingFilter
@@ -40,21 +41,16 @@ SH_WARM_UP_SHARE = 0.1
 
 @dataclass(frozen=True, eq=False)
 class Resolved:
-    """What was found out for a training, beside its settings.
+    """What was found out for a training, beside its settings."""
 
-    Attributes:
-        held: which Gaussians stay as they are, shape (n,), bool; None: none.
-        train_poses: what the cameras do until their photographs fit, held-out ones at the end.
-        constant_exposure: whether the exposure of the views is known to be constant.
-        loss: a further term of the loss, of the caller; a training that is resumed needs the same.
-        most_steps: of a run with a time budget, whose iterations are those that were planned; None: these.
-    """
-
-    held: np.ndarray | None = None
+    held: np.ndarray | None = None  # which Gaussians stay as they are, shape (n,), bool; None: none
+    # What the cameras do until their photographs fit, held-out ones at the end.
     train_poses: PoseTraining = "held"
-    constant_exposure: bool = False
-    loss: OwnLoss | None = None
-    most_steps: int | None = None
+    constant_exposure: bool = False  # whether that of the views is known to be constant
+    loss: OwnLoss | None = None  # a further term, of the caller; a resumed training needs the same
+    most_steps: int | None = (
+        None  # of a run whose iterations were planned for its time; None: these
+    )
 
 
 class Trainer:
@@ -133,7 +129,7 @@ class Trainer:
         Raises:
             DigsError: the loss or a parameter is not finite; the message says which one and where.
         """
-        start = time.perf_counter()
+        start, before = time.perf_counter(), self.progress
         view = self._view()
         background = self._background()
         self.renderer.forward(
@@ -161,6 +157,8 @@ class Trainer:
             if refinement is not None:
                 self.adopt(refinement)
         self.seconds += time.perf_counter() - start
+        if self.control is None and before < MERGE_AT <= self.progress:
+            self._merge()
 
     def adopt(self, refinement: Refinement) -> None:
         """Continue with a new population; each Gaussian brings its moments along."""
@@ -227,6 +225,14 @@ class Trainer:
         self.optimizer.step = step
         self.smoothing = SmoothingFilter(self.gaussians, gradients, self.views.cameras)
 
+    def _merge(self) -> None:
+        """Merge splats of an object; those of a scene lie farther apart."""
+        start = time.perf_counter()
+        if self.views.have_masks:
+            cameras, held = self.views.cameras, self.optimizer.held
+            self.adopt(merged(self.gaussians.to_numpy(), cameras, held))
+        self.seconds += time.perf_counter() - start
+
     def _require_finite(self, view: View) -> None:
         """Raise if the loss or a parameter is not finite; the renderer would just skip such a Gaussian."""
         if self.optimizer.is_finite and self.objective.is_finite:
@@ -279,10 +285,8 @@ class Trainer:
         )
 
     def _background(self) -> np.ndarray:
-        if self.config.background == "random":
-            stream = [self.config.seed, BACKGROUND, self.optimizer.step]
-            return np.random.default_rng(stream).uniform(size=3)
-        return np.full(3, 1.0 if self.config.background == "white" else 0.0)
+        stream = [self.config.seed, BACKGROUND, self.optimizer.step]
+        return np.random.default_rng(stream).uniform(size=3)
 
     def _sh_degree(self) -> int:
         wait = max(1.0, SH_WARM_UP_SHARE * self.config.stop.iterations)

@@ -25,21 +25,14 @@ from digs_warp.train.shutter import MotionPlan
 
 @dataclass(frozen=True)
 class CourseRow:
-    """The state of a training run at one iteration.
+    """The state of a training run at one iteration; what was not measured is None.
 
-    Attributes:
-        iteration: steps taken.
-        seconds: of training so far [s].
-        loss: of the last step; None before the first.
-        splats: number of Gaussians.
-        score: mean over the held-out views; None where they were not measured.
-        adherence: median distance of the surface to the measured depth [m], see `digs_warp.train.adherence`;
-            None where it was not measured.
+    The score is the mean over the held-out views; adherence [m] is that of `digs_warp.train.adherence`.
     """
 
-    iteration: Annotated[int, COUNT]
-    seconds: Annotated[float, Expect("seconds", lambda value: value >= 0)]
-    loss: float | None
+    iteration: Annotated[int, COUNT]  # steps taken
+    seconds: Annotated[float, Expect("seconds", lambda value: value >= 0)]  # of training so far
+    loss: float | None  # of the last step
     splats: Annotated[int, COUNT]
     score: Annotated[Score | None, NOT_STORED] = None
     adherence: Annotated[float | None, Expect("metres", lambda value: value >= 0)] = None
@@ -90,17 +83,11 @@ def read_course(path: Path) -> tuple[CourseRow, ...]:
 
 @dataclass(frozen=True)
 class TimePlan:
-    """What was chosen for a time budget.
+    """What was chosen for a time budget."""
 
-    Attributes:
-        iterations: steps that fit, at least one.
-        budget: time for the steps [s].
-        step_seconds: time of a step, as measured [s].
-    """
-
-    iterations: int
-    budget: float
-    step_seconds: float
+    iterations: int  # steps that fit, at least one
+    budget: float  # time for the steps [s]
+    step_seconds: float  # time of a step, as measured [s]
 
     def __str__(self) -> str:
         return f"{self.iterations:,} iterations: a step takes {1e3 * self.step_seconds:.0f} ms"

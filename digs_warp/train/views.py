@@ -13,7 +13,6 @@ from digs_warp.geometry.rigid import PixelBox, mask_box
 from digs_warp.losses.depth import DepthTarget, depth_weights
 from digs_warp.losses.regions import tiles_of
 from digs_warp.losses.target import pack_view
-from digs_warp.losses.unknown import unknown_pixels
 from digs_warp.splat.camera_motion import Blur, RowMotion
 from digs_warp.train.depth_errors import depth_samples
 from digs_warp.train.exposure import Samples, color_samples
@@ -33,7 +32,7 @@ class View:
         samples: pixels that tell its exposure.
         depth: what the depth camera measured inside ``box``; None if not requested.
         depth_samples: pixels that tell the errors of that depth; None like it.
-        unknown: column and row of the pixels at which something may hide the object, vec2i; None: none.
+        unknown: rows and columns of pixels at which something may hide the object, (2, n); None: none.
         rows: how the camera moves while its rows are read; None: not at all.
         blur: how it moves while the shutter is open; None: not at all.
     """
@@ -46,7 +45,7 @@ class View:
     samples: Samples
     depth: DepthTarget | None = None
     depth_samples: Samples | None = None
-    unknown: wp.array | None = None
+    unknown: np.ndarray | None = None
     rows: RowMotion | None = None
     blur: Blur | None = None
 
@@ -65,7 +64,7 @@ class View:
         if self.depth_samples is not None:
             held += self.depth_samples.bytes
         if self.unknown is not None:
-            held += 8 * len(self.unknown)
+            held += self.unknown.nbytes
         return held
 
 
@@ -120,7 +119,7 @@ def packed_view(
     inside = (slice(box[1], box[3]), slice(box[0], box[2]))
     pixels = wp.array(pack_view(image[inside], mask[inside]), dtype=wp.uint8, device=device)
     samples = color_samples(image, mask)
-    hidden = unknown_pixels(unknown, device)
+    hidden = None if unknown is None or not unknown.any() else np.argwhere(unknown).T
     return View(name, camera, pixels, box, tiles_of(mask), samples, unknown=hidden)
 
 

@@ -28,10 +28,10 @@ def test_what_is_compiled_is_not_compiled_again(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(wp.config, "kernel_cache_dir", str(tmp_path))
-    one = {"digs_warp.losses.unknown": "@wp.kernel"}
+    one = {"digs_warp.splat.bin_tiles": "@wp.kernel"}
     monkeypatch.setattr(precompile, "_sources_with_warp", lambda: one)
     assert precompile.compile_kernels() > 0.0
-    assert [each.name[:-8] for each in tmp_path.glob("wp_*")] == ["wp_digs_warp.losses.unknown"]
+    assert [each.name[:-8] for each in tmp_path.glob("wp_*")] == ["wp_digs_warp.splat.bin_tiles"]
     assert precompile._sets(one) == []
     assert precompile.compile_kernels() == 0.0
 

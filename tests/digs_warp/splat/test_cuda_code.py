@@ -8,7 +8,7 @@ import pytest
 import warp as wp
 
 from digs_warp.device.parallel import launch_parallel, packed
-from digs_warp.losses import depth, target, unknown
+from digs_warp.losses import depth, target
 from digs_warp.measure import ssim_pixels
 from digs_warp.splat import (
     bin_tiles,
@@ -29,7 +29,7 @@ from digs_warp.train import optimizer
 
 MODULES = (
     *(bin_tiles, project, shape_gradient, blur_renderer),
-    *(target, depth, unknown, ssim_pixels, optimizer),
+    *(target, depth, ssim_pixels, optimizer),
 )
 
 

@@ -32,6 +32,10 @@ def test_finds_a_true_surface_that_is_larger(capture: Capture) -> None:
     assert exact.accuracy < 0.012
     assert larger.accuracy == pytest.approx(0.1, abs=0.012)
     assert larger.completeness > exact.completeness + 0.05
+    beside = sphere(skin)
+    beside = TriangleMesh(beside.points_world + [0.1, 0, 0], beside.triangles, beside.colors)
+    error = surface_error(ball(), capture.frames, beside)
+    assert error is not None and error.accuracy == pytest.approx(0.05, abs=0.012)  # mean |cos|
 
 
 def test_what_no_camera_saw_is_missing_from_the_whole_alone(capture: Capture) -> None:

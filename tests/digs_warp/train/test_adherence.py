@@ -33,6 +33,7 @@ def test_a_surface_that_slides_off_is_measured(capture: Capture) -> None:
     for off in (0.0, -0.007, 0.02):
         frames = [f.with_layer(Layer.DEPTH, drawn_depth(f) + off) for f in capture.frames]
         assert measured(frames, ball()) == pytest.approx(abs(off), abs=1e-6)
+    assert measured([capture.frames[0], *frames[1:]], ball()) == pytest.approx(0.02, abs=1e-6)
 
 
 def test_rows_are_drawn_from_where_they_were_read(capture: Capture) -> None:

@@ -54,7 +54,7 @@ def test_agrees_with_the_twin() -> None:
     photo, mask = scene()
     rng = np.random.default_rng(0)
     noisy = np.clip(photo + rng.normal(0, 12, photo.shape), 0, 255).astype(np.uint8)
-    cut = np.s_[5:12, 12:30]  # the rim at the edge of the image
+    cut = np.s_[5:12, 12:22]  # the rim at the edge of the image
     for part in (np.s_[:], cut):
         for image in (photo[part], noisy[part]):
             expected = twin(image, mask[part])

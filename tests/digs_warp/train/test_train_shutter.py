@@ -29,9 +29,9 @@ STILL = CameraMotion.of(np.zeros(3), np.zeros(3))
 START = look_at(np.array([0.8, 0.1, 0.3]), np.zeros(3), np.array([0.0, 0.0, 1.0]))
 
 
-def moved(seconds: float) -> Camera:
+def moved(seconds: float, velocity: np.ndarray = VELOCITY) -> Camera:
     """The camera after some seconds of the motion."""
-    motion = rigid(matrix_from_rotation_vector(seconds * TURN), seconds * VELOCITY)
+    motion = rigid(matrix_from_rotation_vector(seconds * TURN), seconds * velocity)
     return Camera(K, START @ motion)
 
 
@@ -53,9 +53,9 @@ def exposed(
 
 
 def test_the_image_moves_as_far_as_the_projections_of_the_points() -> None:
-    readout = 0.02
-    plan = plan_rows(frames(1, 1.0, MOTION), POINTS, readout, "auto")
-    first, last = (moved(s).project(POINTS)[0] for s in (-readout / 2, readout / 2))
+    readout, away = 0.02, np.array([0.05, 0.1, 1.0])
+    plan = plan_rows(frames(1, 1.0, CameraMotion.of(away, TURN)), POINTS, readout, "auto")
+    first, last = (moved(s, away).project(POINTS)[0] for s in (-readout / 2, readout / 2))
     wanted = np.median(np.linalg.norm(last - first, axis=1))
     assert plan.drawn and plan.moved_px == pytest.approx(wanted, rel=1e-2)
     rows = Shutter(plan).rows_of(frames(1, 1.0, MOTION)[0])
