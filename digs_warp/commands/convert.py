@@ -213,11 +213,7 @@ def import_recording(
 
 
 def with_depth_camera(recording: "Recording", how: str) -> "Recording":
-    """Return a recording with the camera of its depth, as `RecordingOptions.register_depth` says it.
-
-    Raises:
-        DigsError: no depth, a file that does not hold a camera, or nothing that surely fits.
-    """
+    """Return a recording with the camera of its depth, as `RecordingOptions.register_depth` says it."""
     from digs_warp.data.images import read_image
     from digs_warp.formats.captures.recording import DepthCamera
     from digs_warp.formats.captures.seven_scenes import kinect_depth_camera
@@ -266,11 +262,7 @@ def _fitting_camera(recording: "Recording", frames: "Sequence[RecordedFrame]") -
 
 
 def convert_splats(source: Path, target: Path, overwrite: bool, options: SplatConversion) -> str:
-    """Read ``source``, write ``target``, and return a line for the user.
-
-    Raises:
-        DigsError: the source cannot be used, or the target not be written.
-    """
+    """Read ``source``, write ``target``, and return a line for the user."""
     from digs_warp.formats.splats.files import SplatWriting
     from digs_warp.pipeline.scene_files import check_target, write_scene_file
 
@@ -297,10 +289,6 @@ def for_classic(
         source: its name in messages.
         target: the file to write.
         width: of the images in which it is looked at [px]; default: that of the recording's.
-
-    Raises:
-        DigsError: the cameras are not known, viewers of ``target`` add nothing, or the splats are for such
-            viewers already.
     """
     from digs_warp.formats.splats.files import SUFFIXES, suffix_of
     from digs_warp.train.smoothing import for_classic_viewers

@@ -82,9 +82,6 @@ def find_jobs(sources: Sequence[Path]) -> tuple[CaptureJob, ...]:
 
     Args:
         sources: captures, or folders of 'digs-warp simulate' with many scenes.
-
-    Raises:
-        DigsError: a data set without a capture, or the same capture twice.
     """
     captures: list[Path] = []
     for source in sources:

@@ -55,9 +55,6 @@ def take_common_flags(arguments: Sequence[str]) -> tuple[CommonFlags, list[str]]
     """Return the common flags in a command line, and its other words.
 
     By hand: tyro would read the source of this file for its help, a tenth of the time of ``--help``.
-
-    Raises:
-        DigsError: --config without a file, or flags that contradict each other.
     """
     end = arguments.index("--") if "--" in arguments else len(arguments)
     switches = {f"--{each.name.replace('_', '-')}": each.name for each in fields(CommonFlags)}

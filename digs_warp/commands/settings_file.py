@@ -65,9 +65,6 @@ def read_defaults(kind: type[SettingsCommand], path: Path) -> SettingsCommand:
     Args:
         kind: the command.
         path: a run.json, or JSON or YAML with its "settings" and, if it likes, its "command".
-
-    Raises:
-        DigsError: the file cannot be read, or holds settings that are not the command's.
     """
     is_yaml = path.suffix.lower() in (".yaml", ".yml")
     record = (read_yaml if is_yaml else read_json)(path, "--config")

@@ -68,11 +68,7 @@ class ManyScenes(Settings):
         return self != ManyScenes()
 
     def find(self) -> tuple[list[Path], list[Path]]:
-        """Return the mesh and environment files, sorted.
-
-        Raises:
-            DigsError: a pattern that no file matches.
-        """
+        """Return the mesh and environment files, sorted."""
         return _matches("meshes", self.meshes), _matches("environments", self.environments)
 
 

@@ -91,11 +91,7 @@ class Results:
         self.records.pop(key, None)
 
     def checked(self, content: Any) -> dict[str, Any]:
-        """Return a record as it is used.
-
-        Raises:
-            DigsError: it is none.
-        """
+        """Return a record as it is used."""
         if not isinstance(content, dict) or not isinstance(content.get("key"), str):
             raise DigsError("record: expected a JSON object with a key")
         return content
