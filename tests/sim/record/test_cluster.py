@@ -61,15 +61,6 @@ def test_plans_are_apart_but_close(seed: int) -> None:
     np.testing.assert_array_equal(arrange(plans, np.random.default_rng(seed)), spots)
 
 
-def test_an_object_touches_its_neighbor_up_to_the_gap() -> None:
-    """Two squares: exact."""
-    square = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1.0]])
-    for seed in range(10):
-        one, two = arrange([square, square], np.random.default_rng(seed))
-        a, b = (square @ spot[:2, :2].T + spot[:2, 3] for spot in (one, two))
-        assert 2 * GAPS[0] - 1e-9 <= separation(a, b) <= 2 * np.sqrt(2) * GAPS[1] + 1e-9
-
-
 def test_objects_stand_on_one_ground_around_the_origin(boxes: list[Path]) -> None:
     scene, other = (load_objects([*boxes, boxes[0]], seed) for seed in (3, 4))
     assert np.abs(scene.vertices - other.vertices).max() > 0.01

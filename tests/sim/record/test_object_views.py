@@ -16,7 +16,7 @@ from digs_warp.geometry.rigid import look_at
 from digs_warp.sim.camera.shutter import Shutter, ShutteredEye
 from digs_warp.sim.config import SimulateConfig
 from digs_warp.sim.record.object_views import ObjectViews
-from digs_warp.sim.record.record import simulate, simulate_in_memory
+from digs_warp.sim.record.record import simulate
 from digs_warp.sim.render.raycast import RaycastRenderer
 from digs_warp.sim.scene.arrange import load_objects
 from digs_warp.sim.scene.environment import Environment
@@ -90,14 +90,6 @@ def test_poses_and_shares_agree_with_the_recorded_numbers(stored: Capture) -> No
                 assert (seen & whole).sum() / (seen | whole).sum() > 0.98
             shares.append(view.visible_share)
     assert min(shares) < 0.7 and max(shares) == 1.0  # the scene tests both
-
-
-def test_memory_holds_the_same_objects(config: SimulateConfig, stored: Capture) -> None:
-    capture = simulate_in_memory(config)
-    assert capture.about == stored.about
-    for here, there in zip(capture.frames, stored.frames, strict=True):
-        assert here.objects == there.objects
-        np.testing.assert_array_equal(here.load_instances(), there.load_instances())
 
 
 @pytest.mark.parametrize("bands", [1, 4])

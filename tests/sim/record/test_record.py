@@ -137,12 +137,6 @@ def test_strength_scales_the_errors(config: SimulateConfig, tmp_path: Path) -> N
     assert errors[2] == pytest.approx(3 * errors[1], rel=0.1)
 
 
-def test_one_pixel_is_enough(config: SimulateConfig, tmp_path: Path) -> None:
-    capture = simulate(replace(config, frames=2, width=1, height=1), tmp_path / "capture")
-    assert capture.frames[0].load_image().shape == (1, 1, 3)
-    assert capture.frames[1].load_depth_true().shape == (1, 1)
-
-
 @pytest.mark.parametrize("name", ["frames", "samples_per_pixel", "object_size", "seed"])
 def test_impossible_settings_are_refused(name: str) -> None:
     with pytest.raises(DigsError, match=f"--{name.replace('_', '-')}: -1"):
@@ -157,11 +151,6 @@ def test_settings_of_a_mesh_file_need_one() -> None:
     ):
         with pytest.raises(DigsError, match="name a mesh"):
             load_inputs(settings)
-
-
-def test_a_unit_and_a_size_contradict_each_other() -> None:
-    with pytest.raises(DigsError, match=r"--object-size 0\.3 and --mesh-unit mm"):
-        SimulateConfig(mesh=Path("a.obj"), object_size=0.3, unit="mm")
 
 
 def test_a_mistyped_path_does_not_claim_the_folder(config: SimulateConfig, tmp_path: Path) -> None:

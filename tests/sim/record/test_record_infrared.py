@@ -98,11 +98,3 @@ def test_a_stream_has_the_pair() -> None:
     frame = next(stream(replace(CONFIG, frames=1)))
     assert frame.right is None and frame.infrared is not None
     assert frame.infrared[0].shape == frame.depth.shape == frame.left.shape[:2]
-    stereo = next(
-        stream(
-            SimulateConfig(
-                profile="bare-matcher", frames=1, width=80, samples_per_pixel=1, tier="law"
-            )
-        )
-    )
-    assert stereo.infrared is None and stereo.right is not None

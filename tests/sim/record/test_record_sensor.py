@@ -16,7 +16,7 @@ from digs_warp.record.files import read_json
 from digs_warp.sim.config import SimulateConfig
 from digs_warp.sim.record.inputs import load_inputs
 from digs_warp.sim.record.record import simulate
-from digs_warp.sim.record.sensor_plan import SensorPlan, make_plan, plan_for_facts
+from digs_warp.sim.record.sensor_plan import make_plan, plan_for_facts
 from digs_warp.sim.record.session import Session, prepare_session
 from digs_warp.sim.sensor.filters import gray_of
 from digs_warp.sim.sensor.frame import Cause
@@ -161,12 +161,6 @@ def test_the_matcher_matches_the_images_that_are_recorded(tmp_path: Path) -> Non
     np.testing.assert_array_equal(known, inside)
 
 
-def test_tiers_without_a_plan_have_an_ideal_shutter(session: Session) -> None:
-    law = replace(CONFIG, tier="law")
-    plan = make_plan(replace(session, config=law))
-    assert plan == SensorPlan() and plan.shutter(session.rig).bands == 1
-
-
 def test_unusable_settings_do_not_claim_the_folder(tmp_path: Path) -> None:
     zero = tmp_path / "zero.yaml"
     zero.write_text("figures: {baseline: {value: 0, origin: tuned}}")
@@ -174,8 +168,3 @@ def test_unusable_settings_do_not_claim_the_folder(tmp_path: Path) -> None:
         with pytest.raises(DigsError, match=r"fog|kinect|baseline \[m\]: 0"):
             simulate(replace(CONFIG, **wrong), tmp_path / "capture")  # pyright: ignore
     assert not (tmp_path / "capture").exists()
-
-
-def test_effects_need_a_tier_that_has_them() -> None:
-    with pytest.raises(DigsError, match="--effects mirror: has no meaning with --tier law"):
-        SimulateConfig(tier="law", effects="mirror")

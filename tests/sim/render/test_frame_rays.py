@@ -51,14 +51,6 @@ def test_a_plate_hides_from_the_right_eye_what_its_disparity_covers() -> None:
     assert not hidden[: rows.min()].any() and not hidden[rows.max() + 1 :].any()
 
 
-def test_glass_hides_nothing() -> None:
-    rays, depth = rays_of(
-        join_scenes(wall(0.4, 0.1, transmission=1.0, name="glass"), wall(-0.5, 3.0))
-    )
-    assert depth.min() == pytest.approx(0.6, rel=1e-5)
-    assert rays.right_visibility(ALL, depth).all()
-
-
 def test_a_mirror_at_the_origin_shows_the_surround_at_its_distance() -> None:
     rays, depth = rays_of(wall(0.0, 0.2))
     distance = rays.reflection_distance(ALL)

@@ -152,13 +152,6 @@ def test_a_table_carries_the_ball_and_is_not_an_object() -> None:
     )
 
 
-def test_threads_do_not_change_the_picture() -> None:
-    one, two = on("table", sun(UP, 2.0)), on("table", sun(UP, 2.0))  # with a floor below
-    one.threads, two.threads = 1, 2
-    for a, b in zip(one.render_image(CAMERA, 2, 3), two.render_image(CAMERA, 2, 3), strict=True):
-        np.testing.assert_array_equal(a, b)
-
-
 def test_auto_puts_small_things_on_a_table_and_large_ones_on_the_floor() -> None:
     small, large = ball(0.2), ball(0.4)
     room = replace(GREY_SKY, is_room=True)

@@ -90,18 +90,6 @@ def test_mask_is_the_covered_share_of_the_image() -> None:
     assert set(np.unique(mask)) <= {int(255 * i / 16 + 0.5) for i in range(17)}
 
 
-def test_order_and_winding_of_triangles_do_not_matter() -> None:
-    scene = sphere(0.3, 24)
-    order = np.random.default_rng(0).permutation(len(scene.faces))
-    shuffled = replace(scene, faces=scene.faces[order, ::-1].copy())
-    one = see(RaycastRenderer(scene, sky()), CAMERA)
-    other = see(RaycastRenderer(shuffled, sky()), CAMERA)
-    np.testing.assert_allclose(one.depth, other.depth, rtol=1e-6)
-    np.testing.assert_allclose(one.normals_world, other.normals_world, atol=1e-5)
-    np.testing.assert_array_equal(one.mask, other.mask)
-    assert np.abs(one.image.astype(int) - other.image).max() <= 1
-
-
 def test_threads_and_earlier_frames_do_not_change_a_bit() -> None:
     scene = replace(sphere(0.3, 24), materials=(replace(GRAY, roughness=0.3),))
     serial, pooled = (RaycastRenderer(scene, sky(), threads) for threads in (1, 2))

@@ -3,6 +3,7 @@
 from dataclasses import replace
 
 import numpy as np
+import pytest
 
 from digs_warp.geometry.camera import Camera
 from digs_warp.geometry.rigid import look_at
@@ -118,10 +119,14 @@ def test_texture_near_by_is_sharp() -> None:
     assert ((share > 0.2) & (share < 0.8)).mean() < 0.15
 
 
-def test_texture_lies_upright_and_unmirrored() -> None:
+@pytest.mark.parametrize("emits", [False, True])
+def test_texture_lies_upright_and_unmirrored(emits: bool) -> None:
     colors = np.array([[[255, 0, 0], [0, 255, 0]], [[0, 0, 255], [255, 255, 255]]], np.uint8)
     texture = np.kron(colors, np.ones((32, 32, 1), np.uint8))
-    scene = plate((0, 0, 0), (0, 0.3, 0), (0, 0, 0.3), replace(GRAY, texture=texture))
+    colored = replace(GRAY, texture=texture)
+    if emits:
+        colored = Material("glow", np.zeros(3), emission=(1, 1, 1), emission_texture=texture)
+    scene = plate((0, 0, 0), (0, 0.3, 0), (0, 0, 0.3), colored)
     camera = Camera(INTRINSICS, look_at(np.array([1.0, 0, 0]), np.zeros(3), UP))
     image, _ = RaycastRenderer(scene, gray_sky()).render_image(camera)
     (left, top), (right, bottom) = (60, 25), (100, 65)

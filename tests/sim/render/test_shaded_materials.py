@@ -80,24 +80,6 @@ def test_panes_cover_with_their_opacity_one_after_the_other(panes: int) -> None:
     assert mask[45, 80] == 255
 
 
-@pytest.mark.parametrize("gain", [1e-3, 1.0, 1e3])
-def test_glow_does_not_depend_on_the_exposure(gain: float) -> None:
-    sky = Environment(np.full((16, 32, 3), gain, np.float32))
-    lamp = replace(glow(0.5), metallic=1.0)  # black metal: reflects nothing
-    middle = linear_image(RaycastRenderer(wall(lamp), sky), FRONT)[45, 80]
-    assert middle[0] == pytest.approx(0.5, abs=0.02)
-
-
-def test_an_emission_texture_glows_where_it_is_bright() -> None:
-    texture = np.zeros((64, 64, 3), np.uint8)
-    texture[:, 32:] = (255, 0, 0)
-    lamp = replace(glow(1.0), emission_texture=texture)
-    image = linear_image(RaycastRenderer(wall(lamp), BLACK), FRONT)
-    right, left = FRONT.project(np.array([[0, 0.15, 0], [0, -0.15, 0]]))[0].astype(int)
-    np.testing.assert_allclose(image[45, right[0]], [1, 0, 0], atol=0.01)
-    assert image[45, left[0]].max() == 0
-
-
 # ---- textures of the surface ----
 
 
@@ -127,14 +109,3 @@ def test_a_normal_map_shades_like_tilted_normals(tilt: tuple[float, float], mirr
     # Eight bits tilt a normal by a quarter of a degree, and openness goes by the vertex normals.
     assert np.abs(a - b).max() <= 8
     assert np.abs(b - flat).max() > 15
-
-
-def test_a_finish_texture_that_says_the_same_everywhere_is_the_plain_finish() -> None:
-    plain = replace(MATTE, roughness=51 / 255, metallic=204 / 255)
-    texture = np.broadcast_to(np.array([51, 204], np.uint8), (8, 8, 2)).copy()
-    sky = Environment(np.random.default_rng(0).uniform(0.2, 1.8, (16, 32, 3)).astype(np.float32))
-    a, b = (
-        RaycastRenderer(wall(m), sky).render_image(FRONT)[0].astype(int)
-        for m in (plain, replace(plain, finish_texture=texture))
-    )
-    assert np.abs(a - b).max() <= 1

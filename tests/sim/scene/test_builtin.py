@@ -5,6 +5,7 @@ import pytest
 
 from digs_warp.sim.scene.builtin import builtin_scene, builtin_shape
 from digs_warp.sim.scene.scene import Scene
+from reference.mesh_files import assert_rests
 from reference.scene_checks import check_arrays
 
 
@@ -29,6 +30,7 @@ def test_arrays_fit_the_scene_type_and_cannot_be_changed(scene: Scene) -> None:
     assert scene.faces.min() == 0
     assert scene.faces.max() == n - 1
     assert set(scene.face_materials) == set(range(len(scene.materials)))
+    assert_rests(scene)
     low, high = scene.vertices.min(axis=0), scene.vertices.max(axis=0)
     np.testing.assert_allclose(high[2], 0.25, atol=1e-6)
     np.testing.assert_allclose(low + high, 0, atol=1e-6)

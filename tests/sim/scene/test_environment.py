@@ -23,6 +23,14 @@ def test_png_is_decoded_to_linear_light(tmp_path: Path) -> None:
     np.testing.assert_allclose(radiance, linear_from_srgb(pixels / 255.0), atol=1e-6)
 
 
+def test_a_black_panorama_is_taken_with_a_warning(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    write_image(tmp_path / "night.png", np.zeros((8, 16, 3), np.uint8))
+    assert not load_environment(tmp_path / "night.png").radiance.any()
+    assert "every pixel is black" in caplog.text
+
+
 def test_exr_is_taken_as_it_is(tmp_path: Path) -> None:
     pixels = np.random.default_rng(0).uniform(0, 50, (8, 16, 3)).astype(np.float32)
     write_image(tmp_path / "sky.exr", pixels)

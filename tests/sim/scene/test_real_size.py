@@ -11,7 +11,6 @@ from digs_warp.data.layers import Layer
 from digs_warp.data.triangle_mesh import TriangleMesh
 from digs_warp.geometry.camera import pixel_centers
 from digs_warp.measure.surface_metrics import distances_to_surface
-from digs_warp.show.report.capture_facts import recorded_object
 from digs_warp.show.report.facts import describe
 from digs_warp.sim.config import SimulateConfig
 from digs_warp.sim.record.record import simulate
@@ -73,12 +72,3 @@ def test_info_names_size_unit_and_axis_of_a_mesh(tmp_path: Path) -> None:
     assert facts["size"] == "2.000 x 1.000 x 0.500 m in a capture, z up"
     assert facts["up axis"] == "z of the file"
     assert facts["unit"].startswith("PLY has no unit: 2 x 1 x 0.5 taken as m; --mesh-unit")
-
-
-def test_the_summary_names_size_and_axis_and_why(tmp_path: Path) -> None:
-    path = save(tmp_path / "box.obj", trimesh.creation.box(extents=(187, 240, 95)))
-    recorded(path, tmp_path / "capture")
-    assert recorded_object(tmp_path / "capture") == (
-        "0.187 x 0.095 x 0.240 m, y up in the file; OBJ has no unit: 187 x 240 x 95 taken as mm; "
-        "--mesh-unit m|cm|mm|in says otherwise"
-    )

@@ -47,10 +47,6 @@ def test_less_light_leaves_the_exposure_alone() -> None:
     assert prepare_light(dim)[0] == pytest.approx(prepare_light(SKY)[0], rel=1e-5)
 
 
-def test_nothing_asked_for_changes_nothing() -> None:
-    assert relit(SKY, LookSettings(), has_corners=False) is SKY
-
-
 @pytest.mark.parametrize(
     # Planck's law with the CIE 1931 observer; rows of the table by Charity, "What color is a blackbody?"
     ("kelvin", "x", "y"),

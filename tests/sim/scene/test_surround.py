@@ -13,7 +13,7 @@ from digs_warp.sim.config import SimulateConfig
 from digs_warp.sim.record.inputs import load_inputs
 from digs_warp.sim.record.session import prepare_session
 from digs_warp.sim.render.raycast import RaycastRenderer
-from digs_warp.sim.scene.environment import Environment, panorama_directions, set_up
+from digs_warp.sim.scene.environment import Environment, panorama_directions
 from digs_warp.sim.scene.scene import Material
 from reference.plates import plate
 from reference.surround_twin import exits, normals, panorama_directions_of
@@ -75,19 +75,6 @@ def test_the_boundary_shows_the_panorama(shape: str) -> None:
     np.testing.assert_allclose(shown, bright, atol=0.012)
 
 
-def test_both_eyes_see_the_same_floor_and_nothing_is_hidden() -> None:
-    renderer = RaycastRenderer(SPECK, SHAPES["dome"])
-    rays = renderer.frame_rays(CAMERA, 0.12)
-    depth = renderer.render_geometry(CAMERA).depth
-    assert rays.right_visibility(np.ones(depth.shape, bool), depth).all()
-    right = CAMERA.shifted_right(0.12)
-    beside = renderer.render_geometry(right).depth
-    points = CAMERA.unproject(pixel_centers(161, 121), depth)
-    other = right.unproject(pixel_centers(161, 121), beside)
-    # The lowest row of pixels shows the floor.
-    np.testing.assert_allclose(other[-1, :, 2], points[-1, :, 2], atol=1e-6)
-
-
 @pytest.mark.parametrize("shape", ["dome", "room"])
 def test_detail_far_away_is_filtered_and_near_is_not(shape: str) -> None:
     """Stripes of a panorama finer than a pixel of the floor far away average out."""
@@ -126,11 +113,3 @@ def test_the_floor_is_under_the_object_and_the_walk_inside() -> None:
     assert surround.floor == lowest and surround.is_room
     for moment in session.moments:
         assert surround.holds(session.walk.pose(moment)[:3, 3])
-
-
-def test_large_objects_get_large_surrounds() -> None:
-    scene = plate((0.0, 0.0, 0.0), (5.0, 0.0, 0.0), (0.0, 5.0, 0.0), GREY)
-    for environment in SHAPES.values():
-        assert set_up(scene, environment, "floor", 40.0)[1].radius == 70.0
-    sphere = set_up(scene, SHAPES["sphere"], "none", 1.0)[1]
-    assert sphere.surround == SHAPES["sphere"].surround

@@ -102,15 +102,6 @@ def test_points_behind_the_other_eye_have_no_place() -> None:
     assert (found.occlusion == Occlusion.OUTSIDE).all()
 
 
-def test_pixels_without_depth_have_no_place() -> None:
-    depth = np.full((K.height, K.width), np.nan, np.float32)
-    depth[5, 7] = 1.0
-    renderer = RaycastRenderer(sheets(), SKY)
-    found = renderer.follow(still(POSE), depth, still(POSE))
-    assert np.isfinite(found.shift).all(axis=-1).sum() == 1
-    np.testing.assert_allclose(found.shift[5, 7], 0, atol=1e-5)
-
-
 @pytest.mark.parametrize("material", [MATTE, GLASS])
 def test_the_other_side_of_a_thin_sheet_is_hidden(material: Material) -> None:
     """From the front, then from behind: the same places, but another side."""

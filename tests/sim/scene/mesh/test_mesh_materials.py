@@ -37,14 +37,6 @@ def test_pbr_factors_are_linear_and_multiplied_by_the_mean_of_their_texture(tmp_
     assert material.metallic == pytest.approx(0.8 * 51 / 255, abs=1e-6)
 
 
-def test_the_mean_roughness_ignores_what_the_mesh_does_not_use(tmp_path: Path) -> None:
-    pixels = np.zeros((8, 8, 3), np.uint8)
-    pixels[4:, :4] = (0, 204, 0)  # bottom left quarter; the rest of the atlas is empty
-    square = textured_square(0.5, metallicRoughnessTexture=Image.fromarray(pixels))
-    material = load_scene(save(tmp_path / "s.glb", square)).materials[0]
-    assert material.roughness == pytest.approx(204 / 255, abs=1e-6)
-
-
 def test_several_materials_stay_with_their_faces(tmp_path: Path) -> None:
     whole = trimesh.Scene()
     colors = [(1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)]
@@ -101,19 +93,6 @@ def test_a_mesh_without_any_color_is_plain_gray(tmp_path: Path) -> None:
     np.testing.assert_array_equal(scene.vertex_colors, 1)
 
 
-def test_a_texture_without_coordinates_is_left_out_with_a_warning(
-    tmp_path: Path, caplog: pytest.LogCaptureFixture
-) -> None:
-    def drop_coordinates(header: dict[str, Any]) -> None:
-        del header["meshes"][0]["primitives"][0]["attributes"]["TEXCOORD_0"]
-
-    path = save(tmp_path / "s.glb", textured_square(baseColorTexture=checker()))
-    scene = load_scene(edit_gltf(path, drop_coordinates))
-    check_scene(scene)
-    assert scene.materials[0].texture is None
-    assert "'paint': no texture coordinates" in caplog.text
-
-
 def test_an_obj_takes_its_texture_from_the_mtl_file(
     tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
@@ -158,13 +137,6 @@ def test_a_blended_texture_gives_opacity_and_emission_its_color(tmp_path: Path) 
     assert material.emission == (1, 0.5, 0) and material.is_transparent
 
 
-def test_alpha_of_an_opaque_material_means_nothing(tmp_path: Path) -> None:
-    pixels = np.full((4, 4, 4), 100, np.uint8)
-    opaque = textured_square(baseColorTexture=Image.fromarray(pixels))
-    (material,) = load_scene(save(tmp_path / "s.glb", opaque)).materials
-    assert material.opacity == 1 and material.opacity_texture is None
-
-
 def test_a_mask_cuts_holes_with_hard_edges(tmp_path: Path) -> None:
     pixels = np.full((4, 4, 4), 200, np.uint8)
     pixels[:, :2, 3] = 120
@@ -192,12 +164,20 @@ def test_finish_and_normal_textures_carry_their_factors(tmp_path: Path) -> None:
     np.testing.assert_array_equal(material.normal_texture, tilted)
 
 
-def test_flat_normal_maps_and_even_finishes_cost_nothing(tmp_path: Path) -> None:
+def test_what_shows_nothing_is_left_out(tmp_path: Path) -> None:
+    """A flat normal map, an even finish, alpha of an opaque material, and an unused part of an atlas."""
     flat = Image.fromarray(np.full((2, 2, 3), (128, 127, 255), np.uint8))
     even = Image.fromarray(np.full((2, 2, 3), (0, 100, 200), np.uint8))
     square = textured_square(normalTexture=flat, metallicRoughnessTexture=even)
     (material,) = load_scene(save(tmp_path / "s.glb", square)).materials
     assert material.normal_texture is None and material.finish_texture is None
+    pixels = np.zeros((8, 8, 4), np.uint8)
+    pixels[4:, :4] = (0, 204, 0, 255)  # the bottom left quarter
+    atlas = {"metallicRoughnessTexture": Image.fromarray(pixels[..., :3])}
+    square = textured_square(0.5, baseColorTexture=Image.fromarray(pixels), **atlas)
+    (material,) = load_scene(save(tmp_path / "s.glb", square)).materials
+    assert material.roughness == pytest.approx(204 / 255, abs=1e-6)
+    assert material.opacity == 1 and material.opacity_texture is None
 
 
 def test_extensions_are_read_or_said_to_be_left_out(

@@ -189,13 +189,3 @@ def test_nodes_are_placed_by_their_transforms_also_mirrored(tmp_path: Path) -> N
     outward = scene.vertices - half
     outward /= np.linalg.norm(outward, axis=1, keepdims=True)
     assert np.einsum("ij,ij->i", scene.normals, outward).min() > 0.999
-
-
-@pytest.mark.parametrize(("size", "warns"), [(2.0, False), (5.04, True)])
-def test_a_large_thing_in_assumed_metres_is_a_warning(
-    tmp_path: Path, caplog: pytest.LogCaptureFixture, size: float, warns: bool
-) -> None:
-    """A mug in inches is five metres wide."""
-    box = trimesh.creation.box(extents=(size, size / 2, size / 2))
-    load_scene(save(tmp_path / "mug.stl", box))
-    assert ("taken as m; --mesh-unit" in caplog.text) == warns

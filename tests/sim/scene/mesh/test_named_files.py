@@ -5,9 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from digs_warp.sim.config import SimulateConfig
 from digs_warp.sim.scene.mesh.read import mesh_files
-from digs_warp.sim.testing.sources import SimulatedWalk
 
 
 def obj(folder: Path) -> tuple[Path, list[str]]:
@@ -47,14 +45,3 @@ def ply(folder: Path) -> tuple[Path, list[str]]:
 def test_materials_textures_and_buffers_belong_to_a_mesh(make, tmp_path: Path) -> None:
     path, names = make(tmp_path)
     assert [each.name for each in mesh_files(path)] == names
-
-
-@pytest.mark.parametrize("make", [obj, gltf, ply])
-def test_a_capture_is_made_anew_when_any_of_them_changes(make, tmp_path: Path) -> None:
-    path, names = make(tmp_path)
-    walk = SimulatedWalk(SimulateConfig(mesh=path))
-    keys = {walk.key(1.0)}
-    for name in names[1:]:
-        (tmp_path / name).write_bytes((tmp_path / name).read_bytes() + b"\n# changed")
-        keys.add(walk.key(1.0))
-    assert len(keys) == len(names)

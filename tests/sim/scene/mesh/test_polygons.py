@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 
 from digs_warp.sim.scene.load import load_scene
-from digs_warp.sim.scene.mesh.polygons import cut_ears
 from reference.mesh_files import face_vectors
 
 # An L, counterclockwise in the plane z = 0; its corners come one after the other.
@@ -48,11 +47,6 @@ def test_corners_keep_their_texture_and_negative_numbers_count_back(tmp_path: Pa
     low = scene.vertices.min(axis=0)[:2]
     np.testing.assert_allclose((scene.vertices[:, :2] - low) / 4, scene.uvs, atol=1e-6)
     assert len(scene.faces) == 4 and len(scene.vertices) == 6
-
-
-def test_a_polygon_without_area_ends() -> None:
-    line = np.stack([[0.0, 1, 2, 1, 3, 0.5], np.zeros(6), np.zeros(6)], axis=1)
-    assert len(cut_ears(line)) in (0, 4)
 
 
 def ply(folder: Path, order: str, tables: dict[str, tuple[list[str], list[list[Any]]]]) -> Path:

@@ -12,7 +12,6 @@ import trimesh
 from PIL import Image
 from trimesh.visual import TextureVisuals
 
-from digs_warp.checks import MeshError
 from digs_warp.sim.scene.load import load_scene
 from digs_warp.sim.scene.mesh.files_beside import locate
 from digs_warp.sim.scene.mesh.read import mesh_files
@@ -183,9 +182,3 @@ def test_maps_of_a_gltf_that_are_damaged_are_named(
 ) -> None:
     load_scene(broken_image(tmp_path, kind, b"no image"))
     assert "'map.png' cannot be decoded" in caplog.text and "drawn without it" in caplog.text
-
-
-def test_maps_of_a_gltf_that_are_too_large_are_refused(tmp_path: Path) -> None:
-    path = broken_image(tmp_path, "normalTexture", png_of(10_000, 8_000))
-    with pytest.raises(MeshError, match=r"'map\.png': 80,000,000 pixels, expected up to"):
-        load_scene(path)
