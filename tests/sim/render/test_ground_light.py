@@ -14,6 +14,7 @@ from digs_warp.sim.render.ground_light import measure_plane, planes_of
 from digs_warp.sim.render.raycast import RaycastRenderer
 from digs_warp.sim.scene.environment import Environment, panorama_directions, set_up
 from digs_warp.sim.scene.scene import Material, Scene
+from digs_warp.sim.scene.table import table_scene
 from reference.plates import scene_of
 
 RADIUS = 0.1
@@ -163,3 +164,5 @@ def test_auto_puts_small_things_on_a_table_and_large_ones_on_the_floor() -> None
     table, surround, _ = set_up(small, room, "table", 1.0)
     assert surround.floor == pytest.approx(-0.2 - 0.75)
     assert planes_of(table, surround)[0] is not None
+    wide = table_scene(0.0, -0.75, np.array([(-1.0, -0.1, 0.0), (1.0, 0.1, 0.2)]))
+    assert wide.vertices[:, 0].max() == pytest.approx(1.25)

@@ -80,11 +80,14 @@ def test_the_middle_of_a_large_face_is_bright_between_dark_corners() -> None:
         )
     ]
     camera = Camera(INTRINSICS, look_at(np.array([0.05, 0, 0.9]), np.zeros(3), UP))
-    bare, tray = (
-        RaycastRenderer(s, gray_sky()).render_image(camera)[0][45, 80, 0]
+    seen, _ = camera.project(np.array([[0.0, 0, 0], [-0.27, 0.27, 0]]))
+    columns, rows = seen.astype(int).T
+    (bare, open_corner), (tray, corner) = (
+        RaycastRenderer(s, gray_sky()).render_image(camera)[0][rows, columns, 0]
         for s in (floor, join_scenes(floor, *rims))
     )
     assert 0.85 * bare < tray < bare
+    assert corner < 0.87 * open_corner
 
 
 def checkered_wall(square: int) -> Scene:

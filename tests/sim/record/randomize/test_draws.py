@@ -63,7 +63,7 @@ def files(tmp_path: Path) -> list[Path]:
         ({"uniform": [-2, 3]}, stats.uniform(-2, 5)),
         ({"log_uniform": [0.25, 8]}, stats.loguniform(0.25, 8)),
         ({"normal": [1, 0.5], "limits": [0.2, 1.5]}, stats.truncnorm(-1.6, 1.0, 1.0, 0.5)),
-        ({"normal": [0, 1], "limits": [4, 6]}, stats.truncnorm(4, 6)),
+        ({"normal": [0, 1], "limits": [7.5, 9]}, stats.truncnorm(7.5, 9)),
         ({"normal": [0, 1], "limits": [-9, -7.5]}, stats.truncnorm(-9, -7.5)),
         ({"normal": [1, 0.25]}, stats.truncnorm(-3, 3, 1, 0.25)),
     ],
