@@ -50,7 +50,7 @@ LINE_BUDGETS = {
     "pipeline": 2_263,
     "poses": 4_580,
     "record": 1_853,
-    "show": 2_793,
+    "show": 2_792,
     "sim.camera": 1_343,
     "sim.fit": 1_603,
     "sim.record": 1_945,

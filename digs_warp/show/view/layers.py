@@ -34,7 +34,6 @@ def points_as_splats(cloud: PointCloud, radius: float) -> Gaussians:
 
 def _depth_picture(frame: Frame) -> np.ndarray:
     depth = frame.load_depth()
-    depth[~(depth > 0)] = np.nan
     return depth_scale(depth.ravel()).paint(depth)
 
 

@@ -2,6 +2,7 @@
 
 import json
 import re
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -9,11 +10,14 @@ import numpy as np
 
 from digs_warp.data.capture import Capture, read_capture
 from digs_warp.data.images import read_image, write_image
+from digs_warp.data.layers import Layer
 from digs_warp.record.run_log import RunLog
+from digs_warp.show.report.capture_section import capture_section
 from reference.report_folder import (
     HEIGHT,
     TEST_EVERY,
     WIDTH,
+    Page,
     decoded,
     write_and_parse,
 )
@@ -76,6 +80,14 @@ def test_contact_sheet_shows_every_kind_of_image_of_six_frames(
     for kind in ("left", "right", "true depth", "sensed depth", "sensed minus", "object mask"):
         assert sum(bool(re.match(rf"Frame \d+: {kind}", alt)) for alt in shown) == 6, kind
     assert "depth [m]" in page.text and "sensed minus true depth [mm]" in page.text
+
+
+def test_depth_that_is_too_far_is_red(run: tuple[Capture, Path, Path], tmp_path: Path) -> None:
+    far = [f.with_layer(Layer.DEPTH, f.load_depth_true() + 0.01) for f in run[0].frames]
+    page = Page(capture_section(replace(run[0], frames=tuple(far))))
+    (first, *_) = (i for i in page.images if "sensed minus true" in str(i["alt"]))
+    red, _, blue = decoded(first, tmp_path)[10:22, 18:30].astype(int).reshape(-1, 3).T
+    assert (red > blue + 50).all()
 
 
 def test_causes_are_shown(run: tuple[Capture, Path, Path]) -> None:

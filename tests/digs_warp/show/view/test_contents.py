@@ -9,7 +9,7 @@ import pytest
 from digs_warp.checks import DigsError
 from digs_warp.data.capture import Capture
 from digs_warp.geometry.sh import C0
-from digs_warp.show.view.contents import NAME, Contents, Stage, read_contents
+from digs_warp.show.view.contents import NAME, Contents, Stage, read_contents, sensed_points
 from digs_warp.show.view.layers import load_picture, pictures_of, points_as_splats
 from digs_warp.train.training import save_snapshot
 from reference.report_folder import write_capture, write_reconstruction
@@ -29,6 +29,10 @@ def test_a_capture_has_its_views_and_its_depth_as_points_of_its_colors(capture: 
     assert len(cloud) > 1000
     away = np.linalg.norm(cloud.points_world - [0, 0, 0.3], axis=1)
     assert 0 < away.min() and away.max() < 6
+    frame = capture.frames[0]
+    one = sensed_points([frame])[NAME]
+    columns, rows = frame.camera.project(one.points_world.astype(np.float64))[0].astype(int).T
+    np.testing.assert_allclose(one.colors, frame.load_image()[rows, columns] / 255, atol=1e-6)
     points = points_as_splats(cloud, 2.0)
     np.testing.assert_allclose(0.5 + C0 * points.sh[:, 0], cloud.colors, atol=1e-6)
     np.testing.assert_allclose(points.scales, 0.006, rtol=1e-5)
@@ -79,6 +83,9 @@ def test_the_view_begins_where_all_is_seen(capture: Capture) -> None:
     px, depth = first.camera.project(moved.means.astype(np.float64))
     k = first.camera.intrinsics
     assert (depth > 0).all() and ((px >= 0) & (px <= [k.width, k.height])).all()
+    frames = tuple(capture.frames)  # an object is seen from the side that was recorded first
+    side = Contents("b", stages=(Stage("result", ball()),), frames=frames).first_view()
+    assert (side.camera.center_world - side.target) @ frames[0].camera.center_world > 0.5
     recorded = read_contents(capture.folder).first_view()  # nothing says what the object is
     pose = capture.frames[0].camera.world_from_cam
     np.testing.assert_array_equal(recorded.camera.world_from_cam, pose)
