@@ -11,7 +11,7 @@ from digs_warp.checks import CaptureError
 from digs_warp.data.about import About
 from digs_warp.data.capture import object_alone, read_capture
 from digs_warp.data.capture_writer import CaptureWriter
-from digs_warp.data.images import read_image, write_image
+from digs_warp.data.images import read_image
 from digs_warp.data.layers import BASIC_LAYERS, Layer
 from digs_warp.data.objects import PlacedObject, matrix_rows
 from digs_warp.data.rig import UNKNOWN_EXPOSURE, CameraMotion, Exposure, InfraredPair, Rig
@@ -134,53 +134,6 @@ def test_an_object_alone_has_nothing_around_it(tmp_path: Path) -> None:
     assert len(np.unique(alone.load_image()[~inside], axis=0)) == 1
     np.testing.assert_array_equal(alone.load_depth()[inside], frame.load_depth()[inside])
     assert np.isnan(alone.load_depth()[~inside]).all()
-
-
-def nerfstudio_folder(folder: Path) -> None:
-    """A folder as an RGB-D phone app exports it for nerfstudio, written by hand."""
-    rng = np.random.default_rng(0)
-    write_image(folder / "rgb/a.png", rng.integers(0, 256, (9, 12, 4), dtype=np.uint8))
-    depth_mm = np.full((9, 12), 1500, dtype=np.uint16)
-    depth_mm[0, :4] = 0
-    write_image(folder / "depth/a.png", depth_mm)
-    index = {
-        "w": 12,
-        "h": 9,
-        "fl_x": 1.0,
-        "fl_y": 1.0,
-        "cx": 6.5,
-        "cy": 4.25,
-        "frames": [
-            {
-                "file_path": "rgb/a.png",
-                "depth_file_path": "depth/a.png",
-                # OpenGL: the camera looks along its own -z, here from (0, 0, 3) straight down on the origin.
-                "transform_matrix": [[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 3], [0, 0, 0, 1]],
-                "fl_x": 15.0,  # a frame's own value wins
-                "fl_y": 16.0,
-            }
-        ],
-    }
-    (folder / "transforms.json").write_text(json.dumps(index))
-
-
-def test_a_folder_of_another_tool_is_read(tmp_path: Path) -> None:
-    nerfstudio_folder(tmp_path)
-    capture = read_capture(tmp_path)
-    (frame,) = capture.frames
-    assert capture.rig is None
-    assert frame.time == 0.0
-    assert not frame.has(Layer.MASK)
-    assert frame.camera.intrinsics == INTRINSICS
-    # In OpenCV axes it looks along +z of the camera: the origin appears at the principal point.
-    px, depth = frame.camera.project(np.array([[0.0, 0, 0], [0, 0.3, 0]]))
-    np.testing.assert_allclose(px, [[6.5, 4.25], [6.5, 4.25 - 16 * 0.1]])
-    np.testing.assert_allclose(depth, 3.0)
-    assert frame.load_image().shape == (9, 12, 3)
-    depth = frame.load_depth()
-    assert depth.dtype == np.float32
-    assert np.isnan(depth[0, :4]).all()
-    assert np.count_nonzero(depth == np.float32(1.5)) == 9 * 12 - 4
 
 
 def test_an_infrared_pair_comes_back_and_is_no_right_image(tmp_path: Path) -> None:

@@ -79,15 +79,6 @@ def test_files_that_are_missing_broken_or_of_others_are_named(tmp_path: Path) ->
             Gaussians.load(tmp_path / name)
 
 
-def test_a_wrong_shape_is_named() -> None:
-    arrays = {field: getattr(random_gaussians(5), field) for field in FIELDS}
-    wrong = [(name, (5, 2)) for name in FIELDS]
-    wrong += [("sh", shape) for shape in ((5, 5, 3), (5, 0, 3), (5, 25, 3), (5, 3), (5,))]
-    for name, shape in wrong:
-        with pytest.raises(DigsError, match=r"Gaussians\.\w+: shape|spherical harmonics|degree"):
-            Gaussians(*(arrays | {name: np.zeros(shape)}).values())
-
-
 def test_a_file_says_what_the_splats_are_drawn_with(tmp_path: Path) -> None:
     for made_for in (NO_FILTER, CLASSIC, ANTIALIASED, ScreenFilter(0.001)):
         gaussians = replace(random_gaussians(4), screen_filter=made_for)

@@ -60,19 +60,6 @@ def test_more_voxels_than_the_table_starts_with() -> None:
     assert np.all(np.diff(found.keys) > 0)
 
 
-@pytest.mark.parametrize("pixel", [None, (16, 30)])
-def test_no_pixel_and_one_pixel(pixel: tuple[int, int] | None) -> None:
-    depth, image, _ = random_view()
-    depth[:] = 1.5
-    keep = np.zeros(depth.shape, bool)
-    if pixel is not None:
-        keep[pixel] = True
-    found = back_project(CAMERA, image, depth, keep, 0.01)
-    expected = back_projected(CAMERA, depth, keep)
-    np.testing.assert_allclose(found.points_world, expected, atol=1e-12)
-    assert found.points_world.shape == expected.shape
-
-
 def test_points_too_far_for_the_grid_raise() -> None:
     depth, image, keep = random_view()
     far = np.where(keep, depth * np.float32(1e6), depth)

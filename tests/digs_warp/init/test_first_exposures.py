@@ -70,14 +70,6 @@ def test_factors_are_those_of_all_unknowns_at_once() -> None:
     np.testing.assert_allclose(joint_log_factors(values), dense_log_factors(values), atol=1e-9)
 
 
-def test_highlights_and_what_hides_a_point_do_not_count() -> None:
-    factors = 0.2 * np.cos(ANGLES)
-    values, _ = around(factors, points=2000)
-    spoiled = np.random.default_rng(1).random(values.shape) < 0.2
-    values = np.where(spoiled & np.isfinite(values), 0.9, values)
-    np.testing.assert_allclose(joint_log_factors(values), factors, atol=0.02)
-
-
 def toned(
     log_gains: np.ndarray, noise: float = 0.005, points: int = 600
 ) -> tuple[np.ndarray, np.ndarray]:
@@ -115,15 +107,6 @@ def test_gloss_is_no_exposure() -> None:
     adapted = np.exp(logs)[:, None] * (colors + OFFSET) - OFFSET
     shiny = FirstExposures.of(adapted)
     assert shiny.vary and np.corrcoef(shiny.log_factors, logs)[0, 1] > 0.95
-
-
-def test_black_white_unseen_and_no_photographs_are_constant() -> None:
-    for colors in (
-        *(np.full((50, 6, 3), value) for value in (0.0, 0.5, 1.0, np.nan)),
-        *(np.zeros((0, 6, 3)), np.zeros((50, 0, 3)), np.full((50, 1, 3), 0.4)),
-    ):
-        found = FirstExposures.of(colors)
-        assert not found.vary and found.log_factors.shape == colors.shape[1:2]
 
 
 def adapting(folder: Path, stops: float) -> tuple[list[Frame], np.ndarray]:

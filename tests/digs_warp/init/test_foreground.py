@@ -86,31 +86,3 @@ def test_an_object_without_measured_background_is_not_cut_in_two(mask_share: str
     found = foreground_range(depth, mask)
     assert found == EVERYTHING
     assert np.count_nonzero(kept_of(depth, found)) == 600
-
-
-def test_a_mask_on_the_background_only_takes_the_background() -> None:
-    """The mask decides which cluster is meant, even where it is wrong: the report shows it."""
-    depth, mask = scene()
-    elsewhere = np.zeros_like(mask)
-    elsewhere[:5] = True
-    kept = kept_of(depth, foreground_range(depth, elsewhere))
-    np.testing.assert_array_equal(kept, ~mask)
-
-
-@pytest.mark.parametrize("known", [0, 2400])
-def test_equal_depths_are_one_cluster(known: int) -> None:
-    depth = np.full(2400, np.nan, np.float32)
-    depth[:known] = 1.5
-    mask = np.zeros((40, 60), dtype=bool)
-    mask[OBJECT] = True
-    found = foreground_range(depth.reshape(40, 60), mask)
-    assert found == EVERYTHING
-    assert np.count_nonzero(kept_of(depth, found)) == known
-
-
-@pytest.mark.parametrize("wild", [1e6, 1e-3])
-def test_a_few_wild_values_are_no_cluster(wild: float) -> None:
-    depth, mask = scene()
-    depth[0, :20] = wild
-    kept = kept_of(depth, foreground_range(depth, mask)) & mask
-    np.testing.assert_array_equal(kept, mask)

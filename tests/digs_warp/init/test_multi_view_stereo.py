@@ -132,14 +132,6 @@ def test_two_views_cannot_agree_with_a_third() -> None:
     assert found.share == 0.0
 
 
-def test_views_without_points_are_left_out() -> None:
-    frames = photographs()
-    away = frames[0].camera.world_from_cam @ np.diag([-1.0, 1.0, -1.0, 1.0])
-    turned = Frame("away", Camera(frames[0].camera.intrinsics, away), 9.0, frames[0].layers)
-    found = matched_depth([*frames, turned], on_the_plane())
-    assert [frame.name for frame in found.frames] == [frame.name for frame in frames]
-
-
 def test_photographs_start_from_their_depth() -> None:
     recorded = PointCloud(on_the_plane().astype(np.float32), np.full((300, 3), 0.5, np.float32))
     config = InitConfig(strategy="mvs")

@@ -1,12 +1,16 @@
 """The mode of the local scales: precision, robustness, warnings."""
 
 import logging
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from digs_warp.checks import DigsError
-from digs_warp.init.scale import estimate_scale
+from digs_warp.data.capture import Capture
+from digs_warp.init.config import InitConfig
+from digs_warp.init.scale import estimate_scale, local_scales
+from reference.synthetic_sfm import sfm_from_truth
 
 TRUE = 1.7
 
@@ -64,3 +68,20 @@ def test_wild_values_and_their_order_do_not_matter() -> None:
     assert wild.sfm_per_metre == pytest.approx(TRUE, rel=5e-3)
     assert estimate_scale(values[::-1].reshape(50, 100)) == estimate_scale(values)
     np.testing.assert_array_equal(values, before)
+
+
+def test_measured_depth_scales_a_model(
+    ball_ring: Capture, caplog: pytest.LogCaptureFixture
+) -> None:
+    frames = ball_ring.frames
+    model = sfm_from_truth(frames, TRUE, points=4000)
+    config = InitConfig(edge_filter=False)
+    ratios = local_scales(model, frames[2:], config)
+    assert estimate_scale(ratios).sfm_per_metre == pytest.approx(TRUE, rel=2e-3)
+    assert "inside the masks" not in caplog.text
+    few = local_scales(sfm_from_truth(frames, TRUE, points=60), frames, config)
+    assert "inside the masks" in caplog.text  # the whole image counts
+    assert estimate_scale(few).sfm_per_metre == pytest.approx(TRUE, rel=5e-3)
+    strangers = [replace(frame, name="x" + frame.name) for frame in frames]
+    with pytest.raises(DigsError, match="registered none of the 12 training frames"):
+        local_scales(model, strangers, config)

@@ -66,19 +66,6 @@ def test_a_view_without_its_mask_takes_no_points_away(tmp_path: Path) -> None:
     assert len(initialize(capture.frames, config).points) > 50
 
 
-def test_something_in_front_takes_no_points_away(tmp_path: Path) -> None:
-    """In most views something that has no mask hides half of the ball."""
-    config = InitConfig(voxel_size=0.02)
-    open_capture = write_capture(tmp_path / "open", ball_views(24))
-    views = ball_views(24)
-    for number, (_, images) in enumerate(views):
-        if number % 3:
-            images.mask[:, :40] = 0
-            images.depth[:, :40] = 0.3
-    points = initialize(write_capture(tmp_path / "hidden", views).frames, config).points
-    assert len(points) > 0.9 * len(initialize(open_capture.frames, config).points)
-
-
 def test_what_another_object_hides_is_not_taken_for_empty() -> None:
     _, images = ball_views(1)[0]
     inside = images.mask > 0

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from digs_warp.data.frame import Frame
-from digs_warp.data.layers import Layer
 from digs_warp.data.point_cloud import PointCloud
 from digs_warp.init.config import InitConfig
 from digs_warp.init.recipes import initialize
@@ -69,14 +68,3 @@ def test_few_views_are_filled_and_many_are_not(count: int, tmp_path: Path) -> No
     frames = write_capture(tmp_path, ball_views(40)[:count]).frames
     sources = initialize(frames, InitConfig(voxel_size=SIZE)).sources
     assert ("unseen" in sources) == (count == 3)
-
-
-def test_masks_that_enclose_nothing_leave_the_measured_points(frames: list[Frame]) -> None:
-    apart = []
-    for frame, rows in zip(frames, (slice(0, 30), slice(30, 60), slice(0, 30)), strict=True):
-        mask = frame.load_mask().copy()
-        mask[rows] = 0
-        apart.append(frame.with_layer(Layer.MASK, mask))
-    assert initialize(apart, CLOSED).sources.keys() == {"depth"}
-    alike = [frames[0], frames[0]]
-    assert initialize(alike, CLOSED).sources.keys() == {"depth"}

@@ -64,14 +64,6 @@ def test_the_voxel_size_for_a_number_of_points(ball_ring: Capture, wanted: int) 
     np.testing.assert_allclose(radii(found.points.points_world), RADIUS, atol=0.02)
 
 
-def test_more_points_than_there_are_pixels_gives_what_there_is(
-    ball_ring: Capture, caplog: pytest.LogCaptureFixture
-) -> None:
-    found = initialize(ball_ring.frames, InitConfig(target_points=10**6))
-    assert "--target-points: 1000000 wanted" in caplog.text
-    assert 1000 < len(found.points) < 10**5
-
-
 def test_a_world_far_from_its_origin(ball_ring: Capture) -> None:
     """Recordings in geographic coordinates have their object a thousand kilometres away."""
     shift = np.eye(4)

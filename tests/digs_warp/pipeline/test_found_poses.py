@@ -10,11 +10,8 @@ import pytest
 import digs_warp as dw
 from digs_warp.data.capture import Capture
 from digs_warp.data.images import write_image
-from digs_warp.data.posed_frames import PosedFrames
-from digs_warp.geometry.rigid import matrix_from_rotation_vector, rigid
 from digs_warp.pipeline.config import FrontEndConfig
 from digs_warp.pipeline.front_end import front_end
-from digs_warp.pipeline.poses import depth_contradiction
 from digs_warp.poses.from_images.config import SfmConfig
 from digs_warp.poses.refine.photometric_alignment import in_place
 from digs_warp.record.run_log import RunLog
@@ -33,24 +30,6 @@ def capture(tmp_path_factory: pytest.TempPathFactory) -> Capture:
     settings = {"environment": wall, "width": 320, "tier": "law", "camera_path": "arc", "seed": 3}
     whole = dw.simulate(profile="bare-matcher", frames=20, elevations=(20.0,), **settings)
     return replace(whole, frames=whole.frames[:7])
-
-
-def test_depth_contradicts_poses_that_are_a_tile_off(capture: Capture) -> None:
-    """So images before this wall can see it; the model then differs from run to run."""
-    open3d_or_skip()
-    tile = np.array([0.0, 0.0, 2 * np.pi / REPEATS])
-    turns = [rigid(matrix_from_rotation_vector(i * tile), np.zeros(3)) for i in range(len(capture))]
-    frames = [
-        replace(f, camera=replace(f.camera, world_from_cam=turn @ f.camera.world_from_cam))
-        for f, turn in zip(capture.frames, turns, strict=True)
-    ]
-    finding = depth_contradiction(
-        capture, PosedFrames(tuple(frames), ()), SfmConfig(readout_time=0.0)
-    )
-    assert "color and depth show another motion" in finding
-    assert not depth_contradiction(
-        capture, PosedFrames(capture.frames, ()), SfmConfig(readout_time=0.0)
-    )
 
 
 def test_auto_takes_color_and_depth_where_images_mislead(

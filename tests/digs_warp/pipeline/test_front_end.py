@@ -8,7 +8,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from digs_warp.data.about import About
 from digs_warp.data.capture import Capture, read_capture
 from digs_warp.data.layers import Layer
 from digs_warp.data.posed_frames import PosedFrames
@@ -93,33 +92,6 @@ def test_sparse_points_are_triangulated_from_given_poses(
     for frame, original in zip(frames.training, capture.split(4)[0], strict=True):
         difference = frame.camera.world_from_cam - original.camera.world_from_cam
         assert np.abs(difference).max() < 1e-6
-
-
-def test_a_recording_without_poses_ends_upright_and_metric(
-    capture: Capture, found: tuple[FrontEnd, Path], tmp_path: Path
-) -> None:
-    lost = [
-        replace(frame, camera=replace(frame.camera, world_from_cam=np.eye(4)))
-        for frame in capture.frames
-    ]
-    unknown = replace(capture, frames=tuple(lost), about=About(poses_known=False))
-    shutil.copytree(found[1] / "sfm", tmp_path / "sfm")
-    prepared = front_end(unknown, FIND_POSES, tmp_path, RunLog("test", {}))
-    frames, points = prepared.poses.posed, prepared.start.points
-    assert len(points) == pytest.approx(
-        len(found[0].start.points), rel=0.15
-    )  # other voxels: turned axes
-    for a, b in zip(frames.training, found[0].poses.posed.training, strict=True):
-        # The same distances between the cameras, and the same direction up, within the hand's tilt.
-        assert a.camera.world_from_cam[2, 1] == pytest.approx(
-            b.camera.world_from_cam[2, 1], abs=0.1
-        )
-        moved = a.camera.center_world - frames.training[0].camera.center_world
-        expected = b.camera.center_world - found[0].poses.posed.training[0].camera.center_world
-        assert np.linalg.norm(moved) == pytest.approx(np.linalg.norm(expected), abs=1e-4)
-    # The origin is where the cameras look: inside the object.
-    low, high = points.bounds
-    assert (low < 0.02).all() and (high > -0.02).all()
 
 
 def test_a_capture_that_does_not_fit_together_is_found_and_recorded(

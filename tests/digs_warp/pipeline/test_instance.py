@@ -64,19 +64,6 @@ def test_start_and_gaussians_lie_on_the_second_object_alone(capture: Path, secon
         np.testing.assert_allclose(points.max(axis=0), high, atol=15 * MM)
 
 
-def test_views_are_compared_inside_its_mask(capture: Path, second: Path) -> None:
-    result = Reconstruction.load(second)
-    assert result.frames is not None
-    recorded = {frame.name: frame for frame in read_capture(capture).frames}
-    for frame in (*result.frames.training, *result.frames.held_out):
-        there = recorded[frame.name]
-        alone = there.load_instances() == 2
-        np.testing.assert_array_equal(frame.load_mask() > 0, alone & (there.load_mask() > 0))
-    assert result.frames.held_out
-    # White paint before white: a reconstruction of both objects misses by the whole other one.
-    assert result.scores.mean.psnr_frame > 20
-
-
 def test_what_the_other_object_hides_is_not_taken_for_empty(capture: Path, second: Path) -> None:
     result = Reconstruction.load(second)
     assert result.frames is not None

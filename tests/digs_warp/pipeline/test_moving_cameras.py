@@ -1,6 +1,5 @@
 """Recordings of a moving camera, with a rolling shutter or a long exposure: what becomes of them."""
 
-import json
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -12,7 +11,7 @@ from digs_warp.init.config import InitConfig
 from digs_warp.pipeline.reconstruct import ReconstructConfig, reconstruct
 from digs_warp.pipeline.reconstruction import Reconstruction
 from digs_warp.train.config import Stop, TrainConfig
-from reference.tiny_capture import READOUT_TIME, write_tiny_capture
+from reference.tiny_capture import write_tiny_capture
 from reference.trained_ball import score_of_perfect_views
 
 ROLLING = ReconstructConfig(
@@ -71,20 +70,3 @@ def test_a_long_exposure_is_closer_to_what_a_perfect_camera_sees(
     assert with_blur.psnr_object > without.psnr_object + 0.05
     # The held-out photographs are blurred, too: drawn so, they fit.
     assert drawn.scores.mean.psnr_object > ignored.scores.mean.psnr_object + 1.0
-
-
-def test_the_runs_say_what_was_decided_and_why(
-    corrected: Reconstruction, drawn: Reconstruction
-) -> None:
-    said = []
-    for result, what in ((corrected, "rolling_shutter"), (drawn, "motion_blur")):
-        assert result.folder is not None
-        record = json.loads((result.folder / "run.json").read_text())["results"]["training"]
-        said.append(record[what])
-        read = Reconstruction.load(result.folder).training
-        assert getattr(read, what) == getattr(result.training, what) is not None
-    shutter, blur = said
-    assert shutter["seconds"] == READOUT_TIME
-    assert "16 frames drawn from up to" in blur["because"]
-    for each in said:
-        assert each["drawn"] and f"moves {each['moved_px']:.2f} px" in each["because"]

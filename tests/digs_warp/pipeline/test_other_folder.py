@@ -33,16 +33,3 @@ def test_the_recording_is_found_from_another_folder(
     monkeypatch.chdir(result)
     found = find_capture(Path(), NOTED)
     assert found is not None and found.samefile(capture)
-
-
-def test_far_from_its_recording_a_result_is_read_where_it_was_made_or_inside_the_run(
-    tmp_path: Path, result: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    with_index(tmp_path / "other" / NOTED)
-    monkeypatch.chdir(tmp_path / "other")
-    assert find_capture(result, NOTED) == NOTED
-    with_index(tmp_path / "run/capture")
-    (tmp_path / "run/reconstruction").mkdir()
-    monkeypatch.chdir(tmp_path / "run/reconstruction")
-    found = find_capture(Path(), Path("out/run/capture"))
-    assert found is not None and found.samefile(tmp_path / "run/capture")

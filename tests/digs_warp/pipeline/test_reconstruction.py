@@ -1,6 +1,5 @@
 """A reconstruction in its folder: what is saved is loaded, and what is broken is named."""
 
-import json
 import re
 import shutil
 from pathlib import Path
@@ -94,24 +93,3 @@ def test_broken_and_missing_files_are_named(
             Reconstruction.load(path.parent, capture)
     if name not in ("gaussians.npz", "cameras.json"):
         assert len(Reconstruction.load(path.parent, partial=True).gaussians)
-
-
-def test_other_distances_are_measured_at_the_end_and_kept(
-    result: Reconstruction, tmp_path: Path
-) -> None:
-    """A run.json that is older has none."""
-    found = result.scores.other_sizes
-    assert found is not None and result.folder is not None
-    assert found.views == len(result.scores.views)
-    assert found.trained == result.scores.mean.psnr_object_aligned
-    assert all(5 < each < 60 for each in (found.half, found.four_thirds, found.double))
-    assert len({found.half, found.four_thirds, found.double, found.trained}) == 4
-    assert Reconstruction.load(result.folder).scores.other_sizes == found
-    assert result.figures["scores"]["PSNR from other distances"] == str(found)
-    folder = Path(shutil.copytree(result.folder, tmp_path / "copy"))
-    record = json.loads((folder / "run.json").read_text())
-    del record["results"]["scores"]["other_sizes"]
-    (folder / "run.json").write_text(json.dumps(record))
-    older = Reconstruction.load(folder)
-    assert older.scores.other_sizes is None
-    assert "PSNR from other distances" not in older.figures["scores"]

@@ -96,9 +96,3 @@ def test_a_poor_result_says_why_and_what_to_do(name: str) -> None:
     assert not found.good and found.words.startswith("poor, because ")
     assert because in found.words and advice in found.words.split("To do: ")[1]
     assert len(set(found.advice)) == len(found.advice) and "fewer" not in found.words
-
-
-def test_other_exposures_are_not_held_against_the_views() -> None:
-    half_a_stop = Scores(mean=Score(psnr_object=24.0, psnr_object_aligned=31.0))
-    assert "31.00 dB in their own exposures (24.00 dB in one)" in str(half_a_stop)
-    assert "in one" not in str(SCORES)
