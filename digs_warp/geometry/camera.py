@@ -131,6 +131,15 @@ class Camera:
         """Return the same view at another image size."""
         return replace(self, intrinsics=self.intrinsics.resized(width, height))
 
+    def every(self, stride: int) -> "Camera":
+        """Return the view of every n-th row and column of the image, beginning with the first ones."""
+        k = self.intrinsics
+        width, height = (-(-side // stride) for side in (k.width, k.height))
+        center = ((c - 0.5) / stride + 0.5 for c in (k.cx, k.cy))
+        return replace(
+            self, intrinsics=Intrinsics(width, height, k.fx / stride, k.fy / stride, *center)
+        )
+
     def cropped(self, rows: slice, columns: slice) -> "Camera":
         """Return the view of a part of the image; starts and stops are given, and it is not empty."""
         k = self.intrinsics

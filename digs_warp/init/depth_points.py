@@ -126,7 +126,10 @@ def _coarser_at_once(
     sums = LevelSums()
     for view in map_frames(some, partial(work, levels=levels)):
         sums.add(view.measured)
-    return replace(levels, finest=within(sums.grids, most)[0] * levels.finest)
+    grids, stride = sums.grids, 1
+    if levels.pixels is None:  # of an object, so many voxels are thinned to about as many as are wanted
+        stride = round(within(grids, most / SPARE)[0])
+    return replace(levels, finest=within(grids, most)[0] * levels.finest, stride=stride)
 
 
 def _guesses(grids: Sequence[Voxels], surfaces: Sequence[Voxels], factor: float) -> list[Voxels]:

@@ -43,10 +43,12 @@ class Levels:
     Attributes:
         finest: edge length of the finest grid [m].
         pixels: width of a voxel in pixels at its distance; None: the finest grid everywhere.
+        stride: every n-th row and column of the views is used, as many as the voxels resolve.
     """
 
     finest: float
     pixels: float | None
+    stride: int = 1
 
     def edge(self, level: int) -> float:
         """Return the edge length [m] of a grid."""
