@@ -35,7 +35,8 @@ class Frame:
     the one object that the mask shows; None: the mask shows everything that is wanted. ``exposure``: how long
     the shutter was open, and how the camera moved meanwhile. ``has_plain_masks``: the mask holds 0 to 255; in
     indices of other programs it may also be in alpha, or numbers of objects. ``alone``: image
-    and depth are those of what the mask shows; elsewhere one is gray, and the other unknown.
+    and depth are those of what the mask shows; elsewhere one is gray, the other unknown. ``stride``: every
+    n-th row and column of what is stored is loaded; the camera is that of what is loaded.
 
     Images have shape (height, width). docs/formats.md defines the labels, which simulated recordings have on
     request; what is said of left and right holds for the infrared pair where the frame has one.
@@ -51,6 +52,7 @@ class Frame:
     exposure: Exposure = UNKNOWN_EXPOSURE
     has_plain_masks: bool = True
     alone: bool = False
+    stride: int = 1
 
     def load(self, layer: Layer) -> np.ndarray:
         """Return the pixels of a layer, as docs/formats.md defines them.
@@ -179,6 +181,10 @@ class Frame:
             f"{self._where(layer)}: in memory, expected a file; simulate with out=FOLDER"
         )
 
+    def every(self, stride: int) -> "Frame":
+        """Return the frame with every n-th row and column of its images."""
+        return replace(self, stride=stride, camera=self.camera.every(stride))
+
     def with_layer(self, layer: Layer, source: PixelSource) -> "Frame":
         """Return the frame with another source of a layer."""
         return replace(self, layers={**self.layers, layer: source})
@@ -198,7 +204,10 @@ class Frame:
         if isinstance(source, Path):
             pixels = decoded(source, partial(read_image, what=layer.label))
         else:
-            pixels = source.reshape(*source.shape[:2], -1).copy()
+            pixels = source.reshape(*source.shape[:2], -1)
+            pixels = pixels if self.stride > 1 else pixels.copy()
+        if self.stride > 1:
+            pixels = pixels[:: self.stride, :: self.stride].copy()
         k = self.camera.intrinsics
         if pixels.shape[:2] != (k.height, k.width):
             raise CaptureError(

@@ -46,6 +46,8 @@ logger = logging.getLogger(__name__)
 THINNED = 4
 # It is thinned from at most so many times as many points as are wanted: it leaves a half to a third of them.
 SPARE = 3.0
+# So many views are compared at most, evenly spread: each place is in many of them.
+COMPARED = 60
 # If so many large views fill as many voxels already, all are put on coarser grids at once.
 FEW_VIEWS = 8
 
@@ -90,7 +92,7 @@ def depth_points(
         guessed.add(view.guessed)
         report.add(view)
         seen.append((view.camera, view.thinned_depth))
-    views = DepthViews.of(seen)
+    views = DepthViews.of(evenly(seen, COMPARED))
     factor, surfaces = within(measured.grids, at_first)
     if not surfaces:
         raise _no_points_error(len(frames), report.pixels)
@@ -127,7 +129,9 @@ def _coarser_at_once(
     for view in map_frames(some, partial(work, levels=levels)):
         sums.add(view.measured)
     grids, stride = sums.grids, 1
-    if levels.pixels is None:  # of an object, so many voxels are thinned to about as many as are wanted
+    if (
+        levels.pixels is None
+    ):  # of an object, so many voxels are thinned to about as many as are wanted
         stride = round(within(grids, most / SPARE)[0])
     return replace(levels, finest=within(grids, most)[0] * levels.finest, stride=stride)
 

@@ -100,10 +100,9 @@ def view_points(frame: Frame, config: InitConfig, levels: Levels, subject: Subje
         levels: which grid for which distance.
         subject: what is reconstructed.
     """
-    every, camera = slice(None, None, levels.stride), frame.camera.every(levels.stride)
-    depth, image = (each[every, every] for each in (frame.load_depth(), frame.load_image()))
-    unknown, mask = frame.load_unknown(), frame.load_mask() if subject == "object" else None
-    unknown, mask = (each if each is None else each[every, every] for each in (unknown, mask))
+    frame = frame.every(levels.stride)
+    depth, image, unknown = frame.load_depth(), frame.load_image(), frame.load_unknown()
+    mask = frame.load_mask() if subject == "object" else None
     known = ~np.isnan(depth)
     in_mask = np.ones(depth.shape, bool) if mask is None else mask > MASK_THRESHOLD
     box = box_of(in_mask)  # the part that is looked at
@@ -117,7 +116,7 @@ def view_points(frame: Frame, config: InitConfig, levels: Levels, subject: Subje
     if mask is None:
         unmeasured = ~known if unknown is None else ~(known | unknown)
         places = nearest_known(depth)
-        guessed = _on_levels(camera, image, places, unmeasured, levels, GUESS_COARSER)
+        guessed = _on_levels(frame.camera, image, places, unmeasured, levels, GUESS_COARSER)
         kept = thinned(depth)
     else:
         votes = depth if unknown is None else np.where(unknown, np.float32(np.nan), depth)
@@ -125,9 +124,9 @@ def view_points(frame: Frame, config: InitConfig, levels: Levels, subject: Subje
         keep &= (depth[box] >= nearest) & (depth[box] <= farthest)
         pixels[FILTERS[3]] = int(np.count_nonzero(keep))
         kept = thinned_object_depth(depth, in_mask, unknown)
-    near = camera.cropped(*box)
+    near = frame.camera.cropped(*box)
     measured = _on_levels(near, image[box], depth[box], keep, levels, 0)
-    return ViewPoints(frame.name, camera, measured, guessed, pixels, kept)
+    return ViewPoints(frame.name, frame.camera, measured, guessed, pixels, kept)
 
 
 def _on_levels(

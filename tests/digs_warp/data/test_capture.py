@@ -79,9 +79,11 @@ def test_arrays_and_files_of_every_layer_give_the_same_pixels(tmp_path: Path) ->
     writer.write_frame(0, images)
     writer.write_frame(1, frame_images(1))
     assert [writer.has_frame(n, (*BASIC_LAYERS, Layer.CAUSE)) for n in (0, 1)] == [True, False]
-    for number in (0, 1):
-        writer.add_pose(number, view(number), time=float(number))
+    writer.add_pose(0, view(0), time=0.0)
+    other = replace(INTRINSICS, fx=7.0)
+    writer.add_pose(1, view(1), time=1.0, intrinsics=other)
     on_disk, plain = writer.finish().frames
+    assert (on_disk.camera.intrinsics, plain.camera.intrinsics) == (INTRINSICS, other)
     in_memory = replace(on_disk, layers=images.by_layer())
     for layer in (*BASIC_LAYERS, Layer.CAUSE, Layer.CONFIDENCE, Layer.NORMALS, *LABELS):
         expected, found = on_disk.load(layer), in_memory.load(layer)

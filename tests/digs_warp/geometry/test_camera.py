@@ -53,6 +53,14 @@ def test_cropped_camera_sees_every_point_where_the_part_of_the_image_shows_it():
     assert (part.intrinsics.width, part.intrinsics.height) == (13, 30)
 
 
+def test_every_third_row_and_column_sees_every_point_in_their_pixels():
+    camera, (px, depth) = random_camera(1), random_pixels(50)
+    points = camera.unproject(px, depth)
+    thinned = camera.every(3)
+    assert (thinned.intrinsics.width, thinned.intrinsics.height) == (214, 120)
+    assert_allclose(3 * (thinned.project(points)[0] - 0.5) + 0.5, px, atol=1e-9)
+
+
 def test_resized_camera_sees_every_point_at_the_same_place_of_its_image():
     camera = random_camera(2)
     px, depth = random_pixels(50)

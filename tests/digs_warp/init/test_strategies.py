@@ -27,15 +27,6 @@ def radii(points: np.ndarray) -> np.ndarray:
     return np.linalg.norm(points, axis=1)
 
 
-def test_default_is_all_points_of_structure_from_motion(
-    ball_ring: Capture, metric: SfmModel
-) -> None:
-    found = initialize(ball_ring.frames, InitConfig(strategy="default"), metric)
-    assert found.points is metric.points
-    assert found.sources == {"sfm": len(metric.points)}
-    assert radii(found.points.points_world).max() > 2.5  # the wall is among them
-
-
 def test_depth_is_coarser_than_highdepth_by_the_papers_ratio(ball_ring: Capture) -> None:
     high = initialize(ball_ring.frames, InitConfig(strategy="highdepth"))
     low = initialize(ball_ring.frames, InitConfig(strategy="depth"))

@@ -52,6 +52,12 @@ def test_the_default_voxel_grows_where_there_would_be_too_many_points(
     assert 0.7 * wanted < len(fewer.points) <= wanted
     assert edge_length(fewer) > edge_length(usual)
     assert "--voxel-size" in caplog.text
+    # Of images that show more than such voxels resolve, some of the pixels are read.
+    monkeypatch.setattr(levels, "MOST_POINTS", len(usual.points) // 8)
+    few = initialize(ball_ring.frames, InitConfig())
+    assert few.depth is not None and usual.depth is not None
+    assert 3 * few.depth.pixels["in the mask"] < usual.depth.pixels["in the mask"]
+    np.testing.assert_allclose(radii(few.points.points_world), RADIUS, atol=0.01)
     # What somebody asks for is not corrected.
     fine = initialize(ball_ring.frames, InitConfig(voxel_size=edge_length(usual)))
     assert len(fine.points) == len(usual.points)

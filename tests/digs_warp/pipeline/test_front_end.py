@@ -21,7 +21,6 @@ from digs_warp.record.run_log import RunLog
 from reference.perturbed_poses import perturbed_capture
 from reference.sfm_views import arc, record
 from reference.wrong_captures import other_focal
-from studies.pose_errors import camera_errors
 
 # The photographs are small: features are also sought in the image enlarged twice.
 SFM = SfmConfig(double_size=True, features=1500, pairing="sequential", overlap=4, loop_images=0)
@@ -52,26 +51,6 @@ def test_estimated_cameras_are_metric_and_lie_in_the_recordings_world(
     assert found[0].poses.scale is not None and found[0].poses.sfm is not None
     assert found[0].poses.scale.sfm_per_metre == frames.sfm_per_metre
     assert found[0].poses.sfm.registered == 12
-
-
-def test_without_depth_cameras_are_right_up_to_their_unit(
-    capture: Capture, found: tuple[FrontEnd, Path], tmp_path: Path
-) -> None:
-    shutil.copytree(found[1] / "sfm", tmp_path / "sfm")  # the images were matched before
-    lost = [
-        replace(f, camera=replace(f.camera, world_from_cam=np.eye(4))).without_layer(Layer.DEPTH)
-        for f in capture.frames
-    ]
-    about = replace(capture.about, poses_known=False)
-    photographs = replace(capture, frames=tuple(lost), about=about)
-    config = replace(FIND_POSES, init=InitConfig(strategy="default"))
-    prepared = front_end(photographs, config, tmp_path, RunLog("test", config))
-    cameras = {frame.name: frame.camera for frame, _ in prepared.poses.posed.by_time}
-    errors = camera_errors(cameras, capture.frames)
-    assert len(cameras) == 12 and errors.centers_m.max() < 0.004
-    assert prepared.poses.metric_scale is not None and not prepared.poses.metric_scale.known
-    assert prepared.poses.scale is None and not prepared.poses.findings
-    assert prepared.start.sources["sfm"] == len(prepared.start.points)
 
 
 @pytest.mark.parametrize("strategy", ["default", "fusion", "random"])

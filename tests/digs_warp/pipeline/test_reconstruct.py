@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from digs_warp.data.capture import Capture, read_capture
-from digs_warp.data.gaussians import FIELDS, Gaussians
+from digs_warp.data.gaussians import Gaussians
 from digs_warp.data.images import read_image, write_image
 from digs_warp.data.layers import Layer
 from digs_warp.init.config import InitConfig
@@ -93,15 +93,3 @@ def test_held_out_views_do_not_serve_the_training(tiny_capture: Capture, tmp_pat
         for name in ("a", "b")
     ]
     assert scores[0] < scores[1]
-
-
-def test_a_view_without_foreground_is_tolerated(tiny_capture: Capture, tmp_path: Path) -> None:
-    """In training and among the held-out views."""
-    empty = read_capture(copied(tiny_capture, tmp_path / "capture"))
-    for number in (3, 4):
-        write_image(empty.frames[number].path(Layer.MASK), np.zeros((54, 72), np.uint8))
-    gaussians = reconstruct(empty, CONFIG, tmp_path / "out").gaussians
-    assert all(np.isfinite(getattr(gaussians, name)).all() for name in FIELDS)
-    evaluation = json.loads((tmp_path / "out" / "evaluation.json").read_text())
-    assert evaluation["views"][0]["psnr_object"] is None
-    assert evaluation["mean"]["psnr_object"] is not None

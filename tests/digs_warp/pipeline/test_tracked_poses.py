@@ -1,6 +1,5 @@
 """--poses rgbd: an object in an almost white room, whose poses nobody knows."""
 
-import logging
 from dataclasses import replace
 from pathlib import Path
 
@@ -8,10 +7,8 @@ import numpy as np
 import pytest
 
 import digs_warp as dw
-from digs_warp.checks import DigsError
 from digs_warp.data.capture import Capture
 from digs_warp.data.images import write_image
-from digs_warp.data.layers import Layer
 from digs_warp.pipeline.config import FrontEndConfig
 from digs_warp.pipeline.front_end import front_end
 from digs_warp.pipeline.records import Poses, stored
@@ -73,14 +70,3 @@ def test_hidden_poses_are_found_and_the_record_says_how_well_they_fit(
     record = RunRecord.find(tmp_path)
     assert record is not None
     assert stored(Poses, record, tmp_path).tracking == prepared.poses.tracking
-
-
-def test_a_failed_match_of_images_names_the_other_way(
-    capture: Capture, tmp_path: Path, caplog: pytest.LogCaptureFixture
-) -> None:
-    caplog.set_level(logging.ERROR)
-    gray = np.full((135, 240, 3), 200, np.uint8)
-    frames = [frame.with_layer(Layer.IMAGE, gray) for frame in capture.frames[:4]]
-    plain = replace(unknown(capture), frames=tuple(frames))
-    with pytest.raises(DigsError, match="use the depth of a film, too: --poses rgbd"):
-        front_end(plain, FrontEndConfig(sfm=SfmConfig()), tmp_path, RunLog("test", {}))
