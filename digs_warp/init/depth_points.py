@@ -106,7 +106,12 @@ def depth_points(
         more, surfaces = within(surfaces, wanted)
         factor *= more
     report.voxel_size = factor * levels.finest
-    _say_size(report, report.voxel_size / resolved.finest, count(surfaces), config)
+    if report.voxel_size > resolved.finest and config.target_points is None:
+        logger.info(
+            "the depth maps resolve more points; voxels %.2g times as wide keep %s. --voxel-size or "
+            "--target-points choose others",
+            *(report.voxel_size / resolved.finest, f"{count(surfaces):,}"),
+        )
     points = [_agreed(grid, views) for grid in surfaces]
     if not is_object:
         report.voxels["guessed"] = count(guesses)
@@ -162,21 +167,6 @@ def _agreed(grid: Voxels, views: DepthViews) -> PointCloud:
     return replace(grid.points, agreement=agreement)
 
 
-def _say_size(report: DepthReport, factor: float, found: int, config: InitConfig) -> None:
-    """Say where another number of points was wanted than the depth maps resolve."""
-    if factor == 1 and found < (config.target_points or 0):
-        logger.warning(
-            "--target-points: %d wanted, %d found in voxels as fine as the depth maps resolve (%s)",
-            *(config.target_points, found, report),
-        )
-    if factor > 1 and config.target_points is None and config.voxel_size is None:
-        logger.info(
-            "the depth maps resolve more points; voxels %.2g times as wide keep %s. --voxel-size or "
-            "--target-points choose others",
-            *(factor, f"{found:,}"),
-        )
-
-
 def require_layers(frames: Sequence[Frame], layers: Sequence[Layer]) -> None:
     """Raise a `DigsError` unless there are frames, all with ``layers``."""
     if not frames:
@@ -197,16 +187,13 @@ def require_layers(frames: Sequence[Frame], layers: Sequence[Layer]) -> None:
 def _no_points_error(frames: int, pixels: dict[str, int]) -> NoPointsError:
     where = "inside the masks" if IN_VIEW not in pixels else IN_VIEW
     looked_at, with_depth, smooth, *_ = pixels.values()
+    hint = "the depth puts it all in the background: check the masks"
     if looked_at == 0:
         hint = f"check the masks: 255 marks the object, values up to {MASK_THRESHOLD} do not"
     elif with_depth == 0:
         hint = (
-            "check the depth maps: metres in EXR, millimetres in 16-bit PNG, and the sensor's range"
+            "check the depth maps: metres in EXR, millimetres in 16-bit PNG; and the sensor's range"
         )
-    elif smooth == 0:
-        hint = "the depth is too sparse for the edge filter, turn it off"
-    else:
-        hint = "the depth puts it all in the background: check the masks"
     return NoPointsError(
         f"initialization: no points in {counted(frames, 'frame')}: {looked_at} pixels {where}, {with_depth} "
         f"of them with depth, {smooth} after the edge filter; {hint}"

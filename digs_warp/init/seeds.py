@@ -2,7 +2,6 @@
 
 from dataclasses import replace
 from math import log
-from typing import NamedTuple
 
 import numpy as np
 
@@ -113,17 +112,10 @@ SCENE_SCALE_RATIO = 100.0
 SHORT_STEPS, LONG_STEPS = 300, 1000
 
 
-class SeedStart(NamedTuple):
-    """The arguments of `seed_gaussians` after points and degree; its docstring says what they are."""
-
-    opacity: float
-    width: float
-    largest: float
-    least: float
-
-
-def seed_start(config: InitConfig, subject: Subject, steps: int) -> SeedStart:
-    """Return how the Gaussians start.
+def seed_start(
+    config: InitConfig, subject: Subject, steps: int
+) -> tuple[float, float, float, float]:
+    """Return the arguments of `seed_gaussians` after points and degree.
 
     Args:
         config: the strategy.
@@ -132,8 +124,8 @@ def seed_start(config: InitConfig, subject: Subject, steps: int) -> SeedStart:
     """
     opacity, width = config.defaults.opacity, config.defaults.width
     if subject == "scene":
-        return SeedStart(min(opacity, SCENE_OPACITY), width, SCENE_SCALE_RATIO, LEAST_OPACITY)
-    return SeedStart(opacity, width, MAX_SCALE_RATIO, _least_opacity(opacity, steps))
+        return min(opacity, SCENE_OPACITY), width, SCENE_SCALE_RATIO, LEAST_OPACITY
+    return opacity, width, MAX_SCALE_RATIO, _least_opacity(opacity, steps)
 
 
 def _least_opacity(opacity: float, steps: int) -> float:

@@ -140,19 +140,10 @@ def _in_first(found: Camera, recorded: Camera) -> np.ndarray:
 
 
 def registered(frames: PosedFrames, model: MetricModel) -> PosedFrames:
-    """Return the frames that the model has a camera for, with that camera.
-
-    Raises:
-        DigsError: no frame to train on is among them.
-    """
+    """Return the frames that the model has a camera for, with that camera."""
     cameras = dict(zip(model.sfm.names, model.sfm.cameras, strict=True))
     known = frames.named(cameras).changed(lambda frame: replace(frame, camera=cameras[frame.name]))
-    training, held_out = known.training, known.held_out
-    if not training:
-        raise DigsError(
-            f"structure from motion: none of the {len(frames.training)} training frames was registered"
-        )
-    return PosedFrames(training, held_out, model.sfm_per_metre)
+    return replace(known, sfm_per_metre=model.sfm_per_metre)
 
 
 def tracked(capture: Capture, config: SfmConfig) -> tuple[Capture, Tracking]:
