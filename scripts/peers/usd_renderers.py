@@ -29,7 +29,11 @@ from scripts.page_marks import fill
 from studies.results import Result, format_tables, tables
 
 BLACK = (0.0, 0.0, 0.0)
-COLUMNS = ("ours and Mitsuba [dB]", "photograph: ours [dB]", "photograph: Mitsuba [dB]")
+COLUMNS: tuple[str, ...] = (
+    "ours and Mitsuba [dB]",
+    "photograph: ours [dB]",
+    "photograph: Mitsuba [dB]",
+)
 
 
 def compared(python: str, run: Path) -> Result:
