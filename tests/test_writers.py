@@ -126,33 +126,14 @@ def test_files_are_written_in_one_place() -> None:
     ] == []
 
 
-def test_every_exception_is_needed() -> None:
+def test_every_exception_is_needed_and_seen() -> None:
     for name, what in ALLOWED:
         found = {what for _, what in writes((REPOSITORY / name).read_text(encoding="utf-8"))}
         assert found and (what == "*" or what in found), (name, what, found)
 
 
-def test_the_rule_itself() -> None:
-    for source, allowed in [
-        ("path.write_text('x')", False),
-        ("open(path, 'w')", False),
-        ("open(path, mode='ab')", False),
-        ("path.open('x')", False),
-        ("open(path, mode)", False),
-        ("shutil.copy(a, b)", False),
-        ("os.replace(a, b)", False),
-        ("a.replace(b)", False),
-        ("cv2.imwrite(name, image)", False),
-        ("figure.savefig(path)", False),
-        ("ZipFile(path, 'w')", False),
-        ("np.save(path, array)", False),
-        ("open(path)", True),
-        ("path.open('rb')", True),
-        ("ZipFile(path)", True),
-        ("text.replace('a', 'b')", True),
-        ("replace(config, seed=3)", True),
-        ("replace(config)", True),
-        ("values.copy()", True),
-        ("write_atomically(path, data)", True),
-    ]:
-        assert (violations("digs_warp/x.py", source) == []) == allowed, source
+def test_other_calls_of_the_same_names_write_nothing() -> None:
+    for source in ("open(path)", "ZipFile(path)", "text.replace('a', 'b')", "replace(config)"):
+        assert violations("digs_warp/x.py", source) == [], source
+    for source in ("open(path, 'w')", "path.open('x')", "np.save(path, array)", "a.replace(b)"):
+        assert violations("digs_warp/x.py", source) != [], source
