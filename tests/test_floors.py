@@ -59,7 +59,7 @@ LINE_BUDGETS = {
     "sim.sensor": 4_402,
     "sim.testing": 852,
     "splat": 4_053,
-    "study": 1_499,
+    "study": 1_480,
     "surface": 558,
     "torch": 167,
     "train": 3_594,
