@@ -12,6 +12,7 @@ from digs_warp.sim.scene.scene import Scene
 from reference.gltf_builder import CORNERS, UVS, GltfBuilder
 from reference.mesh_files import check_scene, checker
 
+UNLIT = {"extensions": {"KHR_materials_unlit": {}}}
 SHOWN_UVS = np.stack([UVS[:, 0], 1 - UVS[:, 1]], axis=1)  # of a scene: v points up
 
 
@@ -100,10 +101,10 @@ def test_maps_in_different_places_are_named(
 
 
 def test_parts_keep_their_own_materials(tmp_path: Path) -> None:
-    """Two materials of one name, the first one with a texture, and a part without material."""
+    """Two materials of one name, one with a texture and one without light, and a part without material."""
     builder = GltfBuilder()
     glass = {"extensions": {"KHR_materials_transmission": {"transmissionFactor": 1.0}}}
-    builder.header["materials"] = [{"name": "paint", **glass}, {"name": "paint"}]
+    builder.header["materials"] = [{"name": "paint", **glass}, {"name": "paint", **UNLIT}]
     texture = {"baseColorTexture": {"index": builder.add_texture(checker())}}
     builder.header["materials"][0]["pbrMetallicRoughness"] = texture
     for height, more in ((0.5, {"material": 1}), (1.0, {})):
@@ -114,6 +115,7 @@ def test_parts_keep_their_own_materials(tmp_path: Path) -> None:
     assert [material.transmission for material in materials] == [1.0, 0.0, 0.0]
     assert [material.texture is not None for material in materials] == [True, False, False]
     assert len({material.name for material in materials}) == 3
+    assert materials[1].metallic == 0  # the default of glTF is 1
 
 
 def test_a_webp_map_of_an_extension_is_read(tmp_path: Path) -> None:
