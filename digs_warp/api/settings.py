@@ -43,6 +43,6 @@ def _changed(options: T, settings: Mapping[str, Any]) -> T:
 def _checked(name: str, value: Any, hint: Any) -> Any:
     kinds = alternatives(hint)
     choices = [choice for kind in kinds if get_origin(kind) is Literal for choice in get_args(kind)]
-    if choices and value not in (*choices, *((None,) if type(None) in kinds else ())):
+    if choices and value not in choices:
         raise DigsError(f"{name}: {value!r}, expected one of {', '.join(map(str, choices))}")
     return Path(value) if isinstance(value, str) and Path in kinds else value

@@ -8,6 +8,7 @@ import pytest
 
 import digs_warp as dw
 from digs_warp.data.gaussians import FIELDS
+from digs_warp.geometry.sh import sh_from_rgb
 from digs_warp.usd.reader import describe
 
 FRAMES, WIDTH = 6, 96
@@ -120,6 +121,9 @@ def test_points_of_the_caller_are_the_start(recorded: dw.Capture) -> None:
     result = dw.reconstruct(recorded, points=points, iterations=0)
     assert result.start and result.start.sources == {"recorded": 300}
     np.testing.assert_allclose(result.gaussians.means, points[:, :3], atol=1e-6)
+    colors = sh_from_rgb(points[:, 3:].astype(np.float32))
+    kept = np.isclose(result.gaussians.sh[:, 0], colors, atol=1e-5).all(axis=1)
+    assert kept.mean() > 0.5  # the others take the colors of the photographs
     with pytest.raises(dw.DigsError, match=r"points: shape \(300, 4\)"):
         dw.reconstruct(recorded, points=points[:, :4])
     with pytest.raises(dw.DigsError, match="leave out poses and strategy"):
