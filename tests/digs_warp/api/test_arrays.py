@@ -126,8 +126,9 @@ def test_points_of_the_caller_are_the_start(recorded: dw.Capture) -> None:
     assert kept.mean() > 0.5  # the others take the colors of the photographs
     with pytest.raises(dw.DigsError, match=r"points: shape \(300, 4\)"):
         dw.reconstruct(recorded, points=points[:, :4])
-    with pytest.raises(dw.DigsError, match="leave out poses and strategy"):
-        dw.reconstruct(recorded, points=points, poses="sfm")
+    for wrong in ({"poses": "sfm"}, {"strategy": "depth"}):
+        with pytest.raises(dw.DigsError, match="leave out poses and strategy"):
+            dw.reconstruct(recorded, points=points, **wrong)  # pyright: ignore[reportArgumentType]
 
 
 def test_results_are_saved_by_suffix_replaced_on_request_and_short(
