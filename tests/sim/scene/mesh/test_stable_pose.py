@@ -46,11 +46,6 @@ def test_a_box_on_its_edge_falls_to_a_probable_side() -> None:
     assert np.ptp(turned[:, 2]) == pytest.approx(0.1)
 
 
-def test_a_flat_sheet_is_left_as_it_is() -> None:
-    sheet = np.array([[0, 0, 0], [1, 0, 0], [0, 0, 1], [1, 0, 1.0]])
-    np.testing.assert_array_equal(resting_turn(sheet), np.eye(3))
-
-
 def test_up_keeps_the_pose_of_the_file(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
     path = save(tmp_path / "box.ply", tilted((0.2, 0.3, 0.1), 40.0))
     assert load_scene(path, up="z").objects[0].placement.turned == 0.0  # type: ignore[union-attr]
