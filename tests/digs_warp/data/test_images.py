@@ -8,7 +8,6 @@ import pytest
 
 from digs_warp.checks import DigsError
 from digs_warp.data.images import (
-    encode_jpeg,
     linear_from_srgb,
     read_image,
     srgb_from_linear,
@@ -101,15 +100,3 @@ def test_srgb_curves_undo_each_other_and_meet_known_values() -> None:
     np.testing.assert_allclose(srgb_from_linear(np.array([0.0, 1.0])), [0, 1], atol=1e-12)
     # 18 % gray is 117.6 of 255 (IEC 61966-2-1).
     assert 255 * srgb_from_linear(np.array(0.18)) == pytest.approx(117.6, abs=0.05)
-
-
-def test_a_jpeg_comes_back_nearly_the_same(tmp_path: Path) -> None:
-    for shape in ((1, 1), (9, 17), (64, 48)):
-        rows, columns = np.mgrid[: shape[0], : shape[1]]
-        pixels = np.stack([2 * rows, 3 * columns, 255 - rows - columns], axis=-1).astype(np.uint8)
-        (tmp_path / "x.jpg").write_bytes(encode_jpeg(pixels))
-        found = read_image(tmp_path / "x.jpg")
-        # Smooth pixels at quality 88: a few steps of rounding.
-        np.testing.assert_allclose(found.astype(int), pixels.astype(int), atol=8)
-    with pytest.raises(DigsError, match="JPEG pixels"):
-        encode_jpeg(np.zeros((4, 4, 4), np.uint8))

@@ -6,7 +6,7 @@ from numpy.testing import assert_allclose
 from scipy.spatial.transform import Rotation
 
 from digs_warp.checks import DigsError
-from digs_warp.geometry.camera import Camera, Intrinsics
+from digs_warp.geometry.camera import Camera, Intrinsics, pixel_centers
 from digs_warp.geometry.rigid import rigid
 
 # Nothing is centered, square or round.
@@ -81,6 +81,7 @@ def test_field_of_view_spans_the_image_from_edge_to_edge():
     assert_allclose(np.rad2deg(np.arccos(cosine)), 70.0)
     assert intrinsics.fx == intrinsics.fy
     assert (intrinsics.cx, intrinsics.cy) == (400, 300)
+    assert_allclose(pixel_centers(5, 3)[0], [[0.5 + i, 0.5] for i in range(5)])
 
 
 def test_right_eye_sees_a_point_shifted_by_its_disparity():

@@ -57,7 +57,7 @@ def test_several_cameras_at_once_are_each_alone() -> None:
 
 def test_frames_agree_within_the_tolerance_and_else_one_hides_or_contradicts_the_other() -> None:
     depth = np.full(5, 2.0)
-    measured = np.array([2.03, 1.5, 2.5, np.nan, 1.95])
+    measured = np.array([2.03, 1.5, 2.05, np.nan, 1.95])
     for tolerance in (FINE, DepthTolerance(0.0, 0.04), DepthTolerance(0.01, 0.02)):
         found = compare_depth(depth, measured, tolerance)
         assert found.agrees.tolist() == [True, False, False, False, False]

@@ -7,6 +7,7 @@ from scipy.spatial.transform import Rotation
 from scipy.special import lpmv
 
 from digs_warp.geometry.sh import (
+    C0,
     coefficient_count,
     rgb_from_sh,
     rotate_sh,
@@ -44,6 +45,8 @@ def test_basis_is_that_of_the_legendre_functions_order_and_signs_included():
         basis = sh_basis(directions, degree)
         assert basis.shape == (100, coefficient_count(degree))
         assert_allclose(basis, basis_from_legendre(directions, degree), atol=1e-12)
+    negative = np.array([[[-1.0, 0.0, 1.0]]]) / C0  # colors are clipped at 0 only
+    assert_allclose(rgb_from_sh(negative, directions[:1]), [[0.0, 0.5, 1.5]])
 
 
 def test_turned_field_shows_along_the_turned_direction_what_it_showed_before():

@@ -7,8 +7,10 @@ import numpy as np
 
 from digs_warp.data.capture import Capture
 from digs_warp.data.layers import Layer
+from digs_warp.pipeline.optimize import pose_training
 from digs_warp.pipeline.reconstruct import ReconstructConfig, reconstruct
 from digs_warp.pipeline.reconstruction import Reconstruction
+from digs_warp.poses.outcome import PoseRefinement
 from digs_warp.train.config import Stop, TrainConfig
 
 USUAL = TrainConfig(stop=Stop(iterations=20))
@@ -33,3 +35,10 @@ def test_exposures_are_fitted_where_they_vary(tiny_capture: Capture, tmp_path: P
         frames.append(frame.with_layer(Layer.IMAGE, image.astype(np.uint8)))
     uneven = trained(replace(tiny_capture, frames=tuple(frames)), tmp_path / "uneven")
     assert uneven.training.exposure_stops and uneven.training.exposure_stops > 0.3
+
+
+def test_cameras_of_a_bundle_adjustment_are_only_turned() -> None:
+    aligned = PoseRefinement(True, "", in_training=True)
+    assert pose_training(aligned) == "moved"
+    assert pose_training(replace(aligned, adjusted=True)) == "turned"
+    assert pose_training(replace(aligned, in_training=False)) == pose_training(None) == "held"

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import trimesh
 
-from digs_warp.cli import EXIT_BAD_INPUT, EXIT_OK, main
+from digs_warp.cli import EXIT_OK, main
 from digs_warp.data.capture import read_capture
 from digs_warp.pipeline.reconstruction import Reconstruction
 from digs_warp.sim.config import SimulateConfig
@@ -85,13 +85,3 @@ def test_what_the_other_object_hides_is_not_taken_for_empty(capture: Path, secon
     assert len(covered) > 100  # the recording tests it
     # 85 %, and 74 % if training takes the pixels of the other object for empty space
     assert np.mean(covered > 0.5) > 0.8
-
-
-def test_an_object_that_is_not_there_is_named(
-    capture: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    flags = ["--instance", "3", "--out", str(tmp_path / "third")]
-    assert main(["reconstruct", str(capture), *flags]) == EXIT_BAD_INPUT
-    assert "--instance 3" in (text := capsys.readouterr().err)
-    assert "1 box, 2 post" in text
-    assert not (tmp_path / "third").exists()

@@ -33,3 +33,11 @@ def test_the_recording_is_found_from_another_folder(
     monkeypatch.chdir(result)
     found = find_capture(Path(), NOTED)
     assert found is not None and found.samefile(capture)
+
+
+def test_a_recording_beside_the_result_comes_before_a_noted_one(
+    tmp_path: Path, result: Path
+) -> None:
+    with_index(tmp_path / "project" / NOTED)
+    beside = with_index(result.parent / "capture")
+    assert find_capture(result, NOTED) == beside

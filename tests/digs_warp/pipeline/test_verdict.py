@@ -13,7 +13,7 @@ from digs_warp.data.posed_frames import PosedFrames
 from digs_warp.geometry.camera import Camera, Intrinsics
 from digs_warp.measure.scores import Score, Scores
 from digs_warp.pipeline.records import Poses, Verdict
-from digs_warp.pipeline.verdict import PROJECTOR, likeness, verdict
+from digs_warp.pipeline.verdict import PROJECTOR, _nearness, likeness, verdict
 
 SIDE, SIZE = 160, 0.2  # px, m
 K = Intrinsics(SIDE, SIDE, 200.0, 200.0, SIDE / 2, SIDE / 2)
@@ -68,6 +68,9 @@ def test_a_good_result_is_called_good_by_what_was_measured() -> None:
 def test_what_is_not_known_is_not_said() -> None:
     assert ";" not in judged(frames(0.95, 0.001, plain=False), Scores()).words
     assert likeness(float("nan"), "object") == ("", "")
+    assert [_nearness(each, 1.0, "a", "b") for each in (0.9, 1.4, 2.0)] == [
+        *("as near to a as b", "nearly as near to a as b", "2.0 times as far from a as b")
+    ]
     assert likeness(26.0, "object")[0] == "fair" and likeness(26.0, "scene")[0] == "good"
 
 
