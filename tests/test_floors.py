@@ -35,7 +35,7 @@ FLOORS = {
 # The most lines of a room. A change that needs more says in its message what the weight buys.
 LINE_BUDGETS = {
     "api": 392,
-    "check": 1_700,
+    "check": 1_713,
     "commands": 2_980,
     "data": 3_102,
     "device": 856,
@@ -48,7 +48,7 @@ LINE_BUDGETS = {
     "masks": 674,
     "measure": 1_507,
     "pipeline": 2_254,
-    "poses": 4_580,
+    "poses": 4_558,
     "record": 1_853,
     "show": 2_792,
     "sim.camera": 1_343,

@@ -18,14 +18,12 @@ class CheckResult:
     Attributes:
         findings: what does not fit or could be better, the gravest first; empty for a good capture.
         agreement: of neighboring frames as recorded; None where poses or depth are unknown.
-        sharpness: median, 0.25 to 1; None: too plain to tell, or not asked for.
         exposure_change: median from frame to frame [stops]; None: too little in common, or not asked for.
         not_checked: what could not be looked at, and why.
     """
 
     findings: tuple[Finding, ...]
     agreement: Agreement | None
-    sharpness: float | None = None
     exposure_change: float | None = None
     not_checked: tuple[str, ...] = ()
 
@@ -39,7 +37,7 @@ class CheckResult:
         return {
             "findings": [asdict(each) for each in self.findings],
             "agreement": None if self.agreement is None else asdict(self.agreement),
-            "photographs": {"sharpness": self.sharpness, "exposure_change": self.exposure_change},
+            "photographs": {"exposure_change": self.exposure_change},
             "not_checked": list(self.not_checked),
         }
 
@@ -75,7 +73,6 @@ def check_capture(
     return CheckResult(
         tuple(findings),
         evidence.agreement,
-        evidence.once(recording.median_sharpness),
         evidence.once(recording.median_exposure_change),
         _not_checked(evidence),
     )
@@ -102,8 +99,6 @@ def _not_checked(evidence: Evidence) -> tuple[str, ...]:
         missing.append(
             "units, focal length, pose convention: the images show too little, or too little of it twice"
         )
-    if evidence.once(recording.median_sharpness) is None:
-        missing.append("sharpness: the photographs show too little")
     if not has_masks:
         missing.append("masks: the recording has none")
     return tuple(missing)

@@ -89,6 +89,19 @@ def no_agreement(evidence: Evidence, hopeless: float) -> dict[str, Any] | None:
     return {"recorded": recorded.score, "overlap": recorded.overlap}
 
 
+def too_far(evidence: Evidence, hopeless: float) -> dict[str, Any] | None:
+    """Find frames that agree less than the limit because stereo sees no shape so far away."""
+    found, rig = no_agreement(evidence, hopeless), evidence.capture.rig
+    if found is None or rig is None:
+        return None
+    k = evidence.capture.frames[0].camera.intrinsics
+    focal = rig.infrared.fl_x if rig.infrared else k.fx
+    seen = [each.depth[each.shown] for each in evidence.frames.values()]
+    distance = float(np.nanmedian(np.concatenate(seen)))
+    step = distance / (focal * rig.baseline)
+    return found | {"distance": distance, "step": step} if step > limits.COARSE_STEP else None
+
+
 def depth_range(evidence: Evidence, _: float) -> dict[str, Any] | None:
     """Find depth that no depth camera measures."""
     if not evidence.frames:

@@ -108,6 +108,16 @@ CHECKS = (
         "board:FILE. Without masks, move the camera around the object instead.",
         is_error=True,
     ),
+    Check(
+        kind="attached",
+        measure=recording.moves_along,
+        limit=0.0,
+        message="{share:.1%} of the image looks the same in nearly all photographs while the camera moves: a "
+        "gripper, a hood or an overlay that moves with it would be trained as scene.",
+        remedy="'digs-warp check CAPTURE --write-ignore-mask mask.png' marks it; look at the mask, and leave "
+        "it out: 'digs-warp reconstruct CAPTURE --ignore-mask mask.png'.",
+        unless=("still camera",),
+    ),
     *(
         Check(
             kind=kind,
@@ -120,6 +130,15 @@ CHECKS = (
         for kind, remedy in EXPLANATIONS.items()
     ),
     Check(
+        kind="distance",
+        measure=conventions.too_far,
+        limit=0.1,  # as "order"
+        message="Neighboring frames agree to {recorded:.0%}: {distance:.3g} m away, one pixel of disparity "
+        "is {step:.0%} of the distance, and stereo sees no shape.",
+        remedy="Come nearer, record more pixels, or use a camera whose eyes are farther apart.",
+        unless=(ERRORS,),
+    ),
+    Check(
         kind="order",
         measure=conventions.no_agreement,
         limit=0.1,  # simulated sensors with errors of twice their strength reach 0.13
@@ -128,7 +147,7 @@ CHECKS = (
         "belong together.",
         remedy="Check the order of the frames and their timestamps.",
         is_error=True,
-        unless=(ERRORS,),
+        unless=(ERRORS, "distance"),
     ),
     Check(
         kind="agreement",
@@ -139,7 +158,7 @@ CHECKS = (
         remedy="Compare with --poses auto. If it is the depth: come nearer, or use a camera with a "
         "projector.",
         asked_by="check",
-        unless=(ERRORS,),
+        unless=(ERRORS, "distance"),
     ),
     Check(
         kind="depth unit",
@@ -193,7 +212,7 @@ CHECKS = (
         "behind them: something moves.",
         remedy="Record again while nothing moves, or use --masks so that only the object counts. If "
         "nothing moved, the poses are those of other frames: check their order.",
-        unless=(ERRORS,),
+        unless=(ERRORS, "distance"),
     ),
     Check(
         kind="outlier frames",
@@ -202,7 +221,7 @@ CHECKS = (
         message="{frames} of {count} contradict the depth of the frames before and after: {names}.",
         remedy="Their poses are broken, or their depth is of another moment: leave these frames out.",
         asked_by="run",
-        unless=(ERRORS,),
+        unless=(ERRORS, "distance"),
     ),
     Check(
         kind="break",
@@ -213,7 +232,7 @@ CHECKS = (
         "or find the poses again with --poses rgbd.",
         is_error=True,
         asked_by="run",
-        unless=(ERRORS,),
+        unless=(ERRORS, "distance"),
     ),
     Check(
         kind="pose jump",
@@ -243,7 +262,7 @@ CHECKS = (
         message="{masks} of {count} contradict those of the frames before and after: {names}.",
         remedy="Make these masks again (all of them: --masks depth), or leave these frames out.",
         asked_by="run",
-        unless=(ERRORS,),
+        unless=(ERRORS, "distance"),
     ),
     Check(
         kind="few views",
@@ -253,16 +272,6 @@ CHECKS = (
         remedy="Record 30 to 60 frames, from all sides and two heights.",
         asked_by="check",
         unless=(ERRORS,),
-    ),
-    Check(
-        kind="blur",
-        measure=recording.blurred,
-        limit=0.35,  # recordings have 0.41 or more, blurred by 3 px 0.29 or less; 0.25 is the least
-        message="The photographs are blurred: their sharpest edges have {sharpness:.0%} of the steepness "
-        "that pixels allow, expected {limit:.0%}.",
-        remedy="Move more slowly, add light or shorten the exposure. If the images were enlarged, use "
-        "their original size.",
-        asked_by="check",
     ),
     Check(
         kind="exposure",

@@ -45,19 +45,18 @@ class Links:
     shares: dict[tuple[int, int], float | None]
     typical: float
 
-    def between(self, first: int, second: int) -> float | None:
-        """Return the agreement of two frames."""
-        return self.shares.get((min(first, second), max(first, second)))
+    def _relative(self, first: int, second: int) -> float:
+        """Return the agreement of two frames over what is typical; NaN: nothing in common."""
+        share = self.shares.get((min(first, second), max(first, second)))
+        return np.nan if share is None else share / self.typical
 
     def contradict(self, first: int, second: int, below: float) -> bool:
         """Whether two frames agree less than this share of what is typical: they measure different things."""
-        share = self.between(first, second)
-        return share is not None and share < below * self.typical
+        return self._relative(first, second) < below
 
     def agree(self, first: int, second: int) -> bool:
         """Whether two frames measure the same."""
-        share = self.between(first, second)
-        return share is not None and share > limits.AGREEING_SHARE * self.typical
+        return self._relative(first, second) > limits.AGREEING_SHARE
 
 
 def links(evidence: Evidence) -> Links | None:

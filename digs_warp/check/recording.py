@@ -1,7 +1,6 @@
-"""How it was recorded: too few views, repeated frames, blur and exposure."""
+"""How it was recorded: too few views, repeated frames, exposure, what moves along."""
 
 from collections.abc import Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import Any
 
@@ -12,8 +11,8 @@ from digs_warp.check.evidence import Evidence, brightness_ratio, exposure_change
 from digs_warp.data.frame import Frame
 from digs_warp.data.layers import Layer
 from digs_warp.data.viewpoints import evenly
-from digs_warp.device.threads import default_threads
 from digs_warp.geometry.rigid import turn_degrees
+from digs_warp.masks.no_scene import black_border
 from digs_warp.measure.thumbnails import green_means, small_frames, thumbnail_step, thumbnails
 from digs_warp.poses.photo_matches import PhotoMatches, matches_of_steps
 from digs_warp.words import counted
@@ -21,19 +20,14 @@ from digs_warp.words import counted
 # Photographs that are looked at, evenly spread; the exposure is compared with that of the next frame.
 PHOTOGRAPHS = 30
 
-# The strongest edges: those above this quantile of all steps between neighboring pixels.
-STRONGEST = 0.995
-
-# Steps at 4 times the size of the pixels are compared. They are as large as those of single pixels in a sharp
-# image, and 4 times as large in one that is blurred over more than 4 pixels.
-COARSER = 4
-
 # Steps between frames that are looked at for repeats, evenly spread, and columns of their thumbnails.
 MOST_STEPS, WIDTH = 300, 40
 
 # Photographs that are compared to see whether the camera moved, and the side of a compared part [thumbnail
 # px]. A part stands still if it looks the same in this share of them.
 STILLS, PART, MOSTLY = 8, 8, 0.75
+# The outermost thumbnail pixels do not count: many cameras have a dark column or row there, always the same.
+RIM = 1
 
 
 @dataclass(frozen=True)
@@ -44,11 +38,13 @@ class Stillness:
         parts: of the image that show something: outside of the masks, where there are masks.
         still: share of these that show the same in nearly all photographs, 0 to 1.
         changing: how many parts, in masks or not, do not.
+        fixed: where details are the same in nearly all, (height, width) of the thumbnails, bool.
     """
 
     parts: int
     still: float
     changing: int
+    fixed: np.ndarray
 
     @property
     def is_still(self) -> bool:
@@ -73,7 +69,8 @@ def stillness(frames: Sequence[Frame]) -> Stillness | None:
     sizes = {(f.camera.intrinsics.width, f.camera.intrinsics.height) for f in chosen}
     if len(chosen) < 3 or len(sizes) > 1:
         return None
-    step = thumbnail_step(*reversed(sizes.pop()))
+    shape = sizes.pop()[::-1]
+    step = thumbnail_step(*shape)
     parts = np.stack(thumbnails(chosen, lambda image: _parts(green_means(image, step))))
     contrast = parts.std(axis=2)
     shapes = (parts - parts.mean(axis=2, keepdims=True)) / np.maximum(contrast, 1e-6)[..., None]
@@ -86,11 +83,52 @@ def stillness(frames: Sequence[Frame]) -> Stillness | None:
         around = shows & (np.max([_parts(green_means(m, step)) for m in masks], axis=(0, 2)) == 0)
     count = int(np.count_nonzero(around))
     still = np.count_nonzero(around & same) / max(count, 1)
-    return Stillness(count, float(still), int(np.count_nonzero(shows & ~same)))
+    height, width = (side // step for side in shape)
+    rows, columns = (max(0, side - 2 * RIM) // PART for side in (height, width))
+    details = (same & (contrast.min(axis=0) > limits.PLAIN_PART)).reshape(rows, columns)
+    fixed = np.zeros((height, width), bool)
+    inner = np.s_[RIM : RIM + rows * PART, RIM : RIM + columns * PART]
+    fixed[inner] = np.kron(details, np.ones((PART, PART), bool))
+    return Stillness(count, float(still), int(np.count_nonzero(shows & ~same)), fixed)
+
+
+def attached(frames: Sequence[Frame], found: Stillness | None) -> np.ndarray | None:
+    """Return what moves with the camera, uint8 of the images' size, 255 there; None: nothing.
+
+    It is the convex hull of parts whose details are the same in nearly all photographs, as ``found`` says it,
+    and a part around them. What is no scene anyway, such as a black border, does not count.
+    """
+    import cv2
+
+    if found is None or found.still > limits.STILL_SHARE or not found.fixed.any():
+        return None
+    around, size = np.ones((2 * PART + 1, 2 * PART + 1), np.uint8), found.fixed.shape[::-1]
+    fixed = found.fixed.astype(np.uint8)
+    for known in (black_border(frames), frames[0].load_unknown()):
+        if known is not None:
+            small = cv2.resize(known.astype(np.float32), size, interpolation=cv2.INTER_AREA)
+            fixed[cv2.dilate(small, around) > 0] = 0
+    if np.count_nonzero(fixed) < limits.FEWEST_PARTS * PART**2:
+        return None
+    outlines, _ = cv2.findContours(
+        cv2.dilate(fixed, around), cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_SIMPLE
+    )
+    hulls = np.zeros_like(fixed)
+    cv2.fillPoly(hulls, [cv2.convexHull(outline) for outline in outlines], [255])
+    k = frames[0].camera.intrinsics
+    return cv2.resize(hulls, (k.width, k.height), interpolation=cv2.INTER_NEAREST)
+
+
+def moves_along(evidence: Evidence, least: float) -> dict[str, Any] | None:
+    """Find what moves with the camera, on this share of the image or more."""
+    found = attached(evidence.capture.frames, evidence.once(_stillness))
+    share = 0.0 if found is None else float(np.mean(found > 0))
+    return {"share": share} if share > least else None
 
 
 def _parts(image: np.ndarray) -> np.ndarray:
-    """Return the pixels of each part of a thumbnail, (parts, PART * PART); an odd rim is left out."""
+    """Return the pixels of each part of a thumbnail, (parts, PART * PART), without its rim."""
+    image = image[RIM : image.shape[0] - RIM, RIM : image.shape[1] - RIM]
     rows, columns = (side // PART for side in image.shape)
     cut = image[: rows * PART, : columns * PART].reshape(rows, PART, columns, PART)
     return cut.swapaxes(1, 2).reshape(rows * columns, PART * PART)
@@ -151,12 +189,6 @@ def _is_same(first: np.ndarray, second: np.ndarray) -> bool:
     return first.shape == second.shape and np.abs(first - second).mean() < limits.SAME_THUMBNAIL
 
 
-def blurred(evidence: Evidence, least: float) -> dict[str, Any] | None:
-    """Find photographs whose median sharpness is less."""
-    found = evidence.once(median_sharpness)
-    return {"sharpness": found} if found is not None and found < least else None
-
-
 def exposure_jumps(evidence: Evidence, most: float) -> dict[str, Any] | None:
     """Find exposures that change more from frame to frame [stops] (median)."""
     found = evidence.once(median_exposure_change)
@@ -186,39 +218,3 @@ def median_exposure_change(evidence: Evidence) -> float | None:
 
 def _matched_ratio(matches: PhotoMatches | None) -> float | None:
     return None if matches is None else ratio_of(*matches.brightness)
-
-
-def median_sharpness(evidence: Evidence) -> float | None:
-    """Return the `sharpness` of the photographs; None: too plain to tell."""
-    frames = [evidence.capture.frames[number] for number in _looked_at(evidence)]
-    with ThreadPoolExecutor(default_threads()) as pool:
-        found = [*pool.map(lambda frame: sharpness(frame.load_image()), frames)]
-    valid = [each for each in found if each is not None]
-    return float(np.median(valid)) if valid else None
-
-
-def sharpness(image: np.ndarray) -> float | None:
-    """Return how sharp an image is: 1 for the sharpest, 1 / COARSER for a blur over more pixels than that.
-
-    Noise counts as sharp.
-
-    Args:
-        image: sRGB, shape (height, width, 3), uint8.
-
-    Returns:
-        None for an image that is too plain or too small to tell.
-    """
-    green = image[..., 1].astype(np.float32)
-    height, width = (side // COARSER for side in green.shape)
-    if min(height, width) < 2 * COARSER:
-        return None
-    blocks = green[: height * COARSER, : width * COARSER]
-    coarse = blocks.reshape(height, COARSER, width, COARSER).mean(axis=(1, 3))
-    strong = _strongest_step(coarse)
-    return _strongest_step(green) / strong if strong >= limits.PLAIN_STEPS else None
-
-
-def _strongest_step(image: np.ndarray) -> float:
-    """Return the step between neighboring pixels that few exceed."""
-    across, down = np.abs(np.diff(image, axis=1)), np.abs(np.diff(image, axis=0))
-    return float(np.quantile(np.concatenate([across.reshape(-1), down.reshape(-1)]), STRONGEST))

@@ -6,9 +6,9 @@ from typing import TYPE_CHECKING, Annotated
 
 import tyro
 
-from digs_warp.checks import CaptureError
+from digs_warp.checks import CaptureError, DigsError
 from digs_warp.commands.command import Command
-from digs_warp.commands.output import JsonFile
+from digs_warp.commands.output import JsonFile, check_output_file
 from digs_warp.record.files import to_json
 from digs_warp.words import counted
 
@@ -23,22 +23,36 @@ class Check(JsonFile, Command):
 
     Errors: wrong units, focal length, pose convention or order; depth or masks that do not lie over the
     images; masks that are inverted or cut the object. Warnings: masks that other views contradict, few
-    views, a gap in the way around the object, poses that jump, a scene that changes, things that move, blur,
-    changes of the exposure.
+    views, poses that jump, things that move, what moves with the camera, changes of the
+    exposure.
     """
 
     capture: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="CAPTURE")]
     """A capture folder."""
 
+    write_ignore_mask: Path | None = None
+    """Also mark what moves with the camera (finding `attached`) in this image, for 'reconstruct
+    --ignore-mask'."""
+
     def execute(self) -> str:
         """Look; a capture with errors is raised, so that the exit code tells."""
         from digs_warp.check.check import check_capture
+        from digs_warp.check.recording import attached, stillness
         from digs_warp.data.capture import read_capture
+        from digs_warp.data.images import write_image
 
         self.check(self.capture)
+        mask = self.write_ignore_mask
+        if mask is not None:
+            check_output_file(mask, self.overwrite, [self.capture], flag="--write-ignore-mask")
         capture = read_capture(self.capture)
         found = check_capture(capture)
         self.write(to_json(found.as_json()))
+        if mask is not None:
+            marked = attached(capture.frames, stillness(capture.frames))
+            if marked is None:
+                raise DigsError(f"--write-ignore-mask: nothing in {capture} moves with the camera")
+            write_image(mask, marked)
         text = "\n".join([f"{capture}: {counted(len(capture), 'frame')}", *_lines(found)])
         if found.has_errors:
             raise CaptureError(text)
@@ -65,8 +79,6 @@ def _measured(found: "CheckResult") -> list[str]:
     words = []
     if found.agreement is not None:
         words.append(f"neighboring frames agree to {found.agreement.score:.0%}")
-    if found.sharpness is not None:
-        words.append(f"the sharpest edges have {found.sharpness:.0%} of the steepest slope")
     if found.exposure_change is not None:
         words.append(
             f"the exposure changes by {found.exposure_change:.2f} stops from frame to frame"

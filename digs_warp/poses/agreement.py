@@ -127,11 +127,6 @@ def disagreements(
     return np.maximum(there, _one_way(Samples.of(second, most), first, back))
 
 
-def mean_disagreement(pictures: Sequence[Picture], poses: np.ndarray, pairs: np.ndarray) -> float:
-    """Return the mean `disagreement` of pairs of frames (k, 2) with poses ``world_from_cam``, (n, 4, 4)."""
-    return float(np.mean(measured_pairs(disagreement, pictures, poses, pairs)))
-
-
 def got_worse(
     pictures: Sequence[Picture],
     before: np.ndarray,

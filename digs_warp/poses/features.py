@@ -49,8 +49,9 @@ class Matches:
 
     def agreeing(self, target_from_source: np.ndarray) -> int:
         """Return how many matches agree with a motion."""
-        errors = reprojection_errors(self.points, self.px, target_from_source, self.camera)
-        return int(np.count_nonzero(errors < thresholds.MAX_REPROJECTION_ERROR**2))
+        u, v, depth = project(transform_points(target_from_source, self.points), self.camera)
+        near = np.hypot(u - self.px[:, 0], v - self.px[:, 1]) < thresholds.MAX_REPROJECTION_ERROR
+        return int(np.count_nonzero(near & (depth > 0)))
 
     def motion(self) -> np.ndarray | None:
         """Return the motion that most agree on, (4, 4), by RANSAC over three; None if they are few."""
@@ -72,14 +73,6 @@ class Matches:
             self.points[kept], self.px[kept], self.camera.matrix, None, turn, shift
         )
         return rigid(cv2.Rodrigues(turn)[0], shift[:, 0])
-
-
-def reprojection_errors(
-    points: np.ndarray, px: np.ndarray, cam_from_points: np.ndarray, camera: Intrinsics
-) -> np.ndarray:
-    """Return the squared distances of projected points (n, 3) from pixels (n, 2) [px^2]; inf: behind."""
-    u, v, depth = project(transform_points(cam_from_points, points), camera)
-    return np.where(depth > 0, (u - px[:, 0]) ** 2 + (v - px[:, 1]) ** 2, np.inf)
 
 
 def features_of(picture: Picture) -> Features:

@@ -38,9 +38,9 @@ from digs_warp.geometry.rigid import (
 
 # Share of a run after which cameras begin to move: before, the drawings tell little.
 START = 0.15
-# (width of a block of pixels, visits of a view): its first comparisons use blocks. Later ones use single
-# pixels, and its camera shifts, too.
-COARSE_VISITS = ((4, 2), (2, 2))
+# Widths of the blocks of pixels that the first comparisons of a view use. Later ones use single pixels, and
+# its camera shifts, too.
+COARSE = (4, 4, 2, 2)
 # See `motion_between`: along what a tenth of the motion tells, a visit takes half of the step.
 DAMPING = 0.01
 
@@ -102,7 +102,7 @@ class TrainedPoses:
         """
         if step < self._first_step:
             return
-        pool = _pool(int(self._visits[index]))
+        pool = next(iter(COARSE[self._visits[index] :]), 1)
         pose = self.poses[index]
         seen = None
         if pool == 1 and self.shifts:
@@ -152,15 +152,6 @@ def filled_depth(
     """Return the depth of a view [m], (height, width), where it is 0 that of the middle of the object."""
     usual = max(float((middle - world_from_cam[:3, 3]) @ world_from_cam[:3, 2]), 1e-6)
     return np.full(shape, usual) if depth is None else np.where(depth > 0, depth, usual)
-
-
-def _pool(visits: int) -> int:
-    """Return the size of the blocks that the next comparison of a view takes."""
-    for size, count in COARSE_VISITS:
-        if visits < count:
-            return size
-        visits -= count
-    return 1
 
 
 def motion_between(

@@ -76,6 +76,8 @@ MIN_CERTAIN_INLIERS = 40
 
 # degree, median residual of the loop edges | good recordings: 0.1 to 0.5, wrong edges: 1.2 and more | 0.2
 MAX_RESIDUAL_DEG = 1.0
+# degree, from which on loop edges are measured again from the poses | the same | 0
+MAX_SETTLED_RESIDUAL_DEG = 0.5
 # line process weight below which Open3D prunes an edge, 0 to 1 | Open3D's default
 MIN_EDGE_WEIGHT = 0.25
 

@@ -111,15 +111,6 @@ def with_points(capture: Capture, folder: Path, turn: np.ndarray) -> Capture:
     return replace(capture, points=folder / "points.ply")
 
 
-def blurred(capture: Capture, sigma: float) -> Capture:
-    import cv2
-
-    return each_frame(
-        capture,
-        lambda f: f.with_layer(Layer.IMAGE, cv2.GaussianBlur(f.load_image(), (0, 0), sigma)),
-    )
-
-
 def other_exposures(capture: Capture, stops: float) -> Capture:
     """Each frame brighter or darker by up to so many stops."""
     rng = np.random.default_rng(0)
@@ -147,6 +138,24 @@ def with_passing_balls(capture: Capture, radius: float) -> Capture:
         return frame.with_layer(Layer.IMAGE, image).with_layer(Layer.DEPTH, depth)
 
     return each_frame(capture, change)
+
+
+def with_gripper(capture: Capture) -> Capture:
+    """A checkered thing in the lower middle of all photographs, with a little noise."""
+    rng = np.random.default_rng(5)
+
+    def changed(frame: Frame) -> Frame:
+        image = frame.load_image()
+        height, width = image.shape[:2]
+        side = -(-width // 30)
+        checks = rng_checks[: -(-height // side), : -(-width // side)]
+        pattern = checks.repeat(side, 0).repeat(side, 1)[:height, :width, None]
+        where = np.s_[7 * height // 10 :, 2 * width // 5 : 3 * width // 5]
+        image[where] = np.clip(pattern + rng.normal(0, 3, image.shape), 0, 255)[where]
+        return frame.with_layer(Layer.IMAGE, image)
+
+    rng_checks = rng.integers(20, 230, (60, 60))
+    return each_frame(capture, changed)
 
 
 def with_a_jump(

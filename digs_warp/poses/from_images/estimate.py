@@ -5,6 +5,7 @@ import shutil
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import combinations
 from pathlib import Path
 from typing import Any
 
@@ -17,11 +18,7 @@ from digs_warp.poses import thresholds
 from digs_warp.poses.from_images import colmap
 from digs_warp.poses.from_images.colmap import ImageSet
 from digs_warp.poses.from_images.config import SfmConfig
-from digs_warp.poses.from_images.image_pairs import (
-    all_pairs,
-    loop_pairs,
-    sequential_pairs,
-)
+from digs_warp.poses.from_images.image_pairs import loop_pairs, sequential_pairs
 from digs_warp.poses.from_images.mapping import map_images, triangulate
 from digs_warp.poses.from_images.model import sfm_model, write_model
 from digs_warp.poses.from_images.quality import (
@@ -137,7 +134,7 @@ def choose_pairs(images: ImageSet, config: SfmConfig, database: Path) -> list[tu
     if config.pairing == "exhaustive" or (
         config.pairing == "auto" and count <= thresholds.MAX_IMAGES_EXHAUSTIVE
     ):
-        return all_pairs(count)
+        return list(combinations(range(count), 2))
     pairs = set(sequential_pairs(count, config.overlap))
     if config.loop_images:
         descriptors = colmap.read_descriptors(images, database)

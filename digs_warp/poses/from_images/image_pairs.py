@@ -16,11 +16,6 @@ SAMPLES = 12_000
 PASSES = 8
 
 
-def all_pairs(count: int) -> list[tuple[int, int]]:
-    """Return all pairs i < j of ``count`` images."""
-    return [(i, j) for i in range(count) for j in range(i + 1, count)]
-
-
 def sequential_pairs(count: int, overlap: int) -> list[tuple[int, int]]:
     """Return pairs i < j of a video: the next ``overlap`` images, and 2, 4, 8, ... images ahead.
 

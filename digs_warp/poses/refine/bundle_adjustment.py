@@ -15,7 +15,7 @@ import warp as wp
 from digs_warp.device.parallel import launch_parallel, packed
 from digs_warp.geometry.rigid import invert_rigid
 from digs_warp.poses import thresholds
-from digs_warp.poses.agreement import mean_disagreement, motions_of
+from digs_warp.poses.agreement import disagreement, measured_pairs, motions_of
 from digs_warp.poses.refine.bundle_adjustment_kernel import (
     Block,
     Bundle,
@@ -62,7 +62,9 @@ def adjusted_where_better(
     `digs_warp.poses.agreement.reduced`; the other arguments as of `adjusted`.
     """
     found = adjusted(pictures, pairs, poses, given)
-    after, before = (mean_disagreement(small, each, pairs) for each in (found, poses))
+    after, before = (
+        np.mean(measured_pairs(disagreement, small, each, pairs)) for each in (found, poses)
+    )
     return found if after < thresholds.MAX_ADJUSTED_RATIO * before else poses
 
 

@@ -7,11 +7,13 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from digs_warp.check.check import check_capture
 from digs_warp.checks import DigsError
 from digs_warp.data.images import write_image
 from digs_warp.formats.captures.formats import read_recording
 from digs_warp.geometry.camera import pixel_centers
 from digs_warp.geometry.rigid import quat_xyzw_from_matrix, rigid
+from digs_warp.poses.photo_matches import agreeing_shares
 from reference.recorded import converted
 
 SIZE = WIDTH, HEIGHT = 120, 80
@@ -53,7 +55,7 @@ def write_euroc(folder: Path, model: str = RADIAL) -> Path:
             pixels = wall(pose[:3, 3], rays @ pose[:3, :3].T).astype(np.uint8)[..., None]
             write_image(folder / f"mav0/cam{eye}/data/{stamp(time)}.png", pixels)
         (folder / f"mav0/cam{eye}/sensor.yaml").write_text(
-            f"%YAML:1.0\nT_BS:\n  cols: 4\n  data: {EYES[eye].ravel().tolist()}\nresolution: [120, 80]\n"
+            f"%YAML:1.0\nT_BS:\n  cols: 4\n  data: {EYES[eye].ravel().tolist()}\nresolution: {list(SIZE)}\n"
             f"intrinsics: {K[eye][[0, 1, 0, 1], [0, 1, 2, 2]].tolist()} #fu, fv, cu, cv\n"
             f"distortion_model: {model}\ndistortion_coefficients: {LENSES[model].tolist()}\n"
         )
@@ -108,3 +110,45 @@ def test_broken_sequences_are_explained(tmp_path: Path) -> None:
         with pytest.raises(DigsError, match=message):
             read_recording(tmp_path, "euroc")
         (base / name).write_text(text)
+
+
+def room(origin: np.ndarray, rays: np.ndarray) -> np.ndarray:
+    """The brightness of a wall at x = 2 and a board before it, of fine texture."""
+    texture = np.random.default_rng(0).integers(10, 240, (400, 400)).astype(np.float32)
+    texture = cv2.GaussianBlur(texture, (0, 0), 0.7)
+    shown = np.zeros(rays.shape[:2], np.float32)
+    for x, right, left in ((2.0, -9.0, 9.0), (1.5, 0.0, 0.5)):
+        _, y, z = np.moveaxis(origin + rays * ((x - origin[0]) / rays[..., :1]), -1, 0)
+        across, up = (((60 * each + 180) % 399).astype(np.float32) for each in (y + x / 3, z))
+        seen = cv2.remap(texture, across, up, cv2.INTER_LINEAR)
+        shown = np.where((y > right) & (y < left), seen, shown)
+    return shown
+
+
+def test_poses_lenses_and_matched_depth_of_a_moving_sequence_agree(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    large = {"WIDTH": 360, "HEIGHT": 240, "SIZE": (360, 240), "K": K * np.array([[3], [3], [1]])}
+    times = [TIMES[0] + 50_000_000 * n for n in range(12)]
+
+    def walk(time: float) -> np.ndarray:
+        gone = time - TIMES[0]
+        return placed(4e-10 * gone, 0.5 - 1.2e-9 * gone, 1, 0, 0, 3e-8 * gone)
+
+    changed = large | {"TIMES": times, "wall": room, "world_from_body": walk}
+    for name, value in changed.items():
+        monkeypatch.setitem(globals(), name, value)
+    folder = write_euroc(tmp_path / "euroc")
+    capture = converted("euroc", folder, tmp_path / "capture")
+    found = check_capture(capture)
+    assert found.findings == () and found.agreement is not None
+    assert found.agreement.depth > 0.9 and found.agreement.brightness > 0.9
+    assert min(filter(None, agreeing_shares(capture.frames))) > 0.9
+    for eye, place in enumerate(EYES):  # both look elsewhere in the body
+        sensor = folder / f"mav0/cam{eye}/sensor.yaml"
+        turned = place @ placed(0, 0, 0, 0, 15, 0)
+        old, new = (str(each.ravel().tolist()) for each in (place, turned))
+        sensor.write_text(sensor.read_text().replace(old, new))
+    wrong = converted("euroc", folder, tmp_path / "wrong")
+    apart = check_capture(wrong).agreement
+    assert apart is not None and apart.depth < 0.85
