@@ -35,7 +35,7 @@ FLOORS = {
 # The most lines of a room. A change that needs more says in its message what the weight buys.
 LINE_BUDGETS = {
     "api": 392,
-    "check": 1_713,
+    "check": 1_725,
     "commands": 2_980,
     "data": 3_102,
     "device": 856,

@@ -2,13 +2,17 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from digs_warp.check import thresholds as limits
 from digs_warp.check.evidence import Evidence, brightness_ratio, exposure_change, ratio_of
+from digs_warp.checks import DigsError
+from digs_warp.data.capture import Capture
 from digs_warp.data.frame import Frame
+from digs_warp.data.images import write_image
 from digs_warp.data.layers import Layer
 from digs_warp.data.viewpoints import evenly
 from digs_warp.geometry.rigid import turn_degrees
@@ -117,6 +121,14 @@ def attached(frames: Sequence[Frame], found: Stillness | None) -> np.ndarray | N
     cv2.fillPoly(hulls, [cv2.convexHull(outline) for outline in outlines], [255])
     k = frames[0].camera.intrinsics
     return cv2.resize(hulls, (k.width, k.height), interpolation=cv2.INTER_NEAREST)
+
+
+def write_attached(capture: Capture, path: Path) -> None:
+    """Write what moves with the camera as an image, 255 there; a `DigsError` if nothing does."""
+    marked = attached(capture.frames, stillness(capture.frames))
+    if marked is None:
+        raise DigsError(f"--write-ignore-mask: nothing in {capture} moves with the camera")
+    write_image(path, marked)
 
 
 def moves_along(evidence: Evidence, least: float) -> dict[str, Any] | None:

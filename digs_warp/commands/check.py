@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import tyro
 
-from digs_warp.checks import CaptureError, DigsError
+from digs_warp.checks import CaptureError
 from digs_warp.commands.command import Command
 from digs_warp.commands.output import JsonFile, check_output_file
 from digs_warp.record.files import to_json
@@ -19,27 +19,19 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, kw_only=True)
 class Check(JsonFile, Command):
-    """Say what is wrong with a capture, and how to mend it; the exit code is 1 if there is an error.
-
-    Errors: wrong units, focal length, pose convention or order; depth or masks that do not lie over the
-    images; masks that are inverted or cut the object. Warnings: masks that other views contradict, few
-    views, poses that jump, things that move, what moves with the camera, changes of the
-    exposure.
-    """
+    """Say what is wrong with a capture, and how to mend it; the exit code is 1 if there is an error."""
 
     capture: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="CAPTURE")]
     """A capture folder."""
 
     write_ignore_mask: Path | None = None
-    """Also mark what moves with the camera (finding `attached`) in this image, for 'reconstruct
-    --ignore-mask'."""
+    """Also mark in this image what moves with the camera, for 'reconstruct --ignore-mask'."""
 
     def execute(self) -> str:
         """Look; a capture with errors is raised, so that the exit code tells."""
         from digs_warp.check.check import check_capture
-        from digs_warp.check.recording import attached, stillness
+        from digs_warp.check.recording import write_attached
         from digs_warp.data.capture import read_capture
-        from digs_warp.data.images import write_image
 
         self.check(self.capture)
         mask = self.write_ignore_mask
@@ -49,10 +41,7 @@ class Check(JsonFile, Command):
         found = check_capture(capture)
         self.write(to_json(found.as_json()))
         if mask is not None:
-            marked = attached(capture.frames, stillness(capture.frames))
-            if marked is None:
-                raise DigsError(f"--write-ignore-mask: nothing in {capture} moves with the camera")
-            write_image(mask, marked)
+            write_attached(capture, mask)
         text = "\n".join([f"{capture}: {counted(len(capture), 'frame')}", *_lines(found)])
         if found.has_errors:
             raise CaptureError(text)
@@ -60,7 +49,6 @@ class Check(JsonFile, Command):
 
 
 def _lines(found: "CheckResult") -> list[str]:
-    """Return findings, measured values, and what could not be looked at."""
     part = " in what could be checked" if found.not_checked else ""
     findings = [line for each in found.findings for line in _of_finding(each)]
     return [
