@@ -37,7 +37,7 @@ NEAR_1_2 = (1.0, 1.4)
 REAL = {"d435_planes": 383 * 0.05, "d4xx_lab_floor": 385 * 0.05}
 
 # Profiles with figures to be set beside those of a room, and the widths of their images [px].
-PROFILES = {"d435": 848, "d455": 848, "gemini-335": 848}
+PROFILES = {"d435": 848, "d455": 848}
 
 # github.com/ychen921/rgbd-characterization (2026), an Orbbec Gemini 33x. By distance [m]: size of the board
 # in the image [px], deviation of a pixel and RMS distance from the plane [mm].

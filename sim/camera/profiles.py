@@ -1,8 +1,7 @@
 """Stereo cameras as data: every figure has its origin, so that readers know what to trust.
 
-A profile is a base profile plus its own figures. The built-in profiles follow published figures of the ZED
-2, the RealSense D435 and the OAK-D as far as these exist; "class" in their titles means that they are
-bounded by such data, not fitted to one device. docs/sensor.md shows a custom one.
+A profile is a base profile plus its own figures. "Class" in the titles of the built-in ones means
+that they are bounded by published figures, not fitted to one device. docs/sensor.md shows a custom one.
 """
 
 from collections.abc import Mapping

@@ -106,8 +106,9 @@ class StaticField(DepthEffect):
         """Add the field; ``strength`` is a factor on it."""
         k = rig.intrinsics
         field = unit_field(rig.unit, k.width, k.height)
-        relative = np.float32(rig.disparity_distortion) * sensed.disparity
-        error = np.float32(strength) * (np.float32(rig.static_field) + relative) * field
+        error = np.float32(strength * rig.static_field) * field
+        if rig.disparity_distortion:
+            error += np.float32(strength * rig.disparity_distortion) * sensed.disparity * field
         return replace(sensed, disparity=sensed.disparity + error)
 
 
