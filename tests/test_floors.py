@@ -56,7 +56,7 @@ LINE_BUDGETS = {
     "sim.record": 1_945,
     "sim.render": 4_255,
     "sim.scene": 3_545,
-    "sim.sensor": 4_403,
+    "sim.sensor": 4_412,
     "sim.testing": 852,
     "splat": 4_053,
     "study": 1_480,

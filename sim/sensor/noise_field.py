@@ -18,7 +18,7 @@ KERNEL_REACH = 3.0
 def white_normal(rng: np.random.Generator, shape: tuple[int, ...]) -> np.ndarray:
     """Return white normal noise, float32, several times as fast as ``rng.standard_normal``."""
     count = int(np.prod(shape))
-    return _normal_quantiles()[random_bytes(rng, 2 * count).view(np.uint16)].reshape(shape)
+    return _normal_quantiles().take(random_bytes(rng, 2 * count).view(np.uint16)).reshape(shape)
 
 
 @cache

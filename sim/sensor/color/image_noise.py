@@ -18,6 +18,7 @@ import numpy as np
 
 from digs_warp.sim.camera.rig import StereoRig
 from digs_warp.sim.sensor.color.adaptation import MIDDLE_GREY
+from digs_warp.sim.sensor.color.encoding import along_a_row
 from digs_warp.sim.sensor.color.protocol import EyeImages, PixelEffect
 from digs_warp.sim.sensor.facts import SceneFacts
 from digs_warp.sim.sensor.noise_field import white_normal
@@ -87,13 +88,15 @@ class ReadNoise(PixelEffect):
 def _noisy(eyes: EyeImages, sigma: float, rng: np.random.Generator, is_shot: bool) -> EyeImages:
     """Return the eyes plus white noise of standard deviation ``sigma``; of shot noise, at white."""
     power = 0.5 if is_shot else 1.0
-    sigmas = np.array([sigma * gain**power for gain in eyes.electronic_gain], np.float32)
+    red, green, blue = (sigma * gain**power for gain in eyes.electronic_gain)
+    sigmas = along_a_row((red, green, blue), eyes.left)
     noisy = []
     for image in (eyes.left, eyes.right):
         noise = white_normal(rng, image.shape)
         noise *= sigmas
         if is_shot:
-            noise *= np.sqrt(np.maximum(image, 0))
+            light = np.maximum(image, 0)
+            noise *= np.sqrt(light, out=light)
         noise += image
         noisy.append(noise)
     return eyes.with_images(*noisy)
