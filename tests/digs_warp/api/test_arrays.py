@@ -50,6 +50,7 @@ def test_arrays_are_the_recording(recorded: dw.Capture, arrays: dict[str, Any]) 
 def test_photographs_have_neither_depth_nor_poses(arrays: dict[str, Any]) -> None:
     capture = dw.Capture.from_arrays(arrays["color"], None, None, arrays["intrinsics"])
     assert not capture.has_depth and not capture.knows_poses
+    assert capture._repr_html_().count("<img") == 1
     with pytest.raises(dw.DigsError, match="no camera poses"):
         dw.reconstruct(capture)
 
