@@ -55,7 +55,7 @@ def degree_from_count(count: int) -> int:
 def sh_basis(directions: np.ndarray, degree: int) -> np.ndarray:
     """Return the basis values, shape (..., K), of unit vectors, shape (..., 3)."""
     coefficient_count(degree)
-    x, y, z = np.moveaxis(np.asarray(directions, dtype=np.float64), -1, 0)
+    x, y, z = np.moveaxis(np.asarray(directions, np.result_type(directions, np.float64)), -1, 0)
     xx, yy, zz = x * x, y * y, z * z
     basis = [np.full_like(x, C0)]
     if degree >= 1:

@@ -1,20 +1,19 @@
 """Float64 twin of the splat engine, from the formulas of 3D Gaussian splatting, one splat at a time.
 
 Rendering is not differentiable where a splat enters or leaves a pixel (the alpha cut), where alpha is
-capped, where a pixel stops, and where a clamp switches. `render_twin` returns every such decision; passing
-them back freezes them, and with them frozen the image is a smooth function whose central differences are
-the gradient that the kernels compute.
+capped, where a pixel stops, and where a clamp switches. All of these look at real parts alone, so that a
+tiny imaginary step in a parameter leaves them as they are: the imaginary part of a smooth function, divided
+by the step, is its derivative, which is the gradient that the kernels compute.
 """
 
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass
 
 import numpy as np
 
-from digs_warp.data.gaussians import Gaussians
+from digs_warp.data.gaussians import FIELDS, Gaussians
 from digs_warp.geometry.camera import Camera, pixel_centers
-from digs_warp.geometry.rigid import matrix_from_quat_xyzw
 from digs_warp.geometry.sh import sh_basis
-from digs_warp.splat.camera_motion import STILL, RowMotion
+from digs_warp.splat.camera_motion import RowMotion
 from digs_warp.splat.config import (
     JACOBIAN_MARGIN,
     MAX_ALPHA,
@@ -22,56 +21,30 @@ from digs_warp.splat.config import (
     MIN_TRANSMITTANCE,
     RasterOptions,
 )
+from reference.splat_scenes import BACKGROUND, SplatScene
 
 FEATURES = 4  # red, green, blue, depth
+STEP = 1e-30
 
-
-@dataclass
-class Parameters:
-    means: np.ndarray
-    log_scales: np.ndarray
-    quats: np.ndarray
-    opacity_logits: np.ndarray
-    sh: np.ndarray
-
-    @staticmethod
-    def of(gaussians: Gaussians) -> "Parameters":
-        return Parameters(
-            *(getattr(gaussians, f.name).astype(np.float64) for f in fields(Parameters))
-        )
-
-    def splat(self, i: int) -> "Parameters":
-        return Parameters(*(getattr(self, f.name)[i] for f in fields(self)))
-
-
-@dataclass
-class Decisions:
-    """Everything that switches for one splat; frozen for central differences."""
-
-    tangent_clamped: np.ndarray  # (x, y)
-    color_clamped: np.ndarray  # (r, g, b)
-    compensation_clamped: bool | np.ndarray
-    row_clamped: bool | np.ndarray  # the center lies above or below the image ...
-    row_edge: float | np.ndarray  # ... -1/2 or 1/2
-    drawn: np.ndarray  # pixels it contributes to
-    capped: np.ndarray  # pixels where alpha is MAX_ALPHA
+# One splat by `FIELDS`; with a leading axis, that many variants of it.
+Splat = dict[str, np.ndarray]
 
 
 @dataclass
 class Layer:
-    """One splat on the image: alpha per pixel before cap and cut, features, and its decisions."""
+    """One splat on the image."""
 
-    raw: np.ndarray  # (..., height, width)
+    raw: np.ndarray  # (..., height, width) alpha before cap and cut
     features: np.ndarray  # (..., FEATURES)
-    decisions: Decisions
+    drawn: np.ndarray  # (height, width), bool
 
+    @property
     def alpha(self) -> np.ndarray:
-        d = self.decisions
-        return np.where(d.drawn, np.where(d.capped, MAX_ALPHA, self.raw), 0.0)
+        return np.where(self.drawn, np.where(self.raw.real > MAX_ALPHA, MAX_ALPHA, self.raw), 0.0)
 
     def over(self, behind: np.ndarray, through: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Features and transmittance of this layer before others."""
-        alpha = self.alpha()
+        alpha = self.alpha
         sums = alpha[..., None] * self.features[..., None, None, :]
         return sums + (1 - alpha)[..., None] * behind, (1 - alpha) * through
 
@@ -82,8 +55,7 @@ class TwinImage:
     transmittance: np.ndarray  # (height, width)
     depth: np.ndarray  # (height, width) expected, 0 where nothing is drawn
     median_depth: np.ndarray  # (height, width) 0 where the transmittance stays above 1/2
-    order: list[int]  # visible splats, front to back
-    layers: dict[int, Layer]
+    layers: dict[int, Layer]  # of the visible splats, front to back
     # Pixels where a decision is so close that float32 may take it the other way.
     ambiguous: np.ndarray
 
@@ -96,242 +68,170 @@ class Adjoints:
     transmittance: np.ndarray
     depth: np.ndarray
 
-    def loss_per_pixel(
-        self, sums: np.ndarray, transmittance: np.ndarray, background: np.ndarray
-    ) -> np.ndarray:
+    def loss_per_pixel(self, sums: np.ndarray, transmittance: np.ndarray) -> np.ndarray:
         """Of composited features, shape (..., FEATURES)."""
-        image = sums[..., :3] + transmittance[..., None] * background
-        depth = _expected(sums[..., 3], transmittance)
+        image, depth = _outputs(sums, transmittance)
         loss = (self.image * image).sum(axis=-1) + self.transmittance * transmittance
         return loss + self.depth * depth
 
 
-@dataclass
-class TwinGradients:
-    """dL/dparameter, and what density control sums."""
-
-    parameters: Parameters
-    centers: np.ndarray  # (n, 2) dL/d(u, v)
-
-
-def _expected(weighted: np.ndarray, transmittance: np.ndarray) -> np.ndarray:
+def _outputs(sums: np.ndarray, transmittance: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Image and expected depth."""
     drawn = 1 - transmittance
-    return np.divide(weighted, drawn, out=np.zeros_like(weighted), where=drawn > 0)
+    depth = np.divide(sums[..., 3], drawn, out=np.zeros_like(sums[..., 3]), where=drawn.real > 0)
+    return sums[..., :3] + transmittance[..., None] * BACKGROUND, depth
 
 
-@dataclass
-class TwinView:
-    k: np.ndarray  # (4,) fx, fy, cx, cy
-    world_from_cam: np.ndarray  # (4, 4)
-    width: int
-    height: int
-    rows: RowMotion = STILL
+def splats_of(gaussians: Gaussians) -> list[Splat]:
+    arrays = {name: getattr(gaussians, name).astype(np.float64) for name in FIELDS}
+    return [{name: a[i] for name, a in arrays.items()} for i in range(len(gaussians))]
 
-    @staticmethod
-    def of(camera: Camera, rows: RowMotion = STILL) -> "TwinView":
-        i = camera.intrinsics
-        k = np.array([i.fx, i.fy, i.cx, i.cy])
-        return TwinView(k, camera.world_from_cam, i.width, i.height, rows)
 
-    def at(self, moment: np.ndarray) -> np.ndarray:
-        """The poses that rows are read from at these moments, shape (..., 4, 4)."""
-        x, y, z = self.rows.turn
-        half = 0.5 * moment[..., None, None] * np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
-        motion = np.zeros((*moment.shape, 4, 4))
-        # Cayley's rotation, whose angle is 2 atan(|turn| / 2).
-        motion[..., :3, :3] = (np.eye(3) + half) @ np.linalg.inv(np.eye(3) - half)
-        motion[..., :3, 3] = moment[..., None] * self.rows.shift
-        motion[..., 3, 3] = 1
-        return self.world_from_cam @ motion
+def pose_at(camera: Camera, rows: RowMotion, moment: np.ndarray) -> np.ndarray:
+    """The poses that rows are read from at these moments, shape (..., 4, 4)."""
+    half = 0.5 * moment[..., None, None] * _crossing(rows.turn)
+    motion = np.zeros((*moment.shape, 4, 4), moment.dtype)
+    # Cayley's rotation, whose angle is 2 atan(|turn| / 2).
+    motion[..., :3, :3] = (np.eye(3) + half) @ np.linalg.inv(np.eye(3) - half)
+    motion[..., :3, 3] = moment[..., None] * rows.shift
+    motion[..., 3, 3] = 1
+    return camera.world_from_cam @ motion
+
+
+def _crossing(vectors: np.ndarray) -> np.ndarray:
+    """The matrices of cross products, (..., 3, 3)."""
+    return np.cross(vectors[..., None, :], -np.eye(3))
+
+
+def _rotation(quats: np.ndarray) -> np.ndarray:
+    length = _length(quats)
+    unit = quats / np.where(length == 0, 1, length)
+    crossing = _crossing(unit[..., :3])
+    return np.eye(3) + 2 * unit[..., 3, None, None] * crossing + 2 * crossing @ crossing
+
+
+def _length(vectors: np.ndarray) -> np.ndarray:
+    return np.sqrt((vectors * vectors).sum(axis=-1, keepdims=True))
 
 
 def _seen_from(world_from_cam: np.ndarray, points: np.ndarray) -> np.ndarray:
+    """Coordinates of a point in the camera, each (...)."""
     rotation_cw = np.swapaxes(world_from_cam[..., :3, :3], -1, -2)
-    return np.einsum("...ij,...j->...i", rotation_cw, points - world_from_cam[..., :3, 3])
+    away = points - world_from_cam[..., :3, 3]
+    return np.moveaxis(np.einsum("...ij,...j->...i", rotation_cw, away), -1, 0)
 
 
 def layer_of(
-    p: Parameters,
-    view: TwinView,
+    p: Splat,
+    scene: SplatScene,
     options: RasterOptions,
-    frozen: Decisions | None = None,
-    shift: np.ndarray | None = None,
+    drawn: np.ndarray,
+    shift: np.ndarray | float = 0.0,
 ) -> Layer:
-    """One splat on the image; without ``frozen`` nothing is drawn or capped yet.
-
-    Parameters may have leading axes: that many variants of the splat. ``shift``, (..., 2), moves
-    it [px].
-    """
-    fx, fy, cx, cy = np.moveaxis(view.k, -1, 0)
-    _, y, z = np.moveaxis(_seen_from(view.world_from_cam, p.means), -1, 0)
-    moment = (fy * y / z + cy) / view.height - 0.5
-    off = np.abs(moment) >= 0.5 if frozen is None else frozen.row_clamped
-    edge = np.copysign(0.5, moment) if frozen is None else frozen.row_edge
-    row_pose = view.at(np.where(off, edge, moment))
-    rotation_cw = np.swapaxes(row_pose[..., :3, :3], -1, -2)
-    camera_center = view.world_from_cam[..., :3, 3]
-    point = _seen_from(row_pose, p.means)
-    x, y, z = np.moveaxis(point, -1, 0)
-    half = JACOBIAN_MARGIN * 0.5
-    low = np.stack([-(cx + half * view.width) / fx, -(cy + half * view.height) / fy], axis=-1)
-    high = np.stack(
-        [(view.width - cx + half * view.width) / fx, (view.height - cy + half * view.height) / fy],
-        axis=-1,
+    """One splat, moved on the image by ``shift``, (..., 2) [px]."""
+    camera, k, means = scene.camera, scene.camera.intrinsics, p["means"]
+    _, y, z = _seen_from(camera.world_from_cam, means)
+    moment = (k.fy * y / z + k.cy) / k.height - 0.5
+    off = np.abs(moment.real) >= 0.5  # the center lies above or below the image
+    row_pose = pose_at(camera, scene.rows, np.where(off, np.copysign(0.5, moment.real), moment))
+    x, y, z = _seen_from(row_pose, means)
+    size, focal, center = (
+        np.array(pair) for pair in ((k.width, k.height), (k.fx, k.fy), (k.cx, k.cy))
     )
+    half = JACOBIAN_MARGIN * 0.5 * size
     tangents = np.stack([x / z, y / z], axis=-1)
-    clamped = (tangents < low) | (tangents > high) if frozen is None else frozen.tangent_clamped
-    limits = np.where(tangents > 0.5 * (low + high), high, low)
-    tx, ty = np.moveaxis(np.where(clamped, limits, tangents), -1, 0)
-    rotation = matrix_from_quat_xyzw(p.quats)
-    axes = rotation_cw @ rotation
-    scales = np.exp(p.log_scales)
-    m0 = (fx / z)[..., None] * (axes[..., 0, :] - tx[..., None] * axes[..., 2, :]) * scales
-    m1 = (fy / z)[..., None] * (axes[..., 1, :] - ty[..., None] * axes[..., 2, :]) * scales
+    low, high = -(center + half) / focal, (size - center + half) / focal
+    clamped = np.where(tangents.real < low, low, np.where(tangents.real > high, high, tangents))
+    axes = np.swapaxes(row_pose[..., :3, :3], -1, -2) @ _rotation(p["quats"])
+    m0, m1 = (
+        (focal[i] / z)[..., None]
+        * (axes[..., i, :] - clamped[..., i, None] * axes[..., 2, :])
+        * np.exp(p["log_scales"])
+        for i in range(2)
+    )
     a = (m0 * m0).sum(axis=-1) + options.dilation
     b = (m0 * m1).sum(axis=-1)
     c = (m1 * m1).sum(axis=-1) + options.dilation
     determinant = a * c - b * b
-
-    opacity = 1 / (1 + np.exp(-p.opacity_logits))
-    compensation_clamped = False
+    opacity = 1 / (1 + np.exp(-p["opacity_logits"]))
     if options.antialias:
-        factor = np.linalg.norm(np.cross(m0, m1), axis=-1) / np.sqrt(determinant)
-        compensation_clamped = factor < 0.005 if frozen is None else frozen.compensation_clamped
-        opacity = opacity * np.where(compensation_clamped, 0.005, factor)
-
-    center = np.stack([fx * x / z + cx, fy * y / z + cy], axis=-1)
-    if shift is not None:
-        center = center + shift
-    offset = pixel_centers(view.width, view.height) - center[..., None, None, :]
+        factor = _length(np.cross(m0, m1))[..., 0] / np.sqrt(determinant)
+        opacity = opacity * np.where(factor.real < 0.005, 0.005, factor)
+    places = focal * tangents + center + shift
+    offset = pixel_centers(k.width, k.height) - places[..., None, None, :]
     du, dv = offset[..., 0], offset[..., 1]
+    a, b, c, determinant, opacity = (v[..., None, None] for v in (a, b, c, determinant, opacity))
+    raw = opacity * np.exp(-0.5 * (c * du * du - 2 * b * du * dv + a * dv * dv) / determinant)
 
-    def spread(value: np.ndarray) -> np.ndarray:
-        return value[..., None, None]
-
-    q = (spread(c) * du * du - 2 * spread(b) * du * dv + spread(a) * dv * dv) / spread(determinant)
-    raw = spread(opacity) * np.exp(-0.5 * q)
-
-    direction = p.means - camera_center
-    direction = direction / np.linalg.norm(direction, axis=-1, keepdims=True)
-    basis = sh_basis(direction, round(p.sh.shape[-2] ** 0.5) - 1)
-    rgb = 0.5 + np.einsum("...k,...kc->...c", basis, p.sh)
-    dark = rgb <= 0 if frozen is None else frozen.color_clamped
-
-    if frozen is None:
-        nothing = np.zeros(raw.shape, dtype=bool)
-        clamps = (clamped, dark, compensation_clamped, off, edge)
-        frozen = Decisions(*clamps, nothing, nothing)
-    parts = np.broadcast_arrays(
-        *np.moveaxis(np.where(dark, 0.0, rgb), -1, 0),
-        z,
-    )
-    return Layer(raw, np.stack(parts, axis=-1), frozen)
+    direction = means - camera.center_world
+    basis = sh_basis(direction / _length(direction), round(p["sh"].shape[-2] ** 0.5) - 1)
+    rgb = 0.5 + np.einsum("...k,...kc->...c", basis, p["sh"])
+    rgb = np.where(rgb.real <= 0, 0.0, rgb)
+    parts = np.broadcast_arrays(*np.moveaxis(rgb, -1, 0), z)
+    return Layer(raw, np.stack(parts, axis=-1), drawn)
 
 
-def render_twin(
-    p: Parameters,
-    camera: Camera,
-    near: float,
-    background: np.ndarray,
-    options: RasterOptions = RasterOptions(),  # noqa: B008 (frozen)
-    rows: RowMotion = STILL,
-) -> TwinImage:
-    """Composite all splats; ``background`` is a color, (3,), or an image, (height, width, 3)."""
-    k = camera.intrinsics
+def render_twin(scene: SplatScene, options: RasterOptions) -> TwinImage:
+    """Composite all splats."""
+    k = scene.camera.intrinsics
     shape = (k.height, k.width)
-    view = TwinView.of(camera, rows)
-    every = [layer_of(p.splat(i), view, options) for i in range(len(p.means))]
+    every = [layer_of(p, scene, options, np.zeros(shape, bool)) for p in splats_of(scene.gaussians)]
     depths = np.array([layer.features[3] for layer in every])
-    opacities = 1 / (1 + np.exp(-p.opacity_logits))
-    visible = [i for i in range(len(depths)) if depths[i] > near and opacities[i] > MIN_ALPHA]
-    order = sorted(visible, key=lambda i: (np.float32(depths[i]), i))
-    layers: dict[int, Layer] = {}
-    sums = np.zeros((*shape, FEATURES))
-    transmittance = np.ones(shape)
-    median = np.zeros(shape)
-    alive = np.ones(shape, dtype=bool)
-    ambiguous = np.zeros(shape, dtype=bool)
-    for i in order:
-        layer = every[i]
-        raw = layer.raw
-        capped = raw > MAX_ALPHA
-        alpha = np.where(capped, MAX_ALPHA, raw)
+    opacities = 1 / (1 + np.exp(-scene.gaussians.opacity_logits.astype(np.float64)))
+    visible = [i for i in range(len(every)) if depths[i] > scene.near and opacities[i] > MIN_ALPHA]
+    layers = {i: every[i] for i in sorted(visible, key=lambda i: (np.float32(depths[i]), i))}
+    sums, transmittance, median = np.zeros((*shape, FEATURES)), np.ones(shape), np.zeros(shape)
+    alive, ambiguous = np.ones(shape, dtype=bool), np.zeros(shape, dtype=bool)
+    for layer in layers.values():
+        alpha = np.minimum(layer.raw, MAX_ALPHA)
         inside = alive & (alpha >= MIN_ALPHA)
-        stops = inside & (transmittance * (1 - alpha) < MIN_TRANSMITTANCE)
-        near_cut = np.abs(alpha / MIN_ALPHA - 1) < 1e-4
-        near_cap = np.abs(raw / MAX_ALPHA - 1) < 1e-4
         after = transmittance * (1 - alpha)
+        near_cut = np.abs(alpha / MIN_ALPHA - 1) < 1e-4
+        near_cap = np.abs(layer.raw / MAX_ALPHA - 1) < 1e-4
         near_stop = np.abs(after / MIN_TRANSMITTANCE - 1) < 1e-3
         ambiguous |= alive & (near_cut | near_cap | (inside & near_stop))
-        alive &= ~stops
-        layer.decisions.drawn = inside & ~stops
-        layer.decisions.capped = capped
-        layers[i] = layer
-        alpha = layer.alpha()
+        alive &= ~(inside & (after < MIN_TRANSMITTANCE))
+        layer.drawn = inside & alive
+        alpha = layer.alpha
         after = transmittance * (1 - alpha)
         median = np.where((transmittance > 0.5) & (after <= 0.5), layer.features[3], median)
-        ambiguous |= layer.decisions.drawn & (np.abs(after - 0.5) < 1e-5)
+        ambiguous |= layer.drawn & (np.abs(after - 0.5) < 1e-5)
         sums += (transmittance * alpha)[..., None] * layer.features
         transmittance = after
-    image = sums[..., :3] + transmittance[..., None] * background
-    depth = _expected(sums[..., 3], transmittance)
-    return TwinImage(image, transmittance, depth, median, order, layers, ambiguous)
+    image, depth = _outputs(sums, transmittance)
+    return TwinImage(image, transmittance, depth, median, layers, ambiguous)
 
 
 def twin_gradients(
-    p: Parameters,
-    camera: Camera,
-    twin: TwinImage,
-    background: np.ndarray,
-    adjoints: Adjoints,
-    options: RasterOptions = RasterOptions(),  # noqa: B008 (frozen)
-    rows: RowMotion = STILL,
-) -> TwinGradients:
-    """Central differences of the loss with the decisions of ``twin`` frozen.
+    scene: SplatScene, twin: TwinImage, adjoints: Adjoints, options: RasterOptions
+) -> tuple[dict[str, np.ndarray], np.ndarray]:
+    """Return dL/dparameter by `FIELDS`, and dL/d(u, v) of the centers, (n, 2), which density control sums.
 
     A parameter moves one splat only: the others are composited once before and once behind it.
     """
-    gradients = Parameters(*(np.zeros_like(getattr(p, f.name)) for f in fields(Parameters)))
-    centers = np.zeros((len(p.means), 2))
-    view, shape = TwinView.of(camera, rows), twin.transmittance.shape
-    behind = {len(twin.order): (np.zeros((*shape, FEATURES)), np.ones(shape))}
-    for position in range(len(twin.order) - 1, -1, -1):
-        layer = twin.layers[twin.order[position]]
-        behind[position] = layer.over(*behind[position + 1])
-
+    splats, shape = splats_of(scene.gaussians), twin.transmittance.shape
+    gradients = {name: np.zeros(getattr(scene.gaussians, name).shape) for name in FIELDS}
+    centers = np.zeros((len(splats), 2))
+    behind = [(np.zeros((*shape, FEATURES)), np.ones(shape))]
+    for layer in reversed(twin.layers.values()):
+        behind.append(layer.over(*behind[-1]))
     sums, through = np.zeros((*shape, FEATURES)), np.ones(shape)
-    for position, i in enumerate(twin.order):
+    for i, own in twin.layers.items():
+        behind.pop()
 
-        def loss(layer: Layer, position=position, sums=sums, through=through) -> np.ndarray:
-            """Per pixel, of variants of this splat before the rest."""
-            features, left = layer.over(*behind[position + 1])
+        def slopes(
+            splat: Splat, shift: np.ndarray | float, own=own, sums=sums, through=through
+        ) -> np.ndarray:
+            """Of the loss along the imaginary steps in variants of this splat before the rest."""
+            features, left = layer_of(splat, scene, options, own.drawn, shift).over(*behind[-1])
             features = sums + through[..., None] * features
-            return adjoints.loss_per_pixel(features, through * left, background)
+            return adjoints.loss_per_pixel(features, through * left).imag.sum(axis=(-1, -2)) / STEP
 
-        splat, frozen = p.splat(i), twin.layers[i].decisions
-        for f in fields(Parameters):
-            value = getattr(splat, f.name)
-            size = 1e-7 if f.name == "means" else 1e-6 * np.maximum(1.0, np.abs(value))
-            size = np.broadcast_to(size, value.shape).reshape(-1)
-            steps = _steps(size).reshape(-1, *value.shape)
-            variants = replace(splat, **{f.name: value + steps})
-            losses = loss(layer_of(variants, view, options, frozen)).sum(axis=(-1, -2))
-            getattr(gradients, f.name)[i] = _slopes(losses, size).reshape(value.shape)
-        size = np.full(2, 1e-5)
-        slopes = _slopes(loss(layer_of(splat, view, options, frozen, _steps(size))), size)
-        centers[i] = slopes.sum(axis=(-1, -2))
-        alpha = twin.layers[i].alpha()
-        sums = sums + (through * alpha)[..., None] * twin.layers[i].features
-        through = through * (1 - alpha)
-    return TwinGradients(gradients, centers)
-
-
-def _steps(size: np.ndarray) -> np.ndarray:
-    """Steps up and then down along every axis, shape (2 k, k)."""
-    return np.concatenate([np.diag(size), -np.diag(size)])
-
-
-def _slopes(values: np.ndarray, size: np.ndarray) -> np.ndarray:
-    """Central differences of values at `_steps`."""
-    up, down = np.split(values, 2)
-    return (up - down) / (2 * size.reshape(-1, *(1,) * (up.ndim - 1)))
+        for name, value in splats[i].items():
+            steps = 1j * STEP * np.eye(value.size).reshape(-1, *value.shape)
+            found = slopes(splats[i] | {name: value + steps}, 0.0)
+            gradients[name][i] = found.reshape(value.shape)
+        centers[i] = slopes(splats[i], 1j * STEP * np.eye(2))
+        sums = sums + (through * own.alpha)[..., None] * own.features
+        through = through * (1 - own.alpha)
+    return gradients, centers

@@ -20,7 +20,7 @@ from reference.splat_scenes import (
     random_scene,
     rolling_scene,
 )
-from reference.splat_twin import TwinView
+from reference.splat_twin import pose_at
 
 DEPTH = RasterOptions(outputs="depth")
 HAND = RowMotion(np.array([0.06, -0.03, 0.08]), np.array([0.01, 0.02, -0.01]))
@@ -87,7 +87,7 @@ def test_the_moments_have_the_variance_of_an_exposure() -> None:
     for count in range(2, MOST_MOMENTS + 1):
         even = np.arange(count) - (count - 1) / 2
         moments = np.array(sorted(even, key=abs)) * np.sqrt(1 / 12 / np.mean(even**2))
-        wanted = TwinView.of(camera(), HAND).at(moments)
+        wanted = pose_at(camera(), HAND, moments)
         found = [each.world_from_cam for each in blur_of(count).cameras(camera())]
         np.testing.assert_allclose(found, wanted, atol=1e-12)
 
