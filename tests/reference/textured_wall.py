@@ -1,15 +1,17 @@
 """A flat wall with a texture of all scales, photographed exactly: the recording whose figures are known."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import lru_cache
+from typing import NamedTuple
 
+import cv2
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from digs_warp.data.capture import Capture
 from digs_warp.data.capture_writer import CaptureWriter, FrameImages
-from digs_warp.geometry.camera import Intrinsics
-from digs_warp.record.progress import progress
+from digs_warp.geometry.camera import Intrinsics, pixel_centers
 from digs_warp.sim.camera.rig import StereoRig
 from digs_warp.sim.config import Tier
 from digs_warp.sim.fit.known_frame import ON_IMAGES, known_frame, sense_frame
@@ -17,7 +19,6 @@ from digs_warp.sim.record.frame_maker import COLOR_SEED
 from digs_warp.sim.record.recorded_facts import rig_record
 from digs_warp.sim.sensor.color.recorded import recorded_images
 from digs_warp.sim.sensor.drift import NO_DRIFT, Drift
-from digs_warp.sim.sensor.filters import sampled
 from digs_warp.sim.sensor.frame import FrameTruth
 from digs_warp.sim.sensor.infrared.pair import one_channel
 from digs_warp.sim.sensor.infrared.registration import sources_of
@@ -25,20 +26,13 @@ from digs_warp.sim.sensor.tiers import depth_of
 
 TILE = 3.0  # side of the piece of texture that the wall repeats [m]
 TEXELS = 2048
-MARGIN = 4  # [texels]
 
 # Gray levels round the middle, which never get darker or brighter than the ends.
 CONTRAST, MIDDLE, DARKEST, BRIGHTEST = 40.0, 128.0, 20.0, 245.0
 
 
-@dataclass(frozen=True)
-class Place:
-    """Where the wall is, seen from the left eye.
-
-    Attributes:
-        distance: on the optical axis [m].
-        yaw_deg, pitch_deg: how far its normal is turned off the axis, to the side and up.
-    """
+class Place(NamedTuple):
+    """Where the wall is, seen from the left eye: on the optical axis [m], and how far it is turned off it."""
 
     distance: float
     yaw_deg: float = 0.0
@@ -47,12 +41,8 @@ class Place:
     @property
     def axes(self) -> np.ndarray:
         """Rows: along the wall to the side, along the wall down, and its normal; in camera axes."""
-        yaw, pitch = np.deg2rad([self.yaw_deg, self.pitch_deg])
-        turn = np.array([[np.cos(yaw), 0, -np.sin(yaw)], [0, 1, 0], [np.sin(yaw), 0, np.cos(yaw)]])
-        lean = np.array(
-            [[1, 0, 0], [0, np.cos(pitch), -np.sin(pitch)], [0, np.sin(pitch), np.cos(pitch)]]
-        )
-        return (turn @ lean).T
+        angles = [-self.yaw_deg, self.pitch_deg]
+        return Rotation.from_euler("YX", angles, degrees=True).as_matrix().T
 
 
 # Tilted, so that every fraction of a pixel occurs.
@@ -74,37 +64,30 @@ def record_wall(
     seed: int = 0,
     drift: Drift = NO_DRIFT,
 ) -> Capture:
-    """Record the wall with a camera at rest at each place; no vignetting, no projector.
+    """Record the wall with a camera at rest, some frames at each place; no vignetting, no projector.
 
-    Args:
-        writer: as `in_memory` makes it for the rig.
-        rig: the camera, with the figures to be found again.
-        tier: of the sensor.
-        places: one after another.
-        frames: at each place.
-        seed: of texture and noise.
-        drift: of the right eye since the calibration.
+    ``rig`` has the figures to be found again, ``drift`` is that of the right eye since the calibration.
     """
-    with progress(len(places) * frames, "Recording", "frame") as bar:
-        for i, place in enumerate(places):
-            truth = photograph(place, rig, seed, drift)
-            color = _of_color_camera(place, rig, seed) if rig.has_color_camera else None
-            for number in range(i * frames, (i + 1) * frames):
-                frame = replace(truth, number=number)
-                recorded, sensed = sense_frame(frame, tier, seed, gray=color is not None)
-                depth = depth_of(sensed, frame)
-                if color is None:
-                    images = FrameImages(
-                        image=recorded[0],
-                        right=recorded[1],
-                        depth=depth,
-                        depth_true=frame.depth,
-                    )
-                else:
-                    images = _registered(recorded, depth, replace(color, number=number), rig, seed)
-                writer.write_frame(number, images)
-                writer.add_pose(number, np.eye(4), float(number))
-                bar.update()
+    for i, place in enumerate(places):
+        truth = photograph(place, rig, seed, drift)
+        color = _of_color_camera(place, rig, seed) if rig.has_color_camera else None
+        for number in range(i * frames, (i + 1) * frames):
+            frame = replace(truth, number=number)
+            (left, right), sensed = sense_frame(frame, tier, seed, gray=color is not None)
+            depth = depth_of(sensed, frame)
+            if color is None:
+                images = FrameImages(left, depth, right=right, depth_true=frame.depth)
+            else:
+                source = sources_of(depth, rig)  # moves depth into the image of the color camera
+                images = FrameImages(
+                    recorded_images(replace(color, number=number), ON_IMAGES, seed + COLOR_SEED)[0],
+                    np.where(source < 0, np.float32(np.nan), depth.reshape(-1)[source]),
+                    depth_true=color.depth,
+                    infrared_left=one_channel(left),
+                    infrared_right=one_channel(right),
+                )
+            writer.write_frame(number, images)
+            writer.add_pose(number, np.eye(4), float(number))
     return writer.finish()
 
 
@@ -117,29 +100,9 @@ def _of_color_camera(place: Place, rig: StereoRig, seed: int) -> FrameTruth:
     """Return what the color camera beside an infrared pair sees, as both eyes of a rig with its noise."""
     k = rig.image_intrinsics
     own = replace(rig, intrinsics=k, image_noise=rig.color_noise)
-    image, depth = _eye(
-        place, k, rig.color_offset, np.eye(3), _texture(place.distance / k.fx, seed)
-    )
+    texture = _texture(place.distance / k.fx, seed)
+    image, depth = _eye(place, k, rig.color_offset, np.eye(3), texture)
     return known_frame(image, image, own.focal_baseline / depth, own)
-
-
-def _registered(
-    infrared: tuple[np.ndarray, np.ndarray],
-    depth: np.ndarray,
-    color: FrameTruth,
-    rig: StereoRig,
-    seed: int,
-) -> FrameImages:
-    """Return a frame of the color camera, with the depth of the infrared pair moved into its image."""
-    source = sources_of(depth, rig)
-    left, right = map(one_channel, infrared)
-    return FrameImages(
-        image=recorded_images(color, ON_IMAGES, seed + COLOR_SEED)[0],
-        depth=np.where(source < 0, np.float32(np.nan), depth.reshape(-1)[source]),
-        depth_true=color.depth,
-        infrared_left=left,
-        infrared_right=right,
-    )
 
 
 def photograph(place: Place, rig: StereoRig, seed: int = 0, drift: Drift = NO_DRIFT) -> FrameTruth:
@@ -179,16 +142,12 @@ def _eye(
     ``turned`` takes the places in the image where points belong to where the eye has them, (3, 3).
     """
     side, down, normal = place.axes
-    rows, columns = np.indices((k.height, k.width)) + 0.5
-    belongs = np.linalg.inv(turned) @ np.stack([columns, rows, np.ones_like(rows)]).reshape(3, -1)
-    u, v = (belongs[:2] / belongs[2]).reshape(2, k.height, k.width)
-    x, y = (u - k.cx) / k.fx, (v - k.cy) / k.fy
-    eye, center = np.array([offset, 0.0, 0.0]), np.array([0.0, 0.0, place.distance])
-    depth = normal @ (center - eye) / (normal[0] * x + normal[1] * y + normal[2])
-    from_center = [depth * x + offset, depth * y, depth - place.distance]
-    along = [sum(a * p for a, p in zip(axis, from_center, strict=True)) for axis in (side, down)]
-    columns, rows = ((np.asarray(p) * TEXELS / TILE % TEXELS).astype(np.float32) for p in along)
-    # Repeated beyond its edges as far as interpolation needs it.
-    gray = sampled(np.pad(texture, MARGIN, mode="wrap"), columns + MARGIN, rows + MARGIN)
+    px = cv2.perspectiveTransform(pixel_centers(k.width, k.height), np.linalg.inv(turned))
+    rays = np.dstack([(px - [k.cx, k.cy]) / [k.fx, k.fy], np.ones(px.shape[:2])])
+    from_eye = np.array([-offset, 0.0, place.distance])
+    depth = normal @ from_eye / (rays @ normal)
+    along = (depth[..., None] * rays - from_eye) @ np.stack([side, down], axis=1)
+    columns, rows = np.moveaxis((along * TEXELS / TILE % TEXELS).astype(np.float32), -1, 0)
+    gray = cv2.remap(texture, columns, rows, cv2.INTER_LANCZOS4, borderMode=cv2.BORDER_WRAP)
     pixels = np.clip(np.rint(gray), 0, 255).astype(np.uint8)
     return np.repeat(pixels[..., None], 3, axis=2), depth
