@@ -4,14 +4,10 @@ Slow and in whole numbers: Birchfield and Tomasi (1998) for the costs, Hirschmue
 """
 
 import numpy as np
+from scipy.ndimage import convolve, sobel
 
-PATHS = (
-    (0, 1),
-    (1, 1),
-    (1, 0),
-    (1, -1),
-    (0, -1),
-)  # from the pixel before: rows down, columns right
+# From the pixel before: rows down, columns right.
+PATHS = np.array([[0, 1], [1, 1], [1, 0], [1, -1], [0, -1]])
 NEVER = 10**6
 
 
@@ -28,18 +24,13 @@ def twin_costs(left: np.ndarray, right: np.ndarray, disparities: int, window: in
             of_left = np.maximum(np.maximum(u[a] - v_high[b], v_low[b] - u[a]), 0)
             of_right = np.maximum(np.maximum(v[b] - u_high[a], u_low[a] - v[b]), 0)
             single[..., d] += np.minimum(of_left, of_right) // divisor
-    reach = window // 2
-    padded = np.pad(single, ((reach, reach), (reach, reach), (0, 0)), mode="edge")
-    shifts = [(j, i) for j in range(window) for i in range(window)]
-    return sum(padded[j : j + height, i : i + width] for j, i in shifts)  # pyright: ignore
+    return convolve(single, np.ones((window, window, 1), int), mode="nearest")
 
 
 def _planes(gray: np.ndarray) -> list[tuple[np.ndarray, np.ndarray, np.ndarray]]:
     """Slope (Sobel, cut off at 15, shifted by 15) and gray value, each with its range half a pixel around."""
-    rows = np.pad(gray, ((1, 1), (0, 0)), mode="edge")
-    weighted = rows[:-2] + 2 * rows[1:-1] + rows[2:]
-    slope = np.full_like(gray, 15)
-    slope[:, 1:-1] = np.clip(weighted[:, 2:] - weighted[:, :-2], -15, 15) + 15
+    slope = np.clip(sobel(gray, axis=1, mode="nearest"), -15, 15) + 15
+    slope[:, [0, -1]] = 15
     planes = []
     for values in (slope, gray):
         before, after = values.copy(), values.copy()
@@ -135,16 +126,10 @@ def twin_blocks(
     Its own block and the nearer neighbor always; then that of the second surface, the one beyond a step, the
     one that the coarse search prefers, the neighbor of the second surface's. What is left of four goes to
     the nearest that are free, its own side first. In a hidden pixel, both neighbors of the coarse search's
-    block, the nearer one first, come before the
-    nearer neighbor of its own and instead of the second surface's.
+    block, the nearer one first, come before the nearer neighbor of its own and instead of the second's.
 
-    Args:
-        disparity: of the pixel [px], within the image.
-        around: disparities within four pixels.
-        far: half block that the coarse search prefers, -1: none.
-        count: of all blocks.
-        second: disparity of the second surface, NaN: none.
-        hidden: whether the right eye does not see the pixel.
+    ``around``: disparities within four pixels; ``far``: half block that the coarse search prefers, -1: none;
+    ``count``: of all blocks; ``second``: disparity of the second surface; ``hidden``: from the right eye.
     """
     own, side = _block_and_side(disparity)
     own = min(own, count - 1)

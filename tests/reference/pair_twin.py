@@ -1,6 +1,7 @@
 """Float64 twin of `digs_warp.poses.refine.alignment_kernel`: one pair of views at a time, in NumPy."""
 
 import numpy as np
+from scipy.ndimage import map_coordinates
 
 from digs_warp.geometry.rigid import transform_points
 from digs_warp.poses.refine.normal_equations import Scales
@@ -65,7 +66,4 @@ def _slope(
 
 def bilinear(plane: np.ndarray, u: np.ndarray, v: np.ndarray) -> np.ndarray:
     """Return the values of a plane at pixels."""
-    x, y = np.floor(u - 0.5).astype(int), np.floor(v - 0.5).astype(int)
-    a, b = u - 0.5 - x, v - 0.5 - y
-    top = plane[y, x] * (1 - a) + plane[y, x + 1] * a
-    return top * (1 - b) + (plane[y + 1, x] * (1 - a) + plane[y + 1, x + 1] * a) * b
+    return map_coordinates(plane.astype(np.float64), [v - 0.5, u - 0.5], order=1, mode="nearest")

@@ -1,19 +1,9 @@
 """Float64 twin of one level of the plane sweep: whole windows, one inverse depth after the other."""
 
 import numpy as np
+from scipy.ndimage import map_coordinates
 
 from digs_warp.init.plane_sweep import NO_SCORE, NOISE, SCORE_RADIUS, WINDOW_RADIUS
-
-
-def bilinear(image: np.ndarray, u: np.ndarray, v: np.ndarray) -> np.ndarray:
-    """Return values at places, which are held inside of the image, (h, w)."""
-    height, width = image.shape
-    u, v = np.clip(u, 0, width - 1), np.clip(v, 0, height - 1)
-    c, r = np.minimum(u.astype(int), width - 2), np.minimum(v.astype(int), height - 2)
-    fu, fv = u - c, v - r
-    upper = (1 - fu) * image[r, c] + fu * image[r, c + 1]
-    lower = (1 - fu) * image[r + 1, c] + fu * image[r + 1, c + 1]
-    return (1 - fv) * upper + fv * lower
 
 
 def means(values: np.ndarray, radius: int) -> np.ndarray:
@@ -53,7 +43,8 @@ def sweep_twin(
         for image, turned, shift in others:
             to = turned @ np.stack([x, y, np.ones_like(x)]).reshape(3, -1)
             to = to.reshape(3, *x.shape) + (q0 + number * step) * shift[:, None, None]
-            s = bilinear(image.astype(float), to[0] / to[2], to[1] / to[2])
+            places = np.stack([to[1], to[0]]) / to[2]
+            s = map_coordinates(image.astype(float), places, order=1, mode="nearest")
             s_mean = means(s, WINDOW_RADIUS)
             s_spread = means(s * s, WINDOW_RADIUS) - s_mean**2 + NOISE
             covariance = means(r * s, WINDOW_RADIUS) - r_mean * s_mean

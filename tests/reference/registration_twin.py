@@ -14,21 +14,14 @@ def register(depth: np.ndarray, rig: StereoRig) -> np.ndarray:
     k, c = rig.intrinsics, rig.image_intrinsics
     height, width = depth.shape
     found = np.full(depth.shape, np.inf)
-    for v in range(height):
-        for u in range(width):
-            z = float(depth[v, u])
-            if not (np.isfinite(z) and z > 0):
-                continue
-            corners = []
-            for x, y in ((u, v), (u + 1, v + 1)):
-                point = np.array([(x - k.cx) / k.fx * z, (y - k.cy) / k.fy * z, z])
-                point[0] -= rig.color_offset
-                corners.append((c.fx * point[0] / z + c.cx, c.fy * point[1] / z + c.cy))
-            (left, top), (right, bottom) = corners
-            for row in range(height):
-                for column in range(width):
-                    across = min(right, column + 1) - max(left, column)
-                    down = min(bottom, row + 1) - max(top, row)
-                    if across > 1e-6 and down > 1e-6:
-                        found[row, column] = min(found[row, column], z)
+    rows, columns = np.arange(height), np.arange(width)
+    for (v, u), z in np.ndenumerate(depth.astype(np.float64)):
+        if not (np.isfinite(z) and z > 0):
+            continue
+        x = (np.array([u, u + 1]) - k.cx) / k.fx * z - rig.color_offset
+        y = (np.array([v, v + 1]) - k.cy) / k.fy * z
+        (left, right), (top, bottom) = c.fx * x / z + c.cx, c.fy * y / z + c.cy
+        across = np.minimum(right, columns + 1) - np.maximum(left, columns) > 1e-6
+        down = np.minimum(bottom, rows + 1) - np.maximum(top, rows) > 1e-6
+        found[np.ix_(down, across)] = np.minimum(found[np.ix_(down, across)], z)
     return np.where(np.isfinite(found), found, np.nan).astype(np.float32)

@@ -11,19 +11,15 @@ def sampling_distances_twin(
     means: np.ndarray, cameras: Sequence[Camera], nears: Sequence[float]
 ) -> np.ndarray:
     """Return the size of a pixel [m] of the finest view, else of the nearest camera, (n,)."""
-    finest = np.full(len(means), np.inf)
-    nearest = np.full(len(means), np.inf)
+    finest, nearest = np.full((2, len(means)), np.inf)
     for camera, near in zip(cameras, nears, strict=True):
         k = camera.intrinsics
         focal = max(k.fx, k.fy)
-        for i, mean in enumerate(means.astype(np.float64)):
-            x, y, z = camera.cam_from_world[:3, :3] @ mean + camera.cam_from_world[:3, 3]
-            nearest[i] = min(nearest[i], np.sqrt(x * x + y * y + z * z) / focal)
-            if z <= near:
-                continue
-            u, v = k.fx * x / z + k.cx, k.fy * y / z + k.cy
-            if 0 <= u <= k.width and 0 <= v <= k.height:
-                finest[i] = min(finest[i], z / focal)
+        away = means.astype(np.float64) - camera.center_world
+        nearest = np.minimum(nearest, np.linalg.norm(away, axis=1) / focal)
+        px, z = camera.project(means.astype(np.float64))
+        seen = (z > near) & (px >= 0).all(axis=1) & (px <= [k.width, k.height]).all(axis=1)
+        finest = np.where(seen, np.minimum(finest, z / focal), finest)
     return np.where(np.isfinite(finest), finest, nearest)
 
 

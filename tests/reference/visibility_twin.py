@@ -11,15 +11,10 @@ def agreement_by(
     points_world: np.ndarray, views: Sequence[tuple[Camera, np.ndarray]], voxel_size: float
 ) -> np.ndarray:
     """Return the share of the views that measured the surface near a point and agree with it, (n,)."""
-    agreeing, near = np.zeros((2, len(points_world)), dtype=np.int64)
-    for camera, depth in views:
-        height, width = depth.shape
-        px, z = camera.resized(width, height).project(points_world)
-        for i, ((u, v), own) in enumerate(zip(px, z, strict=True)):
-            if own > 0 and 0 <= u < width and 0 <= v < height:
-                apart = abs(float(depth[int(v), int(u)]) - own)
-                agreeing[i] += apart <= 1 * voxel_size
-                near[i] += apart <= 4 * voxel_size
+    measured, own = _compared(points_world, views)
+    agreeing, near = (
+        (np.abs(measured - own) <= limit * voxel_size).sum(axis=0) for limit in (1, 4)
+    )
     return np.where(near > 0, agreeing / np.maximum(near, 1), 1.0)
 
 
@@ -27,17 +22,21 @@ def said_by(
     points_world: np.ndarray, views: Sequence[tuple[Camera, np.ndarray]], voxel_size: float
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return how many views confirm, contradict and cannot see each point, (n,) each."""
-    confirmed, contradicted, blind = np.zeros((3, len(points_world)), dtype=np.int64)
-    for camera, depth in views:
+    measured, own = _compared(points_world, views)
+    beyond = (measured - own) / (2 * voxel_size + 0.01 * measured)
+    said = np.abs(beyond) <= 1, beyond > 1, np.isnan(own) | (beyond < -1)
+    return said[0].sum(axis=0), said[1].sum(axis=0), said[2].sum(axis=0)
+
+
+def _compared(
+    points_world: np.ndarray, views: Sequence[tuple[Camera, np.ndarray]]
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return what each view measured at each point, and its depth there; NaN outside, (views, n) each."""
+    found = np.full((2, len(views), len(points_world)), np.nan)
+    for i, (camera, depth) in enumerate(views):
         height, width = depth.shape
         px, z = camera.resized(width, height).project(points_world)
-        for i, ((u, v), own) in enumerate(zip(px, z, strict=True)):
-            if not (own > 0 and 0 <= u < width and 0 <= v < height):
-                blind[i] += 1
-                continue
-            measured = float(depth[int(v), int(u)])
-            tolerance = 2 * voxel_size + 0.01 * measured
-            confirmed[i] += abs(measured - own) <= tolerance
-            contradicted[i] += measured - own > tolerance
-            blind[i] += own - measured > tolerance
-    return confirmed, contradicted, blind
+        seen = (z > 0) & (px >= 0).all(axis=1) & (px < [width, height]).all(axis=1)
+        columns, rows = px[seen].astype(int).T
+        found[0, i, seen], found[1, i, seen] = depth[rows, columns], z[seen]
+    return found[0], found[1]

@@ -23,10 +23,14 @@ def each_frame(capture: Capture, change: Callable[[Frame], Frame]) -> Capture:
     return replace(capture, frames=tuple(map(change, capture.frames)))
 
 
+def each_layer(
+    capture: Capture, layer: Layer, change: Callable[[np.ndarray], np.ndarray]
+) -> Capture:
+    return each_frame(capture, lambda f: f.with_layer(layer, change(f.load(layer))))
+
+
 def scaled_depth(capture: Capture, factor: float) -> Capture:
-    return each_frame(
-        capture, lambda f: f.with_layer(Layer.DEPTH, f.load_depth() * np.float32(factor))
-    )
+    return each_layer(capture, Layer.DEPTH, lambda depth: depth * np.float32(factor))
 
 
 def other_focal(capture: Capture, factor: float) -> Capture:
@@ -61,19 +65,14 @@ def inverted_opencv(capture: Capture) -> Capture:
 
 
 def shifted_depth(capture: Capture, columns: int) -> Capture:
-    return each_frame(
-        capture, lambda f: f.with_layer(Layer.DEPTH, np.roll(f.load_depth(), columns, axis=1))
-    )
+    return each_layer(capture, Layer.DEPTH, lambda depth: np.roll(depth, columns, axis=1))
 
 
 def depth_along_rays(capture: Capture) -> Capture:
-    def change(frame: Frame) -> Frame:
-        k = frame.camera.intrinsics
-        rays = (pixel_centers(k.width, k.height) - [k.cx, k.cy]) / [k.fx, k.fy]
-        lengths = np.sqrt(1 + np.square(rays).sum(-1)).astype(np.float32)
-        return frame.with_layer(Layer.DEPTH, frame.load_depth() * lengths)
-
-    return each_frame(capture, change)
+    k = capture.frames[0].camera.intrinsics
+    rays = (pixel_centers(k.width, k.height) - [k.cx, k.cy]) / [k.fx, k.fy]
+    lengths = np.sqrt(1 + np.square(rays).sum(-1)).astype(np.float32)
+    return each_layer(capture, Layer.DEPTH, lambda depth: depth * lengths)
 
 
 def poses_of(capture: Capture, numbers: list[int]) -> Capture:
@@ -84,18 +83,14 @@ def poses_of(capture: Capture, numbers: list[int]) -> Capture:
 
 
 def inverted_masks(capture: Capture) -> Capture:
-    return each_frame(capture, lambda f: f.with_layer(Layer.MASK, 255 - f.load_mask()))
+    return each_layer(capture, Layer.MASK, lambda mask: 255 - mask)
 
 
 def masks_of(capture: Capture, pixels: int) -> Capture:
     """Masks of so many pixels, in a row."""
-
-    def change(frame: Frame) -> Frame:
-        mask = np.zeros_like(frame.load_mask())
-        mask[40, 60 : 60 + pixels] = 255
-        return frame.with_layer(Layer.MASK, mask)
-
-    return each_frame(capture, change)
+    mask = np.zeros_like(capture.frames[0].load_mask())
+    mask[40, 60 : 60 + pixels] = 255
+    return each_layer(capture, Layer.MASK, lambda _: mask)
 
 
 def with_points(capture: Capture, folder: Path, turn: np.ndarray) -> Capture:
@@ -115,12 +110,11 @@ def other_exposures(capture: Capture, stops: float) -> Capture:
     """Each frame brighter or darker by up to so many stops."""
     rng = np.random.default_rng(0)
 
-    def change(frame: Frame) -> Frame:
-        light = (frame.load_image() / 255.0) ** 2.2 * 2 ** rng.uniform(-stops, stops)
-        image = (255 * np.minimum(light, 1.0) ** (1 / 2.2)).astype(np.uint8)
-        return frame.with_layer(Layer.IMAGE, image)
+    def change(image: np.ndarray) -> np.ndarray:
+        light = (image / 255.0) ** 2.2 * 2 ** rng.uniform(-stops, stops)
+        return (255 * np.minimum(light, 1.0) ** (1 / 2.2)).astype(np.uint8)
 
-    return each_frame(capture, change)
+    return each_layer(capture, Layer.IMAGE, change)
 
 
 def with_passing_balls(capture: Capture, radius: float) -> Capture:
@@ -144,18 +138,17 @@ def with_gripper(capture: Capture) -> Capture:
     """A checkered thing in the lower middle of all photographs, with a little noise."""
     rng = np.random.default_rng(5)
 
-    def changed(frame: Frame) -> Frame:
-        image = frame.load_image()
-        height, width = image.shape[:2]
+    checks = rng.integers(20, 230, (60, 60))
+
+    def change(image: np.ndarray) -> np.ndarray:
+        image, (height, width) = image.copy(), image.shape[:2]
         side = -(-width // 30)
-        checks = rng_checks[: -(-height // side), : -(-width // side)]
         pattern = checks.repeat(side, 0).repeat(side, 1)[:height, :width, None]
         where = np.s_[7 * height // 10 :, 2 * width // 5 : 3 * width // 5]
         image[where] = np.clip(pattern + rng.normal(0, 3, image.shape), 0, 255)[where]
-        return frame.with_layer(Layer.IMAGE, image)
+        return image
 
-    rng_checks = rng.integers(20, 230, (60, 60))
-    return each_frame(capture, changed)
+    return each_layer(capture, Layer.IMAGE, change)
 
 
 def with_a_jump(
