@@ -17,13 +17,13 @@ CAMERA = Intrinsics(WIDTH, HEIGHT, fx=19.0, fy=23.0, cx=9.25, cy=7.75)
 TIMES = (0.0, 0.25, 1.5)
 
 
-def small_capture(folder: Path, *, soft_mask: bool = False) -> Capture:
-    """Three noisy frames with a round object, its edge soft where wanted, and holes in the depth."""
+def small_capture(folder: Path) -> Capture:
+    """Three noisy frames with a round object, its edge soft, and holes in the depth."""
     rng = np.random.default_rng(0)
     writer = CaptureWriter(folder, CAMERA)
     u, v = np.moveaxis(pixel_centers(WIDTH, HEIGHT), -1, 0)
     inside = 4.5 - np.hypot(u - 8, v - 6)
-    mask = (255 * (np.clip(inside, 0, 1) if soft_mask else inside > 0)).astype(np.uint8)
+    mask = (255 * np.clip(inside, 0, 1)).astype(np.uint8)
     for number, time in enumerate(TIMES):
         depth = rng.uniform(0.6, 6.0, (HEIGHT, WIDTH)).astype(np.float32)
         depth[rng.random(depth.shape) < 0.2] = np.nan
@@ -52,6 +52,3 @@ def check_same(found: Capture, expected: Capture, tolerance: float) -> None:
     for number, (frame, true) in enumerate(zip(found.frames, expected.frames, strict=True)):
         np.testing.assert_array_equal(frame.load_image(), true.load_image())
         np.testing.assert_allclose(points(found, number), points(expected, number), atol=tolerance)
-
-
-# What the exporters write comes back

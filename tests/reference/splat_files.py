@@ -6,7 +6,7 @@ from digs_warp.data.gaussians import Gaussians
 from digs_warp.geometry.rigid import matrix_from_quat_xyzw
 
 
-def random_gaussians(count: int, degree: int, seed: int = 0) -> Gaussians:
+def random_gaussians(count: int, degree: int = 3, seed: int = 0) -> Gaussians:
     """Gaussians with values in every range that trained scenes have; quaternions not normalized."""
     rng = np.random.default_rng(seed)
     return Gaussians(

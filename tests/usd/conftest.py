@@ -1,18 +1,8 @@
 """Fixtures for the USD tests."""
 
-from collections.abc import Callable
-
 import pytest
 
-from digs_warp.data.gaussians import Gaussians
 from digs_warp.usd import files
-from reference import splat_files
-
-
-@pytest.fixture(scope="session")
-def random_gaussians() -> Callable[..., Gaussians]:
-    """Make Gaussians of every shape and view dependence: ``random_gaussians(count, degree, seed)``."""
-    return lambda count, degree=3, seed=0: splat_files.random_gaussians(count, degree, seed)
 
 
 @pytest.fixture(autouse=True)

@@ -1,3 +1,5 @@
+"""The package of a capture: levels of detail, meshes, cameras, and an independent renderer."""
+
 from dataclasses import replace
 from itertools import product
 from pathlib import Path
@@ -5,16 +7,26 @@ from pathlib import Path
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
+from pxr import Usd, UsdGeom
+from scipy.spatial import KDTree
 
 from digs_warp.checks import UsdError
+from digs_warp.data.gaussians import FIELDS
 from digs_warp.data.images import linear_from_srgb
+from digs_warp.geometry.rigid import matrix_from_quat_xyzw
 from digs_warp.splat.render import render
 from digs_warp.usd.capture_scene import CaptureScene, write_capture_scene
 from digs_warp.usd.convert import Precision
-from digs_warp.usd.lod import LEVELS, level_of_detail
+from digs_warp.usd.lod import (
+    KEPT_BEFORE_MERGING,
+    LEVELS,
+    MERGED_WIDENING,
+    level_of_detail,
+    merged_in_voxels,
+)
 from digs_warp.usd.reader import read_scene
 from reference.capture_scenes import BASELINE, camera_path, full_scene, splats, tetrahedron
-from reference.usd_files import Y_UP
+from reference.usd_files import Y_UP, covariances
 from reference.usd_renderer import frustum_pixels, render_usd
 
 
@@ -26,8 +38,6 @@ def package(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def open_stage(path: Path):
-    from pxr import Usd
-
     return Usd.Stage.Open(str(path))
 
 
@@ -48,8 +58,6 @@ def test_one_field_is_shown_and_variants_hold_its_levels(package: Path):
 
 @pytest.mark.parametrize("name", ["Mesh", "Surface"])
 def test_meshes_are_guides_in_the_frame_of_the_asset(package: Path, name: str):
-    from pxr import UsdGeom
-
     stage = open_stage(package)
     mesh = UsdGeom.Mesh(stage.GetPrimAtPath(f"/Asset/Source/{name}"))
     assert mesh.GetPurposeAttr().Get() == "guide"
@@ -66,8 +74,6 @@ def test_meshes_are_guides_in_the_frame_of_the_asset(package: Path, name: str):
 
 
 def test_usd_cameras_see_every_point_where_ours_do(tmp_path: Path):
-    from pxr import UsdGeom
-
     views = camera_path(zoom=3.0)
     path = tmp_path / "scene.usdz"
     write_capture_scene(path, CaptureScene(splats(5), cameras=views))
@@ -88,8 +94,6 @@ def test_usd_cameras_see_every_point_where_ours_do(tmp_path: Path):
 
 
 def test_the_timeline_is_the_recording_and_turns_along_the_shorter_arc(package: Path):
-    from pxr import UsdGeom
-
     stage = open_stage(package)
     assert (stage.GetStartTimeCode(), stage.GetEndTimeCode()) == (0, 8)
     assert stage.GetTimeCodesPerSecond() == 4.0
@@ -154,3 +158,64 @@ def test_scenes_that_make_no_sense_are_refused(tmp_path: Path):
     ):
         with pytest.raises(UsdError, match=words):
             replace(views, **{name: value})
+
+
+def test_levels_hold_about_their_share_and_drop_what_matters_least_before_merging():
+    for count, share in ((1, 0.1), (20, 0.1), (3000, 0.5)):
+        wanted = max(1, int(share * count))
+        assert 0.8 * wanted <= len(level_of_detail(splats(count), share)) <= wanted
+    gaussians = splats(100)
+    level = level_of_detail(gaussians, KEPT_BEFORE_MERGING)
+    radii = np.sqrt(np.sort(gaussians.scales, axis=1)[:, 1:].prod(axis=1))
+    kept = gaussians.select(np.sort(np.argsort(-gaussians.opacities * radii)[:60]))
+    assert all((getattr(level, name) == getattr(kept, name)).all() for name in FIELDS)
+
+
+def test_a_group_becomes_the_gaussian_of_the_same_moments():
+    """Against the moments of many samples of the mixture."""
+    gaussians = replace(splats(5, seed=3), opacity_logits=np.array([0.0, 1.0, -1.0, 2.0, 0.5]))
+    merged = merged_in_voxels(gaussians, 1)
+    assert len(merged) == 1
+    rng = np.random.default_rng(0)
+    weights = gaussians.opacities.astype(np.float64)
+    weights /= weights.sum()
+    chosen = rng.choice(5, size=400_000, p=weights)
+    half = matrix_from_quat_xyzw(gaussians.quats) * gaussians.scales[:, None].astype(np.float64)
+    samples = gaussians.means[chosen] + np.einsum(
+        "nij,nj->ni", half[chosen], rng.normal(size=(len(chosen), 3))
+    )
+    assert_allclose(merged.means[0], samples.mean(axis=0), atol=2e-3)
+    expected = np.cov(samples.T) * MERGED_WIDENING**2
+    assert_allclose(
+        covariances(merged.quats, merged.scales)[0], expected, atol=0.02 * np.abs(expected).max()
+    )
+    assert_allclose(merged.sh[0], np.einsum("n,nkc->kc", weights, gaussians.sh), atol=1e-6)
+    # As much light is blocked: opacity times area, of the two longer axes.
+    before, after = (
+        g.opacities @ np.prod(np.sort(g.scales)[:, 1:], axis=1) for g in (gaussians, merged)
+    )
+    assert_allclose(after, before, rtol=1e-5)
+
+
+def test_hard_cases_come_out_finite():
+    cases = {
+        "invisible": replace(splats(10), opacity_logits=np.full(10, -1e4)),
+        "one place": replace(splats(10), means=np.ones((10, 3))),
+        "a stray far away": replace(splats(10), means=np.vstack([splats(9).means, [[1e6] * 3]])),
+        "needles": replace(splats(10), log_scales=np.tile([-1.0, -30.0, -30.0], (10, 1))),
+    }
+    for name, gaussians in cases.items():
+        level = level_of_detail(gaussians, 0.5)
+        assert 1 <= len(level) <= 5, name
+        assert all(np.isfinite(getattr(level, array)).all() for array in FIELDS), name
+
+
+def test_who_is_alone_in_a_voxel_stays_and_nobody_is_far_from_what_is_left():
+    gaussians = replace(splats(200), means=splats(200).means * [1, 4, 0.5])
+    merged = merged_in_voxels(gaussians, 150)
+    distances, nearest = map(np.asarray, KDTree(gaussians.means).query(merged.means))
+    alone, kept = merged.select(distances == 0), gaussians.select(nearest[distances == 0])
+    assert 0.8 * 150 <= len(merged) <= 150 and len(alone) > 80
+    assert all((getattr(alone, name) == getattr(kept, name)).all() for name in FIELDS)
+    away = KDTree(merged.means).query(gaussians.means)[0]
+    assert away.mean() < 0.016 and away.max() < 0.08

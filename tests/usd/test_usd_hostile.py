@@ -13,6 +13,7 @@ from digs_warp.usd.capture_scene import CaptureScene, write_capture_scene
 from digs_warp.usd.reader import describe, read_gaussians
 from digs_warp.usd.validate import validate
 from digs_warp.usd.writer import write_gaussians
+from reference.splat_files import random_gaussians
 
 HEAD, DEPTH = "#usda 1.0\n", 100_000
 # Each ends a process that opens it: the library reads them by recursion.
@@ -42,9 +43,7 @@ def test_a_file_that_ends_the_library_is_an_error(tmp_path: Path, name: str):
         ("exit 1", None),  # no Python there: nothing is known of the file
     ],
 )
-def test_how_the_trial_ends_is_told(
-    tmp_path: Path, random_gaussians, monkeypatch, script: str, message: str | None
-):
+def test_how_the_trial_ends_is_told(tmp_path: Path, monkeypatch, script: str, message: str | None):
     path, python = tmp_path / "scene.usdc", tmp_path / "python"
     write_gaussians(path, random_gaussians(5))
     python.write_text(f"#!/bin/sh\n{script}\n")
@@ -70,9 +69,7 @@ def test_damaged_files_are_read_or_refused(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("place", ["/proc/self/scene.usdz", "{tmp}/file/scene.usdz"])
-def test_places_that_cannot_be_written_are_an_error_that_names_them(
-    tmp_path: Path, random_gaussians, place: str
-):
+def test_places_that_cannot_be_written_are_an_error_that_names_them(tmp_path: Path, place: str):
     (tmp_path / "file").write_bytes(b"no folder")
     path, splats = Path(place.format(tmp=tmp_path)), random_gaussians(2)
     for write in (write_gaussians, lambda at, g: write_capture_scene(at, CaptureScene(g))):

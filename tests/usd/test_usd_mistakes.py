@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from pxr import Usd, UsdGeom
 
 from digs_warp.usd.convert import Precision
 from digs_warp.usd.validate import validate
@@ -64,8 +65,6 @@ MISTAKES: list[tuple[Edit, str, str]] = [
 
 def write_edited(path: Path, edit: Edit) -> None:
     """Write a sound scene, change its arrays through USD, save it."""
-    from pxr import Usd
-
     write_gaussians(path, splats(50))
     stage = Usd.Stage.Open(str(path))
     prim = stage.GetPrimAtPath(FIELD)
@@ -94,12 +93,7 @@ EDITED = [
     ("uniform int radiance:sphericalHarmonicsDegree = 3", "", "sh-degree", "warning"),
     ('sortingModeHint = "zDepth"', 'sortingModeHint = "random"', "hints", "error"),
     ('uniform token sortingModeHint = "zDepth"', "", "hints", "warning"),
-    (
-        'colorSpace:name = "srgb_rec709_display"',
-        'colorSpace:name = "x"',
-        "color-space",
-        "error",
-    ),
+    ('colorSpace:name = "srgb_rec709_display"', 'colorSpace:name = "x"', "color-space", "error"),
     ('uniform token colorSpace:name = "srgb_rec709_display"', "", "color-space", "warning"),
     (
         'def Xform "Asset" (',
@@ -129,8 +123,6 @@ def test_mistakes_in_the_scene_are_found(tmp_path: Path):
 
 
 def test_transforms_on_the_field_are_named(tmp_path: Path):
-    from pxr import Usd, UsdGeom
-
     for scale, severity in (((1, 1, 1), "warning"), ((1, 2, 1), "error")):
         path = tmp_path / f"{severity}.usda"
         write_gaussians(path, splats(20))
@@ -144,8 +136,6 @@ def test_transforms_on_the_field_are_named(tmp_path: Path):
 
 
 def test_a_mistake_in_one_variant_is_found_and_named(tmp_path: Path):
-    from pxr import Usd
-
     path = tmp_path / "scene.usda"
     write_gaussians(path, splats(20))
     stage = Usd.Stage.Open(str(path))

@@ -10,6 +10,7 @@ from digs_warp.geometry.rigid import matrix_from_quat_xyzw
 from digs_warp.geometry.sh import rgb_from_sh
 from digs_warp.usd.reader import read_gaussians, read_scene
 from digs_warp.usd.writer import write_gaussians
+from reference.splat_files import random_gaussians
 
 HALF_EPS = 2.0**-11
 
@@ -110,7 +111,7 @@ def test_float_is_preferred_unless_it_is_empty(tmp_path: Path):
 
 @pytest.mark.parametrize(("stored", "kept"), [(4, 4), (25, 16)])
 def test_degree_follows_the_array_where_they_disagree(
-    tmp_path: Path, caplog: pytest.LogCaptureFixture, stored: int, kept: int
+    tmp_path: Path, caplog, stored: int, kept: int
 ):
     degree = 2
     triplets = ", ".join(f"({i}, 0, 0)" for i in range(2 * stored))
@@ -126,9 +127,7 @@ def test_degree_follows_the_array_where_they_disagree(
     assert_allclose(gaussians.sh[..., 0], expected, atol=1e-5)
 
 
-def test_arrays_of_a_wrong_length_are_cut_or_ignored_with_a_warning(
-    tmp_path: Path, caplog: pytest.LogCaptureFixture
-):
+def test_arrays_of_a_wrong_length_are_cut_or_ignored_with_a_warning(tmp_path: Path, caplog):
     body = field(
         """point3f[] positions = [(0, 0, 0), (1, 1, 1)]
         float[] opacities = [0.25, 0.5, 0.75]
@@ -186,9 +185,7 @@ def test_fields_that_make_no_sense_are_refused(tmp_path: Path, body: str, messag
 
 
 @pytest.mark.parametrize(("suffix", "keep"), [(".usda", 0.5), (".usdc", 0.02), (".usdz", 0.9)])
-def test_truncated_files_are_an_error_that_names_them(
-    tmp_path: Path, random_gaussians, suffix: str, keep: float
-):
+def test_truncated_files_are_an_error_that_names_them(tmp_path: Path, suffix: str, keep: float):
     path = tmp_path / f"scene{suffix}"
     write_gaussians(path, random_gaussians(20))
     whole = path.read_bytes()

@@ -1,5 +1,7 @@
-"""Recordings from arrays, and what a caller adds to the training."""
+"""Recordings in memory, from arrays or simulated: as on disk, with what a caller adds."""
 
+import tempfile
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -10,13 +12,15 @@ import digs_warp as dw
 from digs_warp.data.gaussians import FIELDS
 from digs_warp.geometry.sh import sh_from_rgb
 from digs_warp.usd.reader import describe
+from reference.sfm_views import arc, record
 
 FRAMES, WIDTH = 6, 96
+RECORDING: dict[str, Any] = {"profile": "bare-matcher", "frames": FRAMES, "width": WIDTH}
 
 
 @pytest.fixture(scope="module")
 def recorded() -> dw.Capture:
-    return dw.simulate(profile="bare-matcher", frames=FRAMES, width=WIDTH)
+    return dw.simulate(**RECORDING)
 
 
 @pytest.fixture
@@ -155,3 +159,70 @@ def test_results_are_saved_by_suffix_replaced_on_request_and_short(
         assert len(repr(each)) < 130 + len(str(tmp_path)) and each._repr_html_().startswith(
             "<div><img"
         )
+
+
+# Depth is segmented and initialized from, half the images are held out: every layer and folder is used.
+SETTINGS: dict[str, Any] = {"iterations": 12, "masks": "depth", "voxel_size": 0.02, "test_every": 2}
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return dw.simulate(**RECORDING, out=tmp_path_factory.mktemp("front-door") / "capture").folder
+
+
+def same(one: dw.Gaussians, other: dw.Gaussians) -> bool:
+    return all(np.array_equal(getattr(one, name), getattr(other, name)) for name in FIELDS)
+
+
+def test_memory_and_folder_give_the_same_gaussians_and_only_out_is_left(
+    recorded: dw.Capture, folder: Path, tmp_path: Path, monkeypatch
+) -> None:
+    temporary = tmp_path / "temporary"
+    temporary.mkdir()
+    monkeypatch.setattr(tempfile, "tempdir", str(temporary))
+    in_memory = dw.reconstruct(recorded, **SETTINGS)
+    assert list(temporary.iterdir()) == []
+    on_disk = dw.reconstruct(str(folder), out=tmp_path / "out", **SETTINGS)
+    assert list(temporary.iterdir()) == []
+    assert same(in_memory.gaussians, on_disk.gaussians) and len(on_disk.gaussians) > 50
+    assert in_memory.scores.views == on_disk.scores.views and in_memory.folder is None
+    assert in_memory.frames and on_disk.frames
+    for here, there in zip(in_memory.frames.training, on_disk.frames.training, strict=True):
+        np.testing.assert_array_equal(here.load_mask(), there.load_mask())
+    loaded = dw.load(tmp_path / "out")
+    assert isinstance(loaded, dw.Reconstruction)
+    frame = next(dw.stream(**RECORDING))
+    np.testing.assert_array_equal(frame.left, recorded.frames[0].load_image())
+    assert same(loaded.gaussians, on_disk.gaussians) and loaded.scores.views == on_disk.scores.views
+
+
+def test_structure_from_motion_reads_images_in_memory(tmp_path: Path) -> None:
+    stored = record(arc(6), tmp_path / "capture")
+    frames = [
+        replace(
+            frame,
+            layers={
+                dw.Layer.IMAGE: frame.load_image(),
+                dw.Layer.DEPTH: frame.load_depth(),
+                dw.Layer.MASK: frame.load_mask(),
+            },
+        )
+        for frame in stored.frames
+    ]
+    capture = replace(stored, stored_in=None, frames=tuple(frames))
+    out = tmp_path / "out"
+    result = dw.reconstruct(capture, out, strategy="default", features=1500, iterations=0)
+    assert len(result.gaussians) > 20
+    assert len(list((out / "sfm" / "images").iterdir())) == len(capture)
+
+
+def test_cards_escape_what_they_say_and_need_no_frames(
+    recorded: dw.Capture, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    result = dw.reconstruct(recorded, iterations=0)
+    assert (
+        replace(result, poses=replace(result.poses, frames=None))._repr_html_().count("<img") == 1
+    )
+    monkeypatch.setattr(dw.Gaussians, "__repr__", lambda _: "<b>&")
+    assert "<small>&lt;b&gt;&amp;</small>" in result.gaussians._repr_html_()
+    assert result.gaussians.select(slice(0))._repr_html_().count("<img") == 0

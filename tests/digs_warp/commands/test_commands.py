@@ -1,9 +1,12 @@
 """What the commands print, write and resume, each run whole on something tiny."""
 
+import json
 import re
+import signal
+import subprocess
+import sys
+import urllib.request
 from pathlib import Path
-
-import pytest
 
 from digs_warp import cli
 from digs_warp.cli import EXIT_BAD_INPUT, EXIT_OK, main
@@ -11,10 +14,11 @@ from digs_warp.commands.reconstruct import Reconstruct
 from digs_warp.commands.run import Run
 from digs_warp.poses.from_images.config import SfmConfig
 from digs_warp.train.config import Stop, TrainConfig
+from reference.tiny_capture import ball
 
 
 def test_reconstruct_then_info_and_export_work_on_its_folder(
-    capture_folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    capture_folder: Path, tmp_path: Path, capsys
 ) -> None:
     folder = tmp_path / "reconstruction"
     arguments = ["reconstruct", str(capture_folder), "--out", str(folder), "--iterations", "2"]
@@ -34,9 +38,7 @@ def test_reconstruct_then_info_and_export_work_on_its_folder(
 TINY = ["--frames", "2", "--width", "32", "--height", "18", "--samples-per-pixel", "1"]
 
 
-def test_simulate_writes_a_capture_and_resumes_it(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_simulate_writes_a_capture_and_resumes_it(tmp_path: Path, capsys) -> None:
     folder = tmp_path / "capture"
     arguments = ["simulate", *TINY, "--out", str(folder)]
     assert main(arguments) == EXIT_OK
@@ -49,7 +51,7 @@ def test_simulate_writes_a_capture_and_resumes_it(
 
 
 def test_run_leaves_scene_and_report_and_resumes_after_an_interruption(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    tmp_path: Path, capsys
 ) -> None:
     folder = tmp_path / "out"
     sizes = ["--frames", "3", "--width", "48", "--height", "32", "--samples-per-pixel", "1"]
@@ -99,3 +101,43 @@ def test_density_control_follows_the_start() -> None:
         command = cli.parse(["reconstruct", "capture", "--out", "x", *flags])
         assert isinstance(command, Reconstruct)
         assert command.reconstruct_config(0).train.density.strategy == density
+
+
+TINY_PLAN = ["--width", "64", "--samples-per-pixel", "1", "--frames", "2"]
+
+
+def test_the_plan_names_every_effect_and_lands_in_the_file(tmp_path: Path, capsys) -> None:
+    path = tmp_path / "plan.json"
+    assert (
+        main(["plan", *TINY_PLAN, "--json", str(path), "--effects", "mirror,shot-noise"]) == EXIT_OK
+    )
+    printed = capsys.readouterr().out
+    plan = json.loads(path.read_text())
+    assert plan["facts"]["frames"] == 2
+    for choice in (*plan["depth"], *plan["color"]):
+        state = "on" if choice["on"] else "off"
+        (line,) = (row for row in printed.splitlines() if row.split()[:1] == [choice["effect"]])
+        assert line.split()[1] == state
+        assert choice["statistic"] in line and choice["reason"] in line
+    on = {each["effect"] for each in (*plan["depth"], *plan["color"]) if each["on"]}
+    assert on == {"mirror", "shot-noise"} and list(tmp_path.iterdir()) == [path]
+
+
+def test_it_serves_its_page_until_it_is_interrupted(tmp_path: Path) -> None:
+    ball().save(tmp_path / "ball.npz")
+    process = subprocess.Popen(
+        [sys.executable, "-m", "digs_warp", "view", str(tmp_path / "ball.npz")],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    assert process.stdout is not None
+    address = process.stdout.readline().split()[0]
+    assert address.startswith("http://127.0.0.1:")
+    with urllib.request.urlopen(address) as answer:
+        page = answer.read().decode()
+    assert "<html" in page
+    assert "https://" not in page.replace("https://opengraph", "")  # nothing from the network
+    process.send_signal(signal.SIGTERM)  # SIGINT is ignored in processes of a shell's background
+    out, err = process.communicate(timeout=120)
+    assert (process.returncode, out.strip(), err) == (0, "closed", "")

@@ -64,7 +64,7 @@ def is_whole(path: Path, content: bytes, expected: bytes | None) -> bool:
 
 @pytest.mark.parametrize("command", COMMANDS, ids=lambda text: " ".join(text.split()[:2]))
 def test_a_full_disk_is_told_and_with_room_the_result_is_the_same(
-    inputs: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], command: str
+    inputs: Path, tmp_path: Path, capsys, command: str
 ) -> None:
     def run(folder: Path) -> int:
         return cli.main(command.replace("IN", str(inputs)).replace("OUT", str(folder)).split())

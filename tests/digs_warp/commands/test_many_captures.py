@@ -1,16 +1,27 @@
-"""Several captures in one command: a folder for each, one line for each, and the same bits as alone."""
+"""Several captures in one command, and one in several formats with the poses that were refined."""
 
 import json
 import shutil
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose
 
 from digs_warp.cli import EXIT_BAD_INPUT, EXIT_OK, main
 from digs_warp.commands.many_captures import find_jobs
 from digs_warp.data.gaussians import Gaussians
+from digs_warp.data.images import read_image
+from digs_warp.data.layers import Layer
+from digs_warp.data.point_cloud import PointCloud
+from digs_warp.data.posed_frames import PosedFrames
 from digs_warp.engines.task import RESULTS
+from digs_warp.formats.captures.formats import read_recording
+from digs_warp.record.layout import GAUSSIANS, INITIAL_POINTS
+from digs_warp.record.run_log import RunLog
+from reference.capture_scenes import splats
+from reference.perturbed_poses import perturbed_poses
 from reference.tiny_capture import write_tiny_capture
 
 SHORT = ["--iterations", "10", "--sh-degree", "0", "--quiet"]
@@ -32,9 +43,7 @@ def captures(tmp_path: Path) -> Path:
     return folder
 
 
-def test_each_capture_gets_what_it_gets_alone(
-    captures: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_each_capture_gets_what_it_gets_alone(captures: Path, tmp_path: Path, capsys) -> None:
     out = tmp_path / "out"
     command = ["reconstruct", str(captures), "--out", str(out), *SHORT]
     assert main(command) == EXIT_OK
@@ -57,7 +66,7 @@ def test_each_capture_gets_what_it_gets_alone(
 
 
 def test_a_capture_that_fails_does_not_stop_the_rest(
-    captures: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    captures: Path, tmp_path: Path, capsys
 ) -> None:
     (captures / "boot/00/transforms.json").write_text("{}")
     sources = [str(captures / name / "00") for name in ("boot", "mug")]
@@ -70,3 +79,41 @@ def test_names_are_what_the_paths_do_not_share(captures: Path, tmp_path: Path) -
     write_tiny_capture(tmp_path / "other")
     names = [job.name for job in find_jobs([captures, tmp_path / "other"])]
     assert names == ["set/boot/00", "set/mug/00", "other"]
+
+
+HELD_OUT = 4
+
+
+def test_an_export_of_a_reconstruction_has_its_poses_and_masks(tmp_path: Path) -> None:
+    """The last frame was not placed."""
+    folder = tmp_path / "refined"
+    capture = write_tiny_capture(folder / "capture", frames=9)
+    recorded = [frame.camera.world_from_cam for frame in capture.frames]
+    poses = perturbed_poses(recorded, 0.5, 0.005, seed=0)[:8]
+    frames = [
+        replace(
+            frame.with_layer(Layer.MASK, np.full((54, 72), 255, np.uint8)),
+            camera=replace(frame.camera, world_from_cam=pose),
+        )
+        for frame, pose in zip(capture.frames, poses, strict=False)
+    ]
+    held_out = frames[::HELD_OUT]
+    training = [frame for i, frame in enumerate(frames) if i % HELD_OUT]
+    result = folder / "reconstruction"
+    PosedFrames(tuple(training), tuple(held_out)).save(result)
+    splats(10).save(result / GAUSSIANS)
+    PointCloud(np.zeros((10, 3)), np.zeros((10, 3))).save(result / INITIAL_POINTS)
+    (result / "training.jsonl").write_text("")
+    (result / "evaluation.json").write_text('{"mean": {}, "views": []}')
+    RunLog("reconstruct", {}).save(result / "run.json")
+    for form in ["nerfstudio", "colmap", "tum"]:
+        out = tmp_path / form
+        line = ["convert", str(folder / "reconstruction"), "--to", form, "--out", str(out)]
+        assert main(line) == EXIT_OK
+        frames = read_recording(out, form).frames
+        found = [frame.world_from_cam for frame in frames if frame.world_from_cam is not None]
+        assert_allclose(np.stack(found), np.stack(poses), atol=1e-5)
+        for mask in out.glob("masks/*"):
+            assert read_image(mask, "mask").min() == 255
+    index = json.loads((tmp_path / "nerfstudio/transforms.json").read_text())
+    assert index["val_filenames"] == ["images/0000.png", "images/0004.png"]

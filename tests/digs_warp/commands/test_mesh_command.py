@@ -28,12 +28,6 @@ def open3d() -> None:
     open3d_or_skip()
 
 
-def run(capsys: pytest.CaptureFixture[str], *arguments: object) -> tuple[int, str]:
-    code = main(["mesh", *map(str, arguments)])
-    out, err = capsys.readouterr()
-    return code, out + err
-
-
 @pytest.fixture(scope="module")
 def built_in(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The folder of a run: cameras all around the built-in object, Gaussians that lie on its surface.
@@ -80,29 +74,29 @@ def distances_mm(text: str) -> tuple[float, float]:
     return float(found[1]), float(found[2])
 
 
-def test_the_mesh_of_the_built_in_object_lies_on_it(built_in: Path, tmp_path: Path, capsys) -> None:
-    code, text = run(capsys, built_in, "--out", tmp_path / "a.glb", "--voxel-size", 0.006)
+def test_the_mesh_of_the_built_in_object_lies_on_it(built_in: Path, tmp_path: Path, run) -> None:
+    code, text = run("mesh", built_in, "--out", tmp_path / "a.glb", "--voxel-size", 0.006)
     assert code == EXIT_OK, text
     assert "32 views, voxels of 6.00 mm" in text
     chamfer, to_truth = distances_mm(text)
     assert to_truth < 6.0
     assert chamfer < 3 * 6.0  # nobody sees the inside
     assert "floaters" in text
-    assert run(capsys, built_in, "--out", tmp_path / "a.glb")[0] == EXIT_BAD_INPUT
+    assert run("mesh", built_in, "--out", tmp_path / "a.glb")[0] == EXIT_BAD_INPUT
     # The comparison is with the object where the capture put it: 3 cm off shows.
     gaussians = Gaussians.load(built_in / "reconstruction/gaussians.npz")
     gaussians.means[:, 2] += 0.03
     gaussians.save(tmp_path / "moved.npz")
     arguments = [tmp_path / "moved.npz", "--capture", built_in / "capture", "--voxel-size", 0.006]
-    code, text = run(capsys, *arguments, "--out", tmp_path / "b.glb")
+    code, text = run("mesh", *arguments, "--out", tmp_path / "b.glb")
     assert code == EXIT_OK and distances_mm(text)[1] > 9, text
 
 
-def test_a_recording_of_something_real_is_compared_with_nothing(tmp_path: Path, capsys) -> None:
+def test_a_recording_of_something_real_is_compared_with_nothing(tmp_path: Path, run) -> None:
     write_tiny_capture(tmp_path / "capture", frames=8)
     ball(3000).save(tmp_path / "reconstruction/gaussians.npz")
     code, text = run(
-        capsys, tmp_path / "reconstruction", "--out", tmp_path / "a.ply", "--voxel-size", 0.02
+        "mesh", tmp_path / "reconstruction", "--out", tmp_path / "a.ply", "--voxel-size", 0.02
     )
     assert code == EXIT_OK, text
     assert "8 views" in text
@@ -110,7 +104,7 @@ def test_a_recording_of_something_real_is_compared_with_nothing(tmp_path: Path, 
     assert "Chamfer" not in text
 
 
-def test_what_cannot_be_done_is_said(tmp_path: Path, monkeypatch, capsys) -> None:
+def test_what_cannot_be_done_is_said(tmp_path: Path, monkeypatch, run) -> None:
     for arguments, code, message in [
         (["--out", "a.obj"], EXIT_BAD_INPUT, "expected .glb or .ply"),
         (["--out", "a.glb", "--capture", "none"], EXIT_BAD_INPUT, "no such folder"),
@@ -120,7 +114,7 @@ def test_what_cannot_be_done_is_said(tmp_path: Path, monkeypatch, capsys) -> Non
     ]:
         monkeypatch.chdir(tmp_path)
         ball(50).save(tmp_path / "a.npz")
-        found, text = run(capsys, "a.npz", *arguments)
+        found, text = run("mesh", "a.npz", *arguments)
         assert (found, message in text) == (code, True), text
         assert [p.name for p in tmp_path.iterdir()] == ["a.npz"]
 

@@ -1,17 +1,23 @@
-"""Which output folders may be written: checks come before anything is made."""
+"""Which output folders may be written: checks come before anything is made, of whole commands, too."""
 
+import signal
 from pathlib import Path
 
+import numpy as np
 import pytest
 
+import digs_warp
 from digs_warp.checks import DigsError
-from digs_warp.cli import EXIT_BAD_INPUT, main
+from digs_warp.cli import EXIT_BAD_INPUT, EXIT_OK, main
 from digs_warp.commands import output
 from digs_warp.commands.output import OutputFolder, is_ours
+from digs_warp.data.gaussians import FIELDS, Gaussians
 from digs_warp.record.files import write_atomically
-from digs_warp.record.layout import UNFINISHED
+from digs_warp.record.layout import GAUSSIANS, UNFINISHED
 from digs_warp.record.run_log import RunLog
-from reference.output_folders import names, our_folder, state, write
+from reference.interrupted_training import train_until
+from reference.output_folders import SMALL, names, our_folder, state, write
+from reference.tiny_capture import write_tiny_capture
 
 
 def test_a_new_and_an_empty_folder_are_fine(tmp_path: Path) -> None:
@@ -21,9 +27,7 @@ def test_a_new_and_an_empty_folder_are_fine(tmp_path: Path) -> None:
         assert names(tmp_path / name) == ["files.jsonl", "new.txt", "run.json"]
 
 
-def test_a_folder_in_use_is_refused_and_left_alone(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_folder_in_use_is_refused_and_left_alone(tmp_path: Path, capsys) -> None:
     folder = our_folder(tmp_path / "out")
     before = state(tmp_path)
     assert main(["simulate", "--out", str(folder)]) == EXIT_BAD_INPUT
@@ -74,7 +78,7 @@ def test_overwrite_refuses_a_folder_that_we_did_not_write(tmp_path: Path) -> Non
 
 
 def test_overwrite_refuses_to_delete_its_own_input_and_the_working_directory(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, capsys, monkeypatch
 ) -> None:
     folder = our_folder(tmp_path / "out")
     mesh = folder / "object.glb"
@@ -88,7 +92,7 @@ def test_overwrite_refuses_to_delete_its_own_input_and_the_working_directory(
     assert state(tmp_path) == before
 
 
-def test_a_file_is_no_output_folder(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_file_is_no_output_folder(tmp_path: Path, capsys) -> None:
     for name in ["file", "file/out"]:
         (tmp_path / "file").write_text("")
         assert main(["simulate", "--out", str(tmp_path / name), "--overwrite"]) == EXIT_BAD_INPUT
@@ -104,9 +108,7 @@ def test_a_file_is_not_replaced_by_what_is_made_from_it(tmp_path: Path) -> None:
     assert mesh.read_text() == "v 0 0 0"
 
 
-def test_a_link_among_the_devices_is_not_replaced(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_link_among_the_devices_is_not_replaced(tmp_path: Path, monkeypatch) -> None:
     """Where stdout goes to a file, /dev/stdout leads to a file; the system needs the link."""
     monkeypatch.setattr(output, "DEVICES", tmp_path)
     (tmp_path / "log").write_text("")
@@ -150,9 +152,7 @@ def test_a_failure_keeps_the_old_result(
     assert (UNFINISHED in after) == can_resume  # something to go on with
 
 
-def test_resume_goes_on_with_an_interrupted_overwrite_and_says_so(
-    tmp_path: Path, caplog: pytest.LogCaptureFixture
-) -> None:
+def test_resume_goes_on_with_an_interrupted_overwrite_and_says_so(tmp_path: Path, caplog) -> None:
     folder = our_folder(tmp_path / "out")
     with pytest.raises(KeyboardInterrupt):
         with OutputFolder(out=folder, overwrite=True).opened() as work:
@@ -178,3 +178,83 @@ def test_resume_never_takes_the_old_result_for_the_new_one(tmp_path: Path) -> No
         RunLog("simulate", {"frames": 3}).save(work / "run.json")
         write_atomically(work / "new.txt", b"new")
     assert names(folder) == ["files.jsonl", "new.txt", "run.json"]
+
+
+SHORT = "--iterations 2 --sh-degree 0 --voxel-size 0.05".split()
+
+
+@pytest.fixture(scope="module")
+def capture(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return write_tiny_capture(tmp_path_factory.mktemp("tiny") / "capture", frames=8).folder
+
+
+def test_a_recording_that_cannot_be_made_changes_nothing(tmp_path: Path, monkeypatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("README.txt").write_text("no mesh")
+    our_folder(tmp_path / "used")
+    before = state(tmp_path)
+    for flags in [
+        ["--effects", "nosuch", "--tier", "guided"],
+        ["--environment", "missing.hdr"],
+        ["--mesh", "README.txt"],
+        ["--profile", "no-such-camera"],
+        ["--meshes", "no/such/*.glb"],
+    ]:
+        for command in ("simulate", "run"):
+            if command == "run" and "--meshes" in flags:
+                continue
+            assert main([command, "--out", "used", "--overwrite", *SMALL, *flags]) == EXIT_BAD_INPUT
+            assert main([command, "--out", "new/folder", *SMALL, *flags]) == EXIT_BAD_INPUT
+        assert state(tmp_path) == before
+
+
+def test_a_reconstruction_that_cannot_be_made_changes_nothing(
+    capture: Path, tmp_path: Path, monkeypatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("empty").mkdir()
+    our_folder(tmp_path / "used", "reconstruct")
+    before = state(tmp_path)
+    for flags in [
+        ["--mask-folder", "empty", "--masks", "folder"],
+        ["--device", "cuda:7"],
+        ["--voxel-size", "1e-9"],
+        ["--test-every", "1"],
+    ]:
+        arguments = ["reconstruct", str(capture), *SHORT, *flags]
+        assert main([*arguments, "--out", "used", "--overwrite"]) != EXIT_OK
+        assert main([*arguments, "--out", "new/folder"]) != EXIT_OK
+        assert state(tmp_path) == before
+
+
+def test_an_overwrite_that_is_terminated_resumes_to_the_same_bits(
+    capture: Path, tmp_path: Path
+) -> None:
+    """A real SIGTERM in the middle of the training; until the end the old result is as it was."""
+    out, alone = tmp_path / "out", tmp_path / "alone"
+    options = "--iterations 300 --sh-degree 0 --voxel-size 0.02".split()
+    assert main(["reconstruct", str(capture), "--out", str(alone), *options]) == 0
+    assert main(["reconstruct", str(capture), "--out", str(out), *SHORT]) == 0
+    (out / "notes.txt").write_text("precious")
+    before = state(out)
+    arguments = ["reconstruct", str(capture), "--out", str(out), *options]
+    ended = train_until(signal.SIGTERM, [*arguments, "--overwrite"])
+    assert ended.returncode == 143 and "--resume" in ended.stderr
+    assert before.items() <= state(out).items()
+    assert main([*arguments, "--resume"]) == 0
+    one, other = (Gaussians.load(folder / GAUSSIANS) for folder in (out, alone))
+    for name in FIELDS:
+        np.testing.assert_array_equal(getattr(one, name), getattr(other, name))
+    assert names(out) == sorted([*names(alone), "notes.txt"])
+
+
+def test_the_functions_of_the_package_replace_no_file_of_others(
+    capture: Path, tmp_path: Path
+) -> None:
+    (tmp_path / "masks").mkdir()
+    (tmp_path / "masks/0001.png").write_text("precious")
+    with pytest.raises(DigsError, match="not empty"):
+        digs_warp.reconstruct(capture, out=tmp_path, iterations=2, masks="depth")
+    with pytest.raises(DigsError, match="not empty"):
+        digs_warp.simulate(out=tmp_path, frames=2, width=32, height=18)
+    assert names(tmp_path) == ["masks"]

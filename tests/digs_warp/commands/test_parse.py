@@ -38,9 +38,7 @@ def flags_in(lines: list[str]) -> list[str]:
     return [line.split()[0].strip(",") for line in lines if re.match("  --[a-z]", line)]
 
 
-def test_help_explains_every_flag_and_names_no_empty_default(
-    capsys: pytest.CaptureFixture[str],
-) -> None:
+def test_help_explains_every_flag_and_names_no_empty_default(capsys) -> None:
     for command in ALL:
         lines = help_lines([*command, "--help-all"], capsys)
         numbers = [n for n, line in enumerate(lines) if re.match(r"  (--[a-z]|[A-Z]{4,} )", line)]
@@ -53,7 +51,7 @@ def test_help_explains_every_flag_and_names_no_empty_default(
         assert not re.search(r"\(default: *(None|''|\"\")?\)", text)
 
 
-def test_help_shows_the_main_flags_and_counts_the_rest(capsys: pytest.CaptureFixture[str]) -> None:
+def test_help_shows_the_main_flags_and_counts_the_rest(capsys) -> None:
     for name in ["run", "simulate", "reconstruct"]:
         short = help_lines([name, "--help"], capsys)
         full = help_lines([name, "--help-all"], capsys)
@@ -68,7 +66,7 @@ def test_help_shows_the_main_flags_and_counts_the_rest(capsys: pytest.CaptureFix
 # Suggestions
 
 
-def test_a_close_miss_is_suggested_in_a_few_lines(capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_close_miss_is_suggested_in_a_few_lines(capsys) -> None:
     for words, suggestion in [
         (["simulte"], "did you mean 'simulate'?"),
         (["qqq"], "reconstruct"),
@@ -102,7 +100,7 @@ def test_a_close_miss_is_suggested_in_a_few_lines(capsys: pytest.CaptureFixture[
 # The flags of every command
 
 
-def test_version(capsys: pytest.CaptureFixture[str]) -> None:
+def test_version(capsys) -> None:
     for words in [["--version"], ["info", "--version"], ["--version", "nonsense"]]:
         assert main(words) == EXIT_OK
         assert re.match(r"digs-warp \d+\.\d+", capsys.readouterr().out)

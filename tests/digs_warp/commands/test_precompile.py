@@ -11,9 +11,7 @@ import warp as wp
 from digs_warp.commands import precompile
 
 
-def test_all_kernels_are_in_six_sets_of_options(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_all_kernels_are_in_six_sets_of_options(tmp_path: Path, monkeypatch) -> None:
     # Each more costs a first run as much as ten small modules.
     monkeypatch.setattr(wp.config, "kernel_cache_dir", str(tmp_path))
     sources = precompile._sources_with_warp()
@@ -24,9 +22,7 @@ def test_all_kernels_are_in_six_sets_of_options(
     assert len(sets) == 6
 
 
-def test_what_is_compiled_is_not_compiled_again(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_what_is_compiled_is_not_compiled_again(tmp_path: Path, monkeypatch) -> None:
     monkeypatch.setattr(wp.config, "kernel_cache_dir", str(tmp_path))
     one = {"digs_warp.splat.bin_tiles": "@wp.kernel"}
     monkeypatch.setattr(precompile, "_sources_with_warp", lambda: one)

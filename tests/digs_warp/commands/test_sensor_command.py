@@ -28,9 +28,7 @@ def fit(*words: str | Path) -> int:
     return main(["sensor", "fit", "--quiet", *map(str, words)])
 
 
-def test_the_profile_has_the_figures_and_can_be_used(
-    wall: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_the_profile_has_the_figures_and_can_be_used(wall: Path, tmp_path: Path, capsys) -> None:
     out = tmp_path / "mine.yaml"
     assert fit(wall, "--out", out, "--base", "oak-d") == EXIT_OK
     shown = capsys.readouterr().out
@@ -49,7 +47,7 @@ def test_the_profile_has_the_figures_and_can_be_used(
 
 
 def test_wrong_flags_and_files_in_the_way_are_refused(
-    wall: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    wall: Path, tmp_path: Path, monkeypatch, capsys
 ) -> None:
     monkeypatch.chdir(tmp_path)
     (tmp_path / "mine.html").write_text("of somebody else")
@@ -65,9 +63,7 @@ def test_wrong_flags_and_files_in_the_way_are_refused(
         assert [path.name for path in tmp_path.iterdir()] == ["mine.html"]
 
 
-def test_a_recording_of_something_else_is_no_wall(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_recording_of_something_else_is_no_wall(tmp_path: Path, capsys) -> None:
     rig = load_profile("bare-matcher").rig(64, 48)
     writer = CaptureWriter(tmp_path / "fence", rig.intrinsics, Rig(rig.baseline))
     fence = np.where(np.indices((48, 64))[1] // 8 % 2, 0.2, 0.6)

@@ -1,20 +1,29 @@
-"""--config: the settings of an earlier run as defaults."""
+"""--config: the settings of an earlier run as defaults; each number has a range in its annotation."""
 
+import inspect
 import os
 import re
+from collections.abc import Iterator
+from dataclasses import fields, is_dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 import pytest
 
 from digs_warp import cli
 from digs_warp.checks import DigsError
 from digs_warp.cli import EXIT_WRONG_USAGE, main
+from digs_warp.commands.command import COMMANDS, Command, Group, Node
 from digs_warp.commands.reconstruct import Reconstruct
 from digs_warp.commands.run import Run
-from digs_warp.commands.settings_file import file_settings
+from digs_warp.commands.settings_file import alternatives, file_settings
 from digs_warp.commands.simulate import Simulate
 from digs_warp.record.run_log import RunLog
+from digs_warp.settings import Range, Settings
+from digs_warp.sim.config import SimulateConfig
+from digs_warp.sim.scene.appearance import LookSettings
+from digs_warp.sim.testing.recording import RecordingConfig
+from digs_warp.train.config import TrainConfig
 
 RECORDING = [
     *("--frames", "7", "--mesh", "a b.glb", "--error-strength", "0.1", "--seed", "3"),
@@ -44,9 +53,7 @@ def settings_of(command: object) -> Any:
     return command.recording if is_one else {"recording": command.recording, "scenes": command.many}
 
 
-def test_files_are_found_from_another_folder(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_files_are_found_from_another_folder(tmp_path: Path, monkeypatch) -> None:
     project = tmp_path / "project"
     (project / "out").mkdir(parents=True)
     (project / "a b.glb").write_text("")
@@ -149,9 +156,7 @@ UNUSABLE = {
 }
 
 
-def test_unusable_files_are_explained_in_one_line(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_unusable_files_are_explained_in_one_line(tmp_path: Path, capsys) -> None:
     for file, text in UNUSABLE.items():
         (tmp_path / file).write_text(text)
     os.mkfifo(tmp_path / "pipe.yaml")
@@ -159,3 +164,75 @@ def test_unusable_files_are_explained_in_one_line(
         assert main(["run", "--config", str(tmp_path / name)]) == EXIT_WRONG_USAGE
         error = capsys.readouterr().err
         assert name in error and len(error.splitlines()) == 1, error
+
+
+def all_commands(node: Node) -> Iterator[type[Command]]:
+    if isinstance(node, Group):
+        for member in node.members.values():
+            yield from all_commands(member)
+    else:
+        yield node
+
+
+def with_those_within(kind: type) -> Iterator[type]:
+    """A dataclass of settings, and those of its fields."""
+    yield kind
+    for field in fields(kind):
+        for inner in alternatives(field.type):
+            if isinstance(inner, type) and is_dataclass(inner):
+                yield from with_those_within(inner)
+
+
+def has_numbers(annotation: Any) -> bool:
+    kinds = alternatives(annotation)
+    return bool({int, float} & {*kinds, *(part for kind in kinds for part in get_args(kind))})
+
+
+def range_of(annotation: Any) -> Range:
+    return next(note for note in annotation.__metadata__ if isinstance(note, Range))
+
+
+NUMBERED = sorted(
+    {
+        kind
+        for each in (*all_commands(COMMANDS), RecordingConfig)
+        for kind in with_those_within(each)
+        if any(has_numbers(field.type) for field in fields(kind))
+    },
+    key=lambda kind: kind.__name__,
+)
+
+
+def test_every_number_has_a_range_that_its_settings_keep() -> None:
+    assert {"SimulateConfig", "_TrainOptions", "Stop"} <= {kind.__name__ for kind in NUMBERED}
+    for kind in NUMBERED:
+        numbers = [field for field in fields(kind) if has_numbers(field.type)]
+        assert all(range_of(field.type) for field in numbers) and issubclass(kind, Settings)
+        if "__post_init__" in vars(kind):  # which is to call that of `Settings`
+            assert "super().__post_init__()" in inspect.getsource(kind), kind
+
+
+def test_a_number_out_of_its_range_is_refused_by_the_name_of_its_flag_or_setting() -> None:
+    for make, message in [
+        (lambda: SimulateConfig(strength=-1), "--error-strength: -1, expected 0 to 100"),
+        (lambda: SimulateConfig(object_turn=float("nan")), "object_turn: nan, expected -360"),
+        (lambda: TrainConfig(learning_rate=0.0), "learning_rate: 0.0, expected 1e-12 to"),
+        (lambda: LookSettings(tint=(0.5, -3.0)), "tint: -3.0, expected"),
+    ]:
+        with pytest.raises(DigsError, match=f"^{message}"):
+            make()
+
+
+def test_the_ends_pass_and_the_message_shows_them() -> None:
+    for ends, good, bad, message in [
+        (Range(1, 8192), (1, 8192, None), 100_000, "--x: 100000, expected 1 to 8,192"),
+        (Range(0, 100), (0, 100.0), 1e9, "--x: 1000000000.0, expected 0 to 100"),
+        (Range(1e-6, 100), (1e-6,), float("nan"), "--x: nan, expected 1e-06 to 100"),
+        (Range(0, 0.5, "s"), (0, 0.5), 33, "--x: 33, expected 0 to 0.5 s"),
+        (Range(0, 1), (0,), 10**400, f"--x: {10**400}, expected 0 to 1"),
+    ]:
+        for value in good:
+            ends.check("--x", value)
+        with pytest.raises(DigsError) as error:
+            ends.check("--x", bad)
+        assert str(error.value) == message

@@ -125,7 +125,7 @@ def test_another_version_or_unit_is_no_recording_of_nerfstudio_either(tmp_path: 
         change_index(tmp_path, digs_warp={})
 
 
-def test_what_changes_nothing_passes(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+def test_what_changes_nothing_passes(tmp_path: Path, caplog) -> None:
     write_capture(tmp_path, 2)
     assert caplog.text == ""
     zeros = dict.fromkeys(COEFFICIENTS, 0.0)

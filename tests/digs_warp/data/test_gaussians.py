@@ -1,4 +1,4 @@
-"""Gaussians: exact files, errors that name them, and activation at the extremes."""
+"""Gaussians and points: exact files, errors that name them, and values at the extremes."""
 
 import io
 import zipfile
@@ -18,6 +18,7 @@ from digs_warp.data.gaussians import (
     ScreenFilter,
     joined,
 )
+from digs_warp.data.point_cloud import read_points
 from digs_warp.splat.device import DeviceGaussians
 
 
@@ -90,3 +91,19 @@ def test_a_file_says_what_the_splats_are_drawn_with(tmp_path: Path) -> None:
     # An older file, without a note, is for the dilation of that time.
     np.savez(tmp_path / "g.npz", **{name: getattr(gaussians, name) for name in FIELDS})
     assert Gaussians.load(tmp_path / "g.npz").screen_filter == CLASSIC
+
+
+def test_colors_of_any_kind_are_shares_of_one(tmp_path: Path, caplog) -> None:
+    for kind, top, half in (
+        *(("uchar", 255, 128), ("ushort", 65535, 32768)),
+        *(("float", 1, 0.5), ("float", 255, 128)),
+    ):
+        colors = "".join(f"property {kind} {name}\n" for name in ("red", "green", "blue"))
+        places = "".join(f"property float {axis}\n" for axis in "xyz")
+        rows = f"1 2 3 {top} 0 {half}\nnan 0 0 0 0 0\n"
+        header = f"ply\nformat ascii 1.0\nelement vertex 2\n{places}{colors}end_header\n"
+        (tmp_path / "a.ply").write_text(header + rows)
+        cloud = read_points(tmp_path / "a.ply", offset=np.ones(3), scale=0.5)
+        np.testing.assert_array_equal(cloud.points_world, [[1, 3, 5]])
+        np.testing.assert_allclose(cloud.colors, [[1, 0, 0.5]], atol=0.002)
+    assert "1 of 2 are not finite and are left out" in caplog.text

@@ -1,4 +1,4 @@
-"""The cameras and masks that a reconstruction used come back as they were."""
+"""The cameras and masks that a reconstruction used, and masks as run lengths, come back as they were."""
 
 import json
 from dataclasses import replace
@@ -10,6 +10,7 @@ import pytest
 from digs_warp.checks import DigsError
 from digs_warp.data.capture import Capture
 from digs_warp.data.layers import Layer
+from digs_warp.data.objects import mask_of_text, text_of_mask
 from digs_warp.data.posed_frames import CAMERAS, PosedFrames
 from reference.tiny_capture import write_tiny_capture
 
@@ -61,3 +62,32 @@ def test_the_folder_can_be_moved_and_another_capture_or_a_broken_file_is_refused
         (elsewhere / CAMERAS).write_text(json.dumps(record))
         with pytest.raises(DigsError, match=message):
             PosedFrames.load(capture, elsewhere)
+
+
+# pycocotools.mask.encode of `framed`.
+FRAMED = (
+    "01d<k0hC00000000000000000000000000000000000000CII77II77II77II77II77II77II77II77II77II7d000"
+    "000000000000000000000000000000000000[<"
+)
+
+
+def framed() -> np.ndarray:
+    mask = np.zeros((40, 70), bool)
+    mask[5:33, 10:60] = True
+    mask[20:25, 30:40] = False
+    mask[0, 0] = True
+    return mask
+
+
+def test_the_text_is_that_of_coco() -> None:
+    assert text_of_mask(framed()) == FRAMED
+    np.testing.assert_array_equal(mask_of_text(FRAMED, 40, 70), framed())
+
+
+def test_any_mask_comes_back_and_text_of_another_is_refused() -> None:
+    for share in (0.0, 0.02, 0.5, 1.0):
+        mask = np.random.default_rng(1).random((37, 211)) < share
+        np.testing.assert_array_equal(mask_of_text(text_of_mask(mask), 37, 211), mask)
+    for text in ("", FRAMED[:-1], "P", "~", FRAMED + "1"):
+        with pytest.raises(ValueError, match=r"pixels|character|ends"):
+            mask_of_text(text, 40, 70)

@@ -142,7 +142,7 @@ def test_photographs_start_from_their_depth() -> None:
     assert np.median(np.abs(near[:, 2])) < 0.01
 
 
-def test_plain_photographs_start_from_sparse_points(caplog: pytest.LogCaptureFixture) -> None:
+def test_plain_photographs_start_from_sparse_points(caplog) -> None:
     recorded = PointCloud(on_the_plane().astype(np.float32), np.full((300, 3), 0.5, np.float32))
     config = InitConfig(strategy="mvs")
     with caplog.at_level(logging.WARNING):

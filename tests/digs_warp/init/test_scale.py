@@ -51,7 +51,7 @@ def test_junk_does_not_count_and_nothing_else_raises() -> None:
             estimate_scale(np.array(unusable))
 
 
-def test_two_modes_as_high_as_each_other_are_told(caplog: pytest.LogCaptureFixture) -> None:
+def test_two_modes_as_high_as_each_other_are_told(caplog) -> None:
     # Half of the frames in feet: both peaks have the same height when their values do not scale along.
     peak = noisy(20_000, 0.01)
     values = np.append(peak, peak + 2.0)
@@ -70,9 +70,7 @@ def test_wild_values_and_their_order_do_not_matter() -> None:
     np.testing.assert_array_equal(values, before)
 
 
-def test_measured_depth_scales_a_model(
-    ball_ring: Capture, caplog: pytest.LogCaptureFixture
-) -> None:
+def test_measured_depth_scales_a_model(ball_ring: Capture, caplog) -> None:
     frames = ball_ring.frames
     model = sfm_from_truth(frames, TRUE, points=4000)
     config = InitConfig(edge_filter=False)

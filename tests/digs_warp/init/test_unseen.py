@@ -1,4 +1,4 @@
-"""What a few views did not see: a ball, of which cameras on one side measure less than half."""
+"""What no view saw: the back of a ball that cameras on one side measure, and the far shell around a scene."""
 
 from pathlib import Path
 
@@ -7,9 +7,11 @@ import pytest
 
 from digs_warp.data.frame import Frame
 from digs_warp.data.point_cloud import PointCloud
+from digs_warp.geometry.camera import Camera, Intrinsics
+from digs_warp.geometry.rigid import look_at
 from digs_warp.init.config import InitConfig
 from digs_warp.init.recipes import initialize
-from digs_warp.init.unseen import FEW_VIEWS
+from digs_warp.init.unseen import FEW_VIEWS, shell_points
 from reference.ball_capture import RADIUS, ball_view, ball_views, write_capture
 
 SIZE = 0.02
@@ -68,3 +70,33 @@ def test_few_views_are_filled_and_many_are_not(count: int, tmp_path: Path) -> No
     frames = write_capture(tmp_path, ball_views(40)[:count]).frames
     sources = initialize(frames, InitConfig(voxel_size=SIZE)).sources
     assert ("unseen" in sources) == (count == 3)
+
+
+# Four walls of a room around the origin, each of one color; floor and ceiling are missing.
+COLORS = {(1, 0): (1.0, 0, 0), (-1, 0): (0, 1.0, 0), (0, 1): (0, 0, 1.0), (0, -1): (1.0, 1.0, 0)}
+
+
+def room() -> PointCloud:
+    steps = np.linspace(-2, 2, 81)
+    along, height = (each.reshape(-1) for each in np.meshgrid(steps, 0.25 * steps))
+    walls, colors = [], []
+    for (x, y), color in COLORS.items():
+        side = np.stack([2 * x + y * along, 2 * y + x * along, height], axis=1)
+        walls.append(side)
+        colors.append(np.tile(color, (len(side), 1)))
+    return PointCloud(np.concatenate(walls), np.concatenate(colors))
+
+
+def camera(direction: np.ndarray) -> Camera:
+    up = np.array([0.1, 0, 1.0])
+    return Camera(Intrinsics.from_fov(32, 32, 60.0), look_at(np.zeros(3), direction, up))
+
+
+def test_the_shell_lies_beyond_all_points_and_has_the_colors_of_the_walls() -> None:
+    points = room()
+    shell = shell_points(points, [camera(np.array([1.0, 0, 0]))])
+    radii = np.linalg.norm(shell.points_world, axis=1)
+    assert radii.min() > np.linalg.norm(points.points_world, axis=1).max()
+    for (x, y), color in COLORS.items():
+        toward = shell.points_world @ np.array([x, y, 0]) > 0.9 * radii
+        np.testing.assert_allclose(shell.colors[toward].mean(axis=0), color, atol=0.05)

@@ -1,13 +1,16 @@
-"""What the views say about points: the kernel against plain NumPy."""
+"""What the views say about points, and in which colors they see them: the kernels against plain NumPy."""
 
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+import pytest
 
+from digs_warp.data.layers import Layer
 from digs_warp.geometry.camera import Camera
 from digs_warp.init.config import InitConfig
 from digs_warp.init.recipes import initialize
+from digs_warp.init.seen_colors import colors_in
 from digs_warp.init.visibility import (
     DepthViews,
     agreement_of_views,
@@ -16,6 +19,7 @@ from digs_warp.init.visibility import (
     not_seen_through,
 )
 from reference.ball_capture import RADIUS, ball_views, write_capture
+from reference.seen_colors_twin import colors_seen
 from reference.visibility_twin import agreement_by, said_by
 
 VOXEL = 0.01
@@ -92,3 +96,25 @@ def test_floaters_before_the_object_are_removed(tmp_path: Path) -> None:
     points = initialize(capture.frames, InitConfig(edge_filter=False)).points.points_world
     assert np.linalg.norm(points, axis=1).max() < RADIUS + 0.005
     assert len(points) > 1000
+
+
+def points_anywhere(count: int) -> np.ndarray:
+    """On the ball, in front of it, inside it, behind the cameras, and in no image."""
+    rng = np.random.default_rng(2)
+    directions = rng.normal(size=(count, 3))
+    directions /= np.linalg.norm(directions, axis=1, keepdims=True)
+    return directions * RADIUS * rng.uniform(0.5, 9.0, (count, 1)) ** rng.integers(0, 2, (count, 1))
+
+
+@pytest.mark.parametrize("without", [(), (Layer.MASK,), (Layer.DEPTH,), (Layer.MASK, Layer.DEPTH)])
+def test_colors_are_those_of_the_twin(tmp_path: Path, without: tuple[Layer, ...]) -> None:
+    views = ball_views(3)
+    for _, images in views:
+        images.depth[np.random.default_rng(1).random(images.depth.shape) < 0.1] = np.nan
+    points = points_anywhere(600)
+    for frame in write_capture(tmp_path, views).frames:
+        for layer in without:
+            frame = frame.without_layer(layer)
+        found, expected = colors_in(points, frame), colors_seen(points, frame)
+        np.testing.assert_allclose(found, expected, rtol=1e-14)
+        assert 0 < np.isfinite(found[:, 0]).sum() < len(points)

@@ -1,8 +1,12 @@
-"""A new result replaces an old one: whole after a kill at any moment; no file of the user is touched."""
+"""The list of what runs wrote, and how a new result replaces an old one: whole after a kill at any moment."""
 
+import json
 import os
 import shutil
+import subprocess
+import sys
 from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
 from itertools import count
 from pathlib import Path
 from typing import Any
@@ -10,11 +14,105 @@ from typing import Any
 import pytest
 
 from digs_warp.checks import DigsError
-from digs_warp.record.files import write_atomically
+from digs_warp.record.files import copy_file, new_file, remove, write_atomically
 from digs_warp.record.layout import MANIFEST, RUN_RECORD, UNFINISHED
-from digs_warp.record.manifest import Manifest, recorded_files
+from digs_warp.record.manifest import Manifest, is_kept, recorded_files
 from digs_warp.record.replacement import our_files, replace_result
 from digs_warp.record.run_log import RunLog
+from reference.file_hashes import file_hashes
+
+
+def test_it_lists_what_is_written_below_its_folder_by_any_thread(tmp_path: Path) -> None:
+    folder = tmp_path / "out"
+    with recorded_files(folder), ThreadPoolExecutor(4) as pool:
+        list(pool.map(lambda n: write_atomically(folder / f"a/{n}.bin", bytes([n])), range(50)))
+        with new_file(folder / "named.bin") as unfinished:
+            unfinished.write_bytes(b"named")
+        copy_file(folder / "named.bin", folder / "copy.bin")
+        write_atomically(folder / "gone.bin", b"")
+        remove(folder / "gone.bin")
+        write_atomically(tmp_path / "outside.bin", b"")
+        write_atomically(folder / "run.json", b"{}")
+    lines = (folder / "files.jsonl").read_text().splitlines()
+    assert [json.loads(line)["path"] for line in lines] == sorted(file_hashes(folder))
+    assert len(lines) == 52
+
+
+def test_a_folder_within_a_recorded_one_has_its_own(tmp_path: Path) -> None:
+    (tmp_path / "link").symlink_to(tmp_path)
+    with recorded_files(tmp_path / "link"), recorded_files(tmp_path / "inner"):
+        write_atomically(tmp_path / "link/a.bin", b"a")
+        write_atomically(tmp_path / "inner/b.bin", b"b")
+    assert Manifest.read(tmp_path).names == {"a.bin"}
+    assert Manifest.read(tmp_path / "inner").names == {"b.bin"}
+
+
+def test_missing_files_are_named_and_those_of_others_not_kept(tmp_path: Path, caplog) -> None:
+    with recorded_files(tmp_path):
+        for name in ("good", "gone", "removed"):
+            write_atomically(tmp_path / name, name.encode())
+        remove(tmp_path / "removed")
+    assert Manifest.read(tmp_path).is_complete()
+    (tmp_path / "gone").unlink()
+    (tmp_path / "users").write_bytes(b"not ours")
+    assert not Manifest.read(tmp_path).is_complete()
+    with recorded_files(tmp_path, resume=True) as manifest:
+        assert manifest.drop_missing() == ["gone"]
+        assert is_kept(tmp_path / "good") and not is_kept(tmp_path / "users")
+    assert "1 file is missing and made again: gone" in caplog.text
+    assert Manifest.read(tmp_path).is_complete() and not Manifest.read(tmp_path / "x").is_complete()
+
+
+KILLED = """
+import os, sys
+from pathlib import Path
+from digs_warp.record import disk, files, manifest
+folder = Path(sys.argv[1])
+replace = os.replace
+with manifest.recorded_files(folder):
+    files.write_atomically(folder / "a", b"first")
+    files.write_atomically(folder / "b", b"whole")
+    files.remove(folder / "b")
+    def killed(*paths):
+        if sys.argv[2] == "after":
+            replace(*paths)
+        os._exit(9)
+    os.replace = killed
+    files.write_atomically(folder / "a", b"second")
+"""
+
+
+@pytest.mark.parametrize(("when", "content"), [("before", b"first"), ("after", b"second")])
+def test_a_kill_in_the_middle_of_a_write_leaves_a_whole_file_that_is_listed(
+    tmp_path: Path, when: str, content: bytes
+) -> None:
+    done = subprocess.run([sys.executable, "-c", KILLED, str(tmp_path), when], check=False)
+    assert done.returncode == 9 and (tmp_path / "a").read_bytes() == content
+    with (tmp_path / "files.jsonl").open("a") as file:
+        file.write('{"path": "torn", "go')
+    assert Manifest.read(tmp_path).is_complete()
+    with recorded_files(tmp_path, resume=True):
+        write_atomically(tmp_path / "c", b"")
+    assert Manifest.read(tmp_path).names == {"a", "c"}
+
+
+def test_lines_of_others_lead_nowhere(tmp_path: Path) -> None:
+    lines = ["[]", "7", "\x00", '{"path": 3}', '{"path": "../victim"}', '{"path": "/etc/passwd"}']
+    (tmp_path / "files.jsonl").write_text("\n".join(lines))
+    assert Manifest.read(tmp_path).names == set()
+
+
+def test_a_folder_that_was_moved_to_another_disk_and_linked_is_still_whole(tmp_path: Path) -> None:
+    folder = tmp_path / "out"
+    with recorded_files(folder):
+        write_atomically(folder / "images" / "a.bin", b"a")
+    (folder / "images").rename(tmp_path / "elsewhere")
+    (folder / "images").symlink_to(tmp_path / "elsewhere")
+    with recorded_files(folder, resume=True) as manifest:
+        assert manifest.drop_missing() == [] and is_kept(folder / "images" / "a.bin")
+        (folder / "images" / "a.bin").unlink()
+        assert manifest.drop_missing() == ["images/a.bin"]
+
 
 OLD = ("a.txt", "images/0.png", "images/1.png", "gone/deep/x.txt", "becomes_folder")
 NEW = ("a.txt", "images/0.png", "images/2.png", "added/y.txt", "becomes_folder/z.txt")
@@ -74,9 +172,7 @@ def test_the_new_result_takes_the_place_of_the_old_one(tmp_path: Path) -> None:
     assert our_files(folder) == set(found) - set(FOREIGN)
 
 
-def test_a_kill_at_any_moment_never_mixes_two_results(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_kill_at_any_moment_never_mixes_two_results(tmp_path: Path, monkeypatch) -> None:
     """And the run that is made again afterwards leaves the whole one."""
     monkeypatch.setattr(os, "fsync", lambda _: None)  # it only takes time
     make(tmp_path / "start")

@@ -22,7 +22,7 @@ def test_a_write_replaces_the_whole_file_and_leaves_nothing_else(tmp_path: Path)
 
 @pytest.mark.parametrize(("code", "says"), [(errno.EIO, "Free space"), (errno.EROFS, "unchanged")])
 def test_a_failed_write_keeps_the_old_file(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, code: int, says: str
+    tmp_path: Path, monkeypatch, code: int, says: str
 ) -> None:
     path = tmp_path / "x.bin"
     write_atomically(path, b"old")

@@ -13,14 +13,7 @@ from digs_warp.data.images import read_image, write_image
 from digs_warp.data.layers import Layer
 from digs_warp.record.run_log import RunLog
 from digs_warp.show.report.capture_section import capture_section
-from reference.report_folder import (
-    HEIGHT,
-    TEST_EVERY,
-    WIDTH,
-    Page,
-    decoded,
-    write_and_parse,
-)
+from reference.report_folder import HEIGHT, TEST_EVERY, WIDTH, Page, decoded, write_and_parse
 
 
 def test_the_page_holds_everything_itself(run: tuple[Capture, Path, Path], tmp_path: Path) -> None:

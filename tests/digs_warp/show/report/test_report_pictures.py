@@ -1,9 +1,13 @@
-"""The pictures of the report: color scales, small images, the object on white, causes without color."""
+"""Pictures of the report: color scales, small images, the object on white, causes, the chart."""
+
+import re
+from xml.etree import ElementTree
 
 import numpy as np
 import pytest
 
 from digs_warp.show.report.causes import OK_COLOR, PATTERNS, TILE, paint_causes
+from digs_warp.show.report.course_section import line_chart
 from digs_warp.show.report.pictures import ColorScale, depth_scale, error_scale, over_white, shrink
 
 
@@ -56,3 +60,25 @@ def test_causes_differ_in_their_patterns_and_right_depth_has_none() -> None:
             assert (one != other).mean() > 0.1
     np.testing.assert_array_equal(patterns, [darker_places(code, step=3) for code in codes])
     assert (paint_causes(np.zeros((5, 7), np.uint8)) == OK_COLOR).all()
+
+
+@pytest.mark.parametrize(
+    ("points", "texts", "ends"),
+    [
+        ([(0, 17.5), (300, 26)], {"0", "50", "300", "16", "26"}, [(62, 243.2), (504, 12)]),
+        (
+            [(100, -0.02), (900, 0.13)],
+            {"0", "1,000", "-0.05", "0.15"},
+            [(106.2, 243.2), (459.8, 39.2)],
+        ),
+    ],
+)
+def test_all_of_a_chart_lies_within_it(points, texts, ends) -> None:
+    root = ElementTree.fromstring(line_chart(np.array(points)))
+    width, height = (float(number) for number in root.attrib["viewBox"].split()[2:])
+    for element in root:
+        for key, most in (("x", width), ("y", height)):
+            assert 0 <= float(element.get(key, 0)) <= most
+    assert texts | {"iterations", "PSNR [dB]"} <= {each.text for each in root.iter() if each.text}
+    line = re.findall(r"(-?[\d.]+) (-?[\d.]+)", root[1].attrib["d"])
+    np.testing.assert_allclose(np.array(line, float), ends, atol=0.5)

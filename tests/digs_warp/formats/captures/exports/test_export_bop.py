@@ -19,12 +19,7 @@ from digs_warp.masks.masks import segment
 from digs_warp.show.report.facts import describe
 from digs_warp.sim.config import SimulateConfig
 from digs_warp.sim.record.record import simulate
-from reference.exported import (
-    exported,
-    points_as_integer_centered,
-    true_points,
-    with_last_frame,
-)
+from reference.exported import exported, points_as_integer_centered, true_points, with_last_frame
 from reference.mesh_files import save
 
 

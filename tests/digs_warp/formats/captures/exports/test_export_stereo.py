@@ -95,20 +95,6 @@ def test_the_calibration_turns_disparity_into_millimetres(capture: Capture, scen
         assert int(found["vmin"]) == np.floor(np.nanmin(frame.load(Layer.DISPARITY)))
 
 
-def test_torchvision_reads_a_scene(capture: Capture, scenes: Path, tmp_path: Path) -> None:
-    datasets = pytest.importorskip("torchvision.datasets", reason="torchvision is not installed")
-    # It knows the scenes of 2014 by name.
-    (tmp_path / "Middlebury2014/train").mkdir(parents=True)
-    (tmp_path / "Middlebury2014/train/Motorcycle-perfect").symlink_to(scenes / "0001")
-    ((left, right, disparity, known),) = list(datasets.Middlebury2014Stereo(tmp_path))
-    frame = capture.frames[1]
-    np.testing.assert_array_equal(np.asarray(left), frame.load_image())
-    np.testing.assert_array_equal(np.asarray(right), frame.load_right_image())
-    true = frame.load(Layer.DISPARITY)
-    np.testing.assert_array_equal(known, np.isfinite(true))
-    np.testing.assert_array_equal(disparity[0][known], true[known])
-
-
 @pytest.mark.parametrize("form", STEREO)
 def test_a_capture_without_labels_says_how_to_get_them(
     capture: Capture, form: str, tmp_path: Path
@@ -158,25 +144,6 @@ def test_the_cameras_look_where_they_did(capture: Capture, flying: Path) -> None
         seen = Camera(CAMERA, left @ OPENCV_FROM_OPENGL)
         np.testing.assert_allclose(seen.world_from_cam, frame.camera.world_from_cam, atol=1e-7)
         np.testing.assert_allclose(right[:3, 3] - left[:3, 3], BASELINE * left[:3, 0], atol=1e-7)
-
-
-def test_torchvision_reads_pairs_and_flow(capture: Capture, flying: Path, tmp_path: Path) -> None:
-    datasets = pytest.importorskip("torchvision.datasets", reason="torchvision is not installed")
-    pairs = datasets.SceneFlowStereo(flying, pass_name="final")
-    assert len(pairs) == len(capture)
-    for number, frame in enumerate(capture.frames):
-        left, right, disparity = pairs[number]
-        np.testing.assert_array_equal(np.asarray(left), frame.load_image())
-        np.testing.assert_array_equal(np.asarray(right), frame.load_right_image())
-        true = np.nan_to_num(frame.load(Layer.DISPARITY), nan=0.0)
-        np.testing.assert_array_equal(disparity, true[None])
-    moving = datasets.FlyingThings3D(flying / "SceneFlow", pass_name="final")
-    image, later, flow = moving[0]  # torchvision leaves out the last pair
-    np.testing.assert_array_equal(np.asarray(image), capture.frames[0].load_image())
-    np.testing.assert_array_equal(np.asarray(later), capture.frames[1].load_image())
-    true = np.moveaxis(capture.frames[0].load(Layer.FLOW)[..., :2], -1, 0)
-    known = np.isfinite(true)
-    np.testing.assert_array_equal(flow[known], true[known])
 
 
 # KITTI
@@ -283,9 +250,7 @@ def test_the_calibration_projects_into_both_eyes(training: Path) -> None:
     assert calib_cam_to_cam(CAMERA, BASELINE).count("\n") == 16
 
 
-def test_values_that_do_not_fit_are_told(
-    capture: Capture, tmp_path: Path, caplog: pytest.LogCaptureFixture
-) -> None:
+def test_values_that_do_not_fit_are_told(capture: Capture, tmp_path: Path, caplog) -> None:
     exported(capture, "kitti-stereo", tmp_path)
     lost = sum(
         encode_disparity(frame.load(Layer.DISPARITY) + change)[1]
@@ -304,18 +269,3 @@ def test_an_infrared_pair_is_a_stereo_pair(tmp_path: Path) -> None:
     assert not (training / "flow_occ").exists()  # that is the color camera's
     found = read_calibration((training / "calib_cam_to_cam/000000.txt").read_text())
     np.testing.assert_allclose(found["P_rect_02"][[0, 2]], [EYES.fl_x, EYES.cx - 0.5])
-
-
-def test_torchvision_reads_the_flow(capture: Capture, training: Path, tmp_path: Path) -> None:
-    datasets = pytest.importorskip("torchvision.datasets", reason="torchvision is not installed")
-    (tmp_path / "KittiFlow").symlink_to(training.parent)
-    found = datasets.KittiFlow(tmp_path)
-    assert len(found) == 2
-    for number, frame in enumerate(capture.frames[:-1]):
-        image, later, flow, known = found[number]
-        np.testing.assert_array_equal(np.asarray(image), frame.load_image())
-        np.testing.assert_array_equal(np.asarray(later), capture.frames[number + 1].load_image())
-        true = np.moveaxis(frame.load(Layer.FLOW)[..., :2], -1, 0)
-        np.testing.assert_array_equal(known, np.isfinite(true).all(axis=0))
-        where = np.asarray(known, bool)
-        np.testing.assert_allclose(flow[:, where], true[:, where], atol=0.501 / 64)

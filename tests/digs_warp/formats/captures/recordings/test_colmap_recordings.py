@@ -44,7 +44,7 @@ def test_exports_come_back_with_images_masks_poses_and_points(
             frame.camera.world_from_cam, true.camera.world_from_cam, atol=1e-12
         )
         np.testing.assert_array_equal(frame.load_image(), true.load_image())
-        np.testing.assert_array_equal(frame.load_mask(), true.load_mask())
+        np.testing.assert_array_equal(frame.load_mask() > 127, true.load_mask() > 127)
     assert np.diff([frame.time for frame in found.frames]) == pytest.approx(1.0)  # no film
     points = found.load_points()
     assert points is not None and len(points) > 0
@@ -83,17 +83,13 @@ def test_images_may_have_several_sizes_and_cameras(copy: Path, tmp_path: Path) -
     assert found.frames[1].load_image().shape == (20, 10, 3)
 
 
-def test_images_that_are_not_there_are_left_out(
-    copy: Path, tmp_path: Path, caplog: pytest.LogCaptureFixture
-) -> None:
+def test_images_that_are_not_there_are_left_out(copy: Path, tmp_path: Path, caplog) -> None:
     (copy / "images/0001.png").unlink()
     assert len(converted("colmap", copy, tmp_path / "capture")) == 2
     assert "1 image of the model are not in" in caplog.text and "0001.png" in caplog.text
 
 
-def test_the_largest_of_several_models_is_read(
-    copy: Path, caplog: pytest.LogCaptureFixture
-) -> None:
+def test_the_largest_of_several_models_is_read(copy: Path, caplog) -> None:
     shutil.copytree(copy / "sparse/0", copy / "sparse/1")
     path = copy / "sparse/0/images.txt"
     path.write_text("\n".join(path.read_text().splitlines()[:6]) + "\n")

@@ -126,7 +126,7 @@ def room(origin: np.ndarray, rays: np.ndarray) -> np.ndarray:
 
 
 def test_poses_lenses_and_matched_depth_of_a_moving_sequence_agree(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, monkeypatch
 ) -> None:
     large = {"WIDTH": 360, "HEIGHT": 240, "SIZE": (360, 240), "K": K * np.array([[3], [3], [1]])}
     times = [TIMES[0] + 50_000_000 * n for n in range(12)]

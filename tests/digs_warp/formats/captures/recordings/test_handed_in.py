@@ -160,7 +160,7 @@ def test_a_byte_order_mark_is_no_text(capture: Capture, tmp_path: Path, form: st
 
 
 def test_an_index_of_training_frames_alone_is_read(
-    capture: Capture, tmp_path: Path, caplog: pytest.LogCaptureFixture
+    capture: Capture, tmp_path: Path, caplog
 ) -> None:
     folder = tmp_path / "ns"
     index = nerfstudio(capture, folder)
@@ -313,9 +313,7 @@ def test_a_link_to_another_disk_is_read_or_its_cure_named(capture: Capture, tmp_
         read_capture(folder)
 
 
-def test_what_is_not_read_is_said(
-    capture: Capture, tmp_path: Path, caplog: pytest.LogCaptureFixture
-) -> None:
+def test_what_is_not_read_is_said(capture: Capture, tmp_path: Path, caplog) -> None:
     folder = tmp_path / "tum"
     export_capture(capture, "tum", folder)
     write_image(folder / "rgb/9.png", SMALL)

@@ -11,39 +11,17 @@ import pytest
 
 from digs_warp.checks import CaptureError, DigsError
 from digs_warp.data.capture import Capture
-from digs_warp.data.images import encode_jpeg, read_image, write_image
+from digs_warp.data.images import read_image, write_image
 from digs_warp.formats.captures.formats import read_recording
 from digs_warp.formats.captures.lens import Lens
 from digs_warp.geometry.rigid import OPENCV_FROM_OPENGL
 from digs_warp.record.files import to_json
-from reference.recorded import HEIGHT, WIDTH, check_same, converted
+from reference.handed_in import nerfstudio
+from reference.recorded import WIDTH, check_same, converted
 
 
 def test_our_own_folder_is_a_nerfstudio_recording(capture: Capture, tmp_path: Path) -> None:
     check_same(converted("nerfstudio", capture.folder, tmp_path), capture, 1e-12)
-
-
-# nerfstudio as others write it
-
-
-def write_nerfstudio(capture: Capture, folder: Path, **changes: Any) -> dict[str, Any]:
-    """JPEG images, no depth, poses as 3D scanners export them: few digits."""
-    (folder / "images").mkdir(parents=True)
-    frames = []
-    for number, frame in enumerate(capture.frames):
-        path = folder / "images" / f"frame_{number + 1:05d}.jpg"
-        path.write_bytes(encode_jpeg(frame.load_image(), quality=100))
-        matrix = np.round(frame.camera.world_from_cam @ OPENCV_FROM_OPENGL, 6)
-        frames.append({"file_path": f"images/{path.name}", "transform_matrix": matrix.tolist()})
-    index = {
-        "camera_model": "OPENCV",
-        **{"w": WIDTH, "h": HEIGHT, "fl_x": 19.0, "fl_y": 23.0, "cx": 9.25, "cy": 7.75},
-        **{"k1": 0.0, "k2": 0.0, "p1": 0.0, "p2": 0.0},
-        "applied_transform": [[0, 1, 0, 0], [1, 0, 0, 0], [0, 0, -1, 0]],
-        "frames": frames,
-    } | changes
-    (folder / "transforms.json").write_text(to_json(index))
-    return index
 
 
 BROKEN_POSES: dict[str, tuple[Callable[[np.ndarray], np.ndarray], str]] = {
@@ -59,10 +37,10 @@ BROKEN_POSES: dict[str, tuple[Callable[[np.ndarray], np.ndarray], str]] = {
 
 @pytest.mark.parametrize("name", BROKEN_POSES)
 def test_a_single_broken_pose_costs_one_frame(
-    capture: Capture, tmp_path: Path, caplog: pytest.LogCaptureFixture, name: str
+    capture: Capture, tmp_path: Path, caplog, name: str
 ) -> None:
     change, message = BROKEN_POSES[name]
-    index = write_nerfstudio(capture, tmp_path / "ns")
+    index = nerfstudio(capture, tmp_path / "ns")
     frames = [dict(frame) for frame in index["frames"] * 3]
     frames[4]["transform_matrix"] = change(np.array(frames[4]["transform_matrix"])).tolist()
     index["frames"] = frames
@@ -77,10 +55,10 @@ def test_a_single_broken_pose_costs_one_frame(
 
 
 def test_the_scale_that_nerfstudio_applied_is_taken_back(capture: Capture, tmp_path: Path) -> None:
-    index = write_nerfstudio(capture, tmp_path / "ns")
+    index = nerfstudio(capture, tmp_path / "ns")
     for frame in index["frames"]:
         for row in frame["transform_matrix"][:3]:
-            row[3] *= 0.25
+            row[:] = np.round([*row[:3], 0.25 * row[3]], 6).tolist()  # scanners write few digits
     (tmp_path / "ns/transforms.json").write_text(to_json(index | {"applied_scale": 0.25}))
     found = converted("nerfstudio", tmp_path / "ns", tmp_path / "capture")
     centers = [frame.camera.center_world for frame in found.frames]
@@ -109,8 +87,8 @@ def test_synthetic_scenes_have_a_field_of_view_and_no_suffixes(
 
 def test_a_fisheye_lens_is_taken_out(capture: Capture, tmp_path: Path) -> None:
     lens = {"k1": 0.05, "k2": 0.01, "k3": 0.0, "k4": 0.0}
-    write_nerfstudio(capture, tmp_path / "named", camera_model="OPENCV_FISHEYE", **lens)
-    write_nerfstudio(capture, tmp_path / "said", is_fisheye=True, **lens)
+    nerfstudio(capture, tmp_path / "named", camera_model="OPENCV_FISHEYE", **lens)
+    nerfstudio(capture, tmp_path / "said", is_fisheye=True, **lens)
     named, said = (
         converted("nerfstudio", tmp_path / name, tmp_path / f"{name} capture")
         for name in ("named", "said")
@@ -119,7 +97,7 @@ def test_a_fisheye_lens_is_taken_out(capture: Capture, tmp_path: Path) -> None:
     assert view is not None and view.lens == Lens((0.05, 0.01, 0.0, 0.0), is_fisheye=True)
     found = named.frames[0].load_image()
     np.testing.assert_array_equal(found, said.frames[0].load_image())
-    recorded = read_image(tmp_path / "named/images/frame_00001.jpg")
+    recorded = read_image(tmp_path / "named/images/0000.png")
     np.testing.assert_array_equal(found, view.apply(recorded))
     assert (found != recorded).any()
 
@@ -131,7 +109,7 @@ def test_a_fisheye_lens_is_taken_out(capture: Capture, tmp_path: Path) -> None:
         ({"camera_model": "EQUIRECTANGULAR"}, "camera_model is 'EQUIRECTANGULAR', expected one of"),
         ({"k1": 1e9}, "show 0% of the pinhole images"),
         ({"k1": 0.1, "w": 48 * 10**9}, "its camera: 672,000,000,000 pixels, expected up to"),
-        ({"k1": 0.1, "k5": 0.01}, "OPENCV with k5, expected only k1, k2"),
+        ({"camera_model": "OPENCV", "k1": 0.1, "k5": 0.01}, "OPENCV with k5, expected only k1, k2"),
         ({"k1": "much"}, "frame 0 .*k1 is 'much', expected a finite number"),
         ({"depth_unit_scale_factor": -1}, "depth_unit_scale_factor is -1"),
         ({"frames": []}, "lists no frames"),
@@ -144,7 +122,7 @@ def test_a_fisheye_lens_is_taken_out(capture: Capture, tmp_path: Path) -> None:
 def test_nerfstudio_folders_that_cannot_be_used(
     capture: Capture, tmp_path: Path, changes: dict[str, Any], message: str
 ) -> None:
-    write_nerfstudio(capture, tmp_path / "ns", **changes)
+    nerfstudio(capture, tmp_path / "ns", **changes)
     with pytest.raises(DigsError, match=message):
         converted("nerfstudio", tmp_path / "ns", tmp_path / "capture")
 
@@ -152,7 +130,7 @@ def test_nerfstudio_folders_that_cannot_be_used(
 def test_a_fourth_radial_coefficient_goes_with_the_eighth_power(
     capture: Capture, tmp_path: Path
 ) -> None:
-    write_nerfstudio(capture, tmp_path / "ns", k1=0.1, k2=-0.02, k3=0.003, k4=0.4)
+    nerfstudio(capture, tmp_path / "ns", k1=0.1, k2=-0.02, k3=0.003, k4=0.4)
     view = read_recording(tmp_path / "ns", "nerfstudio").frames[0].view
     assert view is not None and view.lens is not None
     x, y = 0.5, -0.3
@@ -161,6 +139,6 @@ def test_a_fourth_radial_coefficient_goes_with_the_eighth_power(
     bent = view.lens.distort(np.array([2 * x, 2 * y, 2.0]))
     np.testing.assert_allclose(bent, [x * factor, y * factor], rtol=1e-12)
     # The model that is OpenCV's own has it in the denominator.
-    write_nerfstudio(capture, tmp_path / "full", camera_model="FULL_OPENCV", k1=0.1, k4=0.4, k6=0.2)
+    nerfstudio(capture, tmp_path / "full", camera_model="FULL_OPENCV", k1=0.1, k4=0.4, k6=0.2)
     view = read_recording(tmp_path / "full", "nerfstudio").frames[0].view
     assert view is not None and view.lens == Lens((0.1, 0, 0, 0, 0, 0.4, 0, 0.2))

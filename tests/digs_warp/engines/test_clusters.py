@@ -1,8 +1,9 @@
-"""Real clusters of Dask on this machine: workers and scheduler are killed, and the results stay the same."""
+"""Real clusters on this machine: Dask, whose workers and scheduler are killed, and jobs of submitit."""
 
 import json
 import logging
 import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -69,7 +70,7 @@ def of_one_process(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
 
 @pytest.mark.long
 def test_a_worker_that_is_killed_changes_nothing(
-    tmp_path: Path, of_one_process: dict[str, Any], caplog: pytest.LogCaptureFixture
+    tmp_path: Path, of_one_process: dict[str, Any], caplog
 ) -> None:
     engine = EngineConfig(engine="dask", workers=2, case_threads=1)
     (tmp_path / "kill.txt").write_text("0")
@@ -143,11 +144,50 @@ def test_a_scheduler_that_is_killed_loses_nothing(
     assert not any(CASES[n].key in done for n in repeated)
 
 
-def test_an_address_where_nobody_answers_is_named(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_an_address_where_nobody_answers_is_named(tmp_path: Path, monkeypatch) -> None:
     monkeypatch.setattr("digs_warp.engines.dask_cluster.PATIENCE", 1)
     with pytest.raises(DigsError, match=r"dask:tcp://127.0.0.1:1: no scheduler of Dask answers"):
         run_cases(
             CASES, tmp_path, measure=measure, engine=EngineConfig(engine="dask:tcp://127.0.0.1:1")
+        )
+
+
+pytest.importorskip("submitit", reason="submitit is not installed: extra cluster")
+
+JOBS = EngineConfig(engine="submitit-local", workers=3, case_threads=2)
+
+
+def measure_or_die(case: Case, folder: Path) -> dict[str, Any]:
+    """Square a number; 13 raises, 99 kills the job that it runs in, once."""
+    n = case.labels["n"]
+    if n == 13:
+        raise ValueError("thirteen")
+    if n == 99 and not (folder / "killed").exists():
+        (folder / "killed").touch()
+        os.kill(os.getppid(), signal.SIGKILL)
+        signal.pause()
+    return {"metrics": {"square": n * n}, "threads_seen": os.environ["DIGS_WARP_THREADS"]}
+
+
+def test_jobs_answer_fail_and_are_tried_again(tmp_path: Path, monkeypatch) -> None:
+    # Seconds that submitit waits for the answer of a job that is gone; network drives need them.
+    monkeypatch.setattr("submitit.Job._results_timeout_s", 0.5)
+    cases = [Case(labels={"n": n}) for n in (3, 13, 99)]
+    outcome = run_cases(cases, tmp_path, measure=measure_or_die, engine=JOBS)
+    assert (outcome.done, outcome.failed) == (2, 1)
+    records = {r["labels"]["n"]: r for r in Store(tmp_path).records.values()}
+    assert (records[13]["error"], records[13]["failure"]) == ("ValueError: thirteen", "error")
+    assert (tmp_path / "killed").exists()
+    assert records[99]["metrics"] == {"square": 9801}
+    assert {records[n]["threads_seen"] for n in (3, 99)} == {"2"}
+
+
+@pytest.mark.skipif(shutil.which("sbatch") is not None, reason="there is a Slurm here")
+def test_without_slurm_the_error_says_where_to_run_it(tmp_path: Path) -> None:
+    with pytest.raises(DigsError, match="where 'sbatch' works"):
+        run_cases(
+            [Case(labels={"n": 3})],
+            tmp_path,
+            measure=measure_or_die,
+            engine=EngineConfig(engine="slurm"),
         )

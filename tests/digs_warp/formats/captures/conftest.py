@@ -8,4 +8,4 @@ from reference.recorded import small_capture
 
 @pytest.fixture(scope="session")
 def capture(tmp_path_factory: pytest.TempPathFactory) -> Capture:
-    return small_capture(tmp_path_factory.mktemp("recordings") / "capture")
+    return small_capture(tmp_path_factory.mktemp("small") / "capture")
