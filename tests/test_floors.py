@@ -58,14 +58,14 @@ LINE_BUDGETS = {
     "sim.scene": 3_545,
     "sim.sensor": 4_412,
     "sim.testing": 852,
-    "splat": 4_053,
+    "splat": 4_132,
     "study": 1_480,
     "surface": 558,
-    "torch": 167,
+    "torch": 179,
     "train": 3_594,
     "usd": 2_370,
 }
-MOST_FILES = 474  # of the product; 65,000 lines in 500 files are the goal
+MOST_FILES = 475  # of the product; 65,000 lines in 500 files are the goal
 # A shorter file with a single client in its folder belongs into that client.
 CRUMB = 60
 

@@ -28,6 +28,7 @@ from digs_warp.data.frame import Frame
 from digs_warp.data.gaussians import FIELDS, Gaussians
 from digs_warp.data.layers import Layer
 from digs_warp.geometry.camera import Camera
+from digs_warp.splat.camera_gradient import camera_gradient, moved_camera, pose_gradient
 from digs_warp.splat.config import DEFAULT_OPTIONS, RasterOptions
 from digs_warp.splat.render import render as render_numpy
 from digs_warp.splat.renderer import WHITE
@@ -57,6 +58,7 @@ def render(
     sh: torch.Tensor,
     camera: Camera | Sequence[Camera],
     *,
+    pose: torch.Tensor | None = None,
     near: float | None = None,
     background: tuple[float, float, float] = WHITE,
     options: RasterOptions = DEFAULT_OPTIONS,
@@ -70,6 +72,7 @@ def render(
         opacity_logits: shape (n,).
         sh: shape (n, K, 3).
         camera: from where; several need images of one size.
+        pose: a motion of the camera to optimize, shape (6,), see `moved_camera`; of several, (cameras, 6).
         near: near plane [m]; default: a share of the distance to the middle of the Gaussians.
         background: sRGB color behind the Gaussians; a constant.
         options: how splats are drawn, and whether depth is wanted. Tensors do not say what they
@@ -80,10 +83,13 @@ def render(
     """
     parameters = means, log_scales, quats, opacity_logits, sh
     settings = {"near": near, "background": background, "options": options}
-    cameras = [camera] if isinstance(camera, Camera) else camera
-    views = [_Render.apply(settings | {"camera": each}, *parameters) for each in cameras]
     if isinstance(camera, Camera):
-        return TorchView(*views[0])
+        return TorchView(*_Render.apply(settings | {"camera": camera}, pose, *parameters))
+    poses = [None] * len(camera) if pose is None else pose
+    views = [
+        _Render.apply(settings | {"camera": each}, motion, *parameters)
+        for each, motion in zip(camera, poses, strict=True)
+    ]
     layers = zip(*views, strict=True)
     return TorchView(*(None if each[0] is None else torch.stack(each) for each in layers))
 
@@ -140,14 +146,16 @@ class _Render(torch.autograd.Function):
 
     @staticmethod
     def forward(
-        ctx: Any, settings: dict[str, Any], *parameters: torch.Tensor
+        ctx: Any, settings: dict[str, Any], pose: torch.Tensor | None, *parameters: torch.Tensor
     ) -> tuple[torch.Tensor | None, ...]:
         ctx.set_materialize_grads(False)
-        ctx.inputs = parameters
-        ctx.view = view = render_numpy(
-            Gaussians(*(tensor.detach().cpu().float().numpy() for tensor in parameters)),
-            **settings,
-        )
+        ctx.inputs, ctx.pose, ctx.camera = (pose, *parameters), None, settings["camera"]
+        if pose is not None:
+            ctx.pose = pose.detach().cpu().double().numpy()
+            ctx.camera = moved_camera(ctx.camera, ctx.pose)
+        arrays = (tensor.detach().cpu().float().numpy() for tensor in parameters)
+        ctx.gaussians = Gaussians(*arrays)
+        ctx.view = view = render_numpy(ctx.gaussians, **settings | {"camera": ctx.camera})
         outputs = view.image, view.alpha, view.depth
         return tuple(None if pixels is None else _like(parameters[0], pixels) for pixels in outputs)
 
@@ -158,8 +166,12 @@ class _Render(torch.autograd.Function):
             None if adjoint is None else adjoint.detach().cpu().numpy() for adjoint in adjoints
         )
         gradients = ctx.view.backward(adj_image=image, adj_alpha=alpha, adj_depth=depth)
-        found = (getattr(gradients, name) for name in FIELDS)
-        return None, *(_like(*pair) for pair in zip(ctx.inputs, found, strict=True))
+        pose = None
+        if ctx.pose is not None and ctx.needs_input_grad[1]:
+            pose = pose_gradient(camera_gradient(ctx.gaussians, gradients, ctx.camera), ctx.pose)
+        found = pose, *(getattr(gradients, name) for name in FIELDS)
+        pairs = zip(ctx.inputs, found, strict=True)
+        return None, *(None if value is None else _like(tensor, value) for tensor, value in pairs)
 
 
 def _like(tensor: torch.Tensor, values: np.ndarray) -> torch.Tensor:

@@ -11,6 +11,7 @@ import pytest
 from digs_warp.checks import DigsError
 from digs_warp.data.capture import read_capture
 from digs_warp.data.gaussians import FIELDS
+from digs_warp.splat.camera_gradient import camera_gradient, moved_camera, pose_gradient
 from digs_warp.splat.config import RasterOptions
 from digs_warp.splat.render import render as render_numpy
 from reference.splat_scenes import BACKGROUND, NEAR, camera, random_gaussians
@@ -39,13 +40,15 @@ def test_the_view_is_that_of_render() -> None:
 
 def test_several_cameras_are_a_batch() -> None:
     cameras = [VIEW, VIEW.shifted_right(0.1), VIEW.shifted_right(-0.1)]
+    poses = torch.zeros(3, 6, requires_grad=True)
     inputs = tensors()
-    views = render(*inputs, camera=cameras, near=NEAR, options=ALL)
+    views = render(*inputs, camera=cameras, pose=poses, near=NEAR, options=ALL)
     assert views.depth.shape == (3, 27, 33)
     for number, each in enumerate(cameras):
         alone = render(*tensors(), camera=each, near=NEAR).image
         np.testing.assert_array_equal(views.image[number].detach(), alone.detach())
     views.image[1].sum().backward()
+    assert poses.grad[1].abs().min() > 0 and not poses.grad[[0, 2]].any()
     assert all(tensor.grad is not None for tensor in inputs)
     assert render(*inputs, camera=cameras).depth is None
 
@@ -54,17 +57,22 @@ def test_several_cameras_are_a_batch() -> None:
 def test_gradients_are_those_of_render(dtype: Any) -> None:
     rng = np.random.default_rng(0)
     weights = rng.normal(size=(27, 33, 3)), *rng.normal(size=(2, 27, 33))
+    pose = torch.tensor([0.02, -0.03, 0.02, 0.01, -0.01, 0.02], dtype=dtype, requires_grad=True)
     inputs = tensors(dtype)
-    view = render(*inputs, camera=VIEW, near=NEAR, options=ALL)
+    view = render(*inputs, camera=VIEW, pose=pose, near=NEAR, options=ALL)
     layers = view.image, view.alpha, view.depth
     terms = [(x * torch.tensor(w)).sum() for x, w in zip(layers, weights, strict=True)]
     torch.stack(terms).sum().backward()
-    plain = render_numpy(SCENE, VIEW, near=NEAR, options=ALL)
+    moved = pose.detach().double().numpy()
+    there = moved_camera(VIEW, moved)
+    plain = render_numpy(SCENE, there, near=NEAR, options=ALL)
     image, alpha, depth = weights
     wanted = plain.backward(adj_image=image, adj_alpha=alpha, adj_depth=depth)
     for name, tensor in zip(FIELDS, inputs, strict=True):
         assert tensor.grad.dtype == dtype
         np.testing.assert_allclose(tensor.grad, getattr(wanted, name), rtol=1e-5, atol=1e-6)
+    of_pose = pose_gradient(camera_gradient(SCENE, wanted, there), moved)
+    np.testing.assert_allclose(pose.grad, of_pose, rtol=1e-5)
 
 
 @pytest.mark.parametrize("workers", [0, 2])
@@ -83,6 +91,8 @@ def test_a_recording_is_a_data_set(capture_folder: Path, workers: int) -> None:
 
 
 def test_a_wrong_shape_is_named() -> None:
+    with pytest.raises(DigsError, match="pose"):
+        render(*tensors(), camera=VIEW, pose=torch.zeros(3))
     means, log_scales, quats, opacity_logits, sh = tensors()
     with pytest.raises(DigsError, match=r"Gaussians\.quats"):
         render(means, log_scales, quats[:, :3], opacity_logits, sh, VIEW)

@@ -6,9 +6,17 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from digs_warp.checks import DigsError
 from digs_warp.data.gaussians import FIELDS, Gaussians
+from digs_warp.geometry.camera import Camera
+from digs_warp.splat.camera_gradient import (
+    camera_gradient,
+    moved_camera,
+    pose_gradient,
+    rotation_jacobian,
+)
 from digs_warp.splat.config import RasterOptions
 from digs_warp.splat.device import DeviceGaussians
 from digs_warp.splat.render import SplatRenderer, render
@@ -74,6 +82,50 @@ def test_wrong_adjoints_are_named() -> None:
         view.backward(adj_alpha=np.full((27, 33), np.nan))
     with pytest.raises(DigsError, match=r"adj_depth: the view has no such output.*outputs"):
         view.backward(adj_depth=np.zeros((27, 33)))
+
+
+def test_the_jacobian_of_a_rotation_vector() -> None:
+    for vector in (np.zeros(3), np.array([3e-5, 0, -2e-5]), np.array([0.4, -1.1, 0.7])):
+        start = Rotation.from_rotvec(vector)
+        for axis in range(3):
+            step = 1e-6 * np.eye(3)[axis]
+            change = (start.inv() * Rotation.from_rotvec(vector + step)).as_rotvec() / 1e-6
+            np.testing.assert_allclose(rotation_jacobian(vector)[:, axis], change, atol=1e-5)
+
+
+def test_the_gradient_in_a_pose_is_that_of_its_camera() -> None:
+    weights = np.random.default_rng(1).normal(size=(3, 4))
+    pose = np.array([0.5, -0.8, 0.3, 0.1, 0.2, -0.3])
+
+    def slopes(view: Camera, at: np.ndarray) -> np.ndarray:
+        steps = 1e-5 * np.array([np.eye(6), -np.eye(6)])
+        poses = [
+            [moved_camera(view, at + step).world_from_cam[:3] for step in way] for way in steps
+        ]
+        ahead, back = (np.asarray(each) for each in poses)
+        return ((ahead - back) * weights).sum(axis=(1, 2)) / 2e-5
+
+    found = pose_gradient(slopes(moved_camera(VIEW, pose), np.zeros(6)), pose)
+    np.testing.assert_allclose(found, slopes(VIEW, pose), atol=1e-8)
+
+
+def test_a_wrong_pose_finds_back() -> None:
+    """Also from a start far from zero, where the rotation vector's own Jacobian counts."""
+    truth = np.array([0.15, -0.2, 0.1, 0.02, -0.01, 0.03])
+    start = truth + np.array([0.02, -0.015, 0.02, 0.01, 0.008, -0.01])
+    target = render(SCENE, moved_camera(VIEW, truth), near=NEAR).image
+    pose = start.copy()
+    # Adam: rotation and translation have different units.
+    first, second = np.zeros(6), np.zeros(6)
+    for step in range(1, 141):
+        view = render(SCENE, moved_camera(VIEW, pose), near=NEAR)
+        found = view.backward(adj_image=2 * (view.image - target))
+        gradient = pose_gradient(camera_gradient(SCENE, found, moved_camera(VIEW, pose)), pose)
+        first = 0.8 * first + 0.2 * gradient
+        second = 0.95 * second + 0.05 * gradient**2
+        scale = np.sqrt(second / (1 - 0.95**step)) + 1e-12
+        pose -= 3e-3 * 0.97**step * first / (1 - 0.8**step) / scale
+    assert np.abs(pose - truth).max() < 0.1 * np.abs(start - truth).max()
 
 
 def test_the_example_of_the_page_runs(tmp_path: Path) -> None:
