@@ -61,9 +61,9 @@ studies: setup ## Run the studies within their budgets and write docs/study; an 
 	$(BIN)/digs-warp study run robustness --time-budget 12min
 	$(BIN)/python -m studies page studies
 
-pages: setup demo ## Run all benchmarks and draw all pictures for the documentation; an hour on a quiet machine
-	$(BIN)/python -m studies page raster surface trained usd realism sensor-fit \
-		demo sensor randomization gallery real-recordings
+pages: setup demo ## Run all benchmarks and draw all pictures for the documentation; two hours on a quiet machine
+	$(BIN)/python -m studies page raster growth budget surface trained recordings photographs sim realism device \
+		demo gallery sensor randomization what-is-read real-recordings
 
 # Threads of NumPy's matrix products, which wait by turning, would take the cores from the other process.
 PYTEST = OPENBLAS_NUM_THREADS=$${OPENBLAS_NUM_THREADS:-1} $(BIN)/python -m pytest --numprocesses $(WORKERS) --dist loadfile

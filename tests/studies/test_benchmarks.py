@@ -74,3 +74,10 @@ def test_an_unknown_benchmark_or_case_is_named() -> None:
         find_benchmark("rastr")
     with pytest.raises(DigsError, match="no case 'mug'; it has ycb_mustard_bottle"):
         find_benchmark("surface").run(["mug"])
+
+
+def test_make_pages_writes_all_pages() -> None:
+    recipe = (DOCS.parent / "Makefile").read_text(encoding="utf-8")
+    recipe = recipe.split("\npages:")[1].split("studies page ")[1].split("\n\n")[0]
+    every = {each.name for each in BENCHMARKS} | set(PAGES)
+    assert {*recipe.replace("\\", "").split()} == every - {"studies"}
