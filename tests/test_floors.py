@@ -35,7 +35,7 @@ FLOORS = {
 # The most lines of a room. A change that needs more says in its message what the weight buys.
 LINE_BUDGETS = {
     "api": 392,
-    "check": 1_725,
+    "check": 1_672,
     "commands": 2_980,
     "data": 3_102,
     "device": 856,
@@ -45,10 +45,10 @@ LINE_BUDGETS = {
     "geometry": 630,
     "init": 3_531,
     "losses": 629,
-    "masks": 674,
+    "masks": 625,
     "measure": 1_507,
     "pipeline": 2_254,
-    "poses": 4_558,
+    "poses": 4_456,
     "record": 1_853,
     "show": 2_792,
     "sim.camera": 1_342,
@@ -65,7 +65,7 @@ LINE_BUDGETS = {
     "train": 3_594,
     "usd": 2_370,
 }
-MOST_FILES = 475  # of the product; 65,000 lines in 500 files are the goal
+MOST_FILES = 469  # of the product; 65,000 lines in 500 files are the goal
 # A shorter file with a single client in its folder belongs into that client.
 CRUMB = 60
 

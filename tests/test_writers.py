@@ -37,7 +37,7 @@ ALLOWED = {
     ("usd/capture_scene.py", "Save"): "below a temporary name; OpenUSD reports failed writes",
     ("usd/files.py", "ZipFile"): "below a temporary name",
     ("usd/files.py", "copyfileobj"): "below a temporary name",
-    ("digs_warp/poses/from_images/model.py", "write"): "below a temporary name, read back",
+    ("digs_warp/poses/from_images/workspace.py", "write"): "below a temporary name, read back",
     (
         "digs_warp/formats/captures/colmap.py",
         "write_text",

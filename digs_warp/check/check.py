@@ -1,12 +1,11 @@
 """Looks at a capture before any work and names what does not fit together, with the likely cause."""
 
-from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
 
 from digs_warp.check import recording
 from digs_warp.check.evidence import Agreement, Evidence
-from digs_warp.check.findings import ASKERS, CHECKS, ERRORS, Asker, Check, Finding
+from digs_warp.check.findings import ASKERS, CHECKS, ERRORS, Asker, Finding
 from digs_warp.data.capture import Capture, object_alone
 from digs_warp.data.layers import Layer
 
@@ -65,7 +64,8 @@ def check_capture(
     findings: list[Finding] = []
     for check in CHECKS:
         asked = ASKERS.index(check.asked_by) <= ASKERS.index(asker)
-        if asked and not _is_spoiled(check, findings):
+        kinds = {each.kind for each in findings} | {ERRORS for each in findings if each.is_error}
+        if asked and not kinds & set(check.unless):
             found = check.look(evidence)
             findings += [found] if found else []
     if asker != "check":
@@ -75,13 +75,6 @@ def check_capture(
         evidence.agreement,
         evidence.once(recording.median_exposure_change),
         _not_checked(evidence),
-    )
-
-
-def _is_spoiled(check: Check, findings: Sequence[Finding]) -> bool:
-    """Whether what was found says that a check would tell nothing."""
-    return any(
-        each.kind in check.unless or (each.is_error and ERRORS in check.unless) for each in findings
     )
 
 

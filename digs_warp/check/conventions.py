@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from digs_warp.check import thresholds as limits
-from digs_warp.check.evidence import Agreement, Evidence, agreement
+from digs_warp.check.evidence import Agreement, Evidence, agreement, spread
 from digs_warp.geometry.camera import Camera, Intrinsics, pixel_centers
 from digs_warp.geometry.rigid import OPENCV_FROM_OPENGL, invert_rigid
 from digs_warp.measure.thumbnails import WIDTH, SmallFrame, front_points, green_means, thumbnails
@@ -117,20 +117,6 @@ def depth_range(evidence: Evidence, _: float) -> dict[str, Any] | None:
 VIEWS, POINTS = 12, 2000
 
 
-@dataclass(frozen=True, eq=False)
-class PointsFit:
-    """How sparse points fit the photographs.
-
-    Attributes:
-        in_view: share of them that any camera looks at, 0 to 1.
-        colors: correlation of their brightness with that of the photographs at their places, -1 to 1; 0 where
-            it tells nothing.
-    """
-
-    in_view: float
-    colors: float
-
-
 def points_elsewhere(evidence: Evidence, least: float) -> dict[str, Any] | None:
     """Find sparse points that few cameras look at, that have other colors, or that fit after a turn."""
     from scipy.spatial.transform import Rotation
@@ -141,31 +127,30 @@ def points_elsewhere(evidence: Evidence, least: float) -> dict[str, Any] | None:
         return None
     cloud = cloud.select(np.linspace(0, len(cloud) - 1, min(POINTS, len(cloud))).astype(int))
     points, green = cloud.points_world.astype(np.float64), 255 * cloud.colors[:, 1]
-    last = len(capture) - 1
-    numbers = np.unique(np.linspace(0, last, min(VIEWS, last + 1)).round().astype(int))
-    frames = [capture.frames[number] for number in numbers.tolist()]
+    frames = [capture.frames[number] for number in spread(len(capture), VIEWS)]
     seen = thumbnails(frames, lambda image: green_means(image, -(-image.shape[1] // WIDTH)))
     views = [(f.camera.resized(*g.shape[::-1]), g) for f, g in zip(frames, seen, strict=True)]
-    recorded = _points_fit(points, green, views)
-    found = f"{recorded.in_view:.0%} of the sparse points are in view of a camera"
+    in_view, recorded = _points_fit(points, green, views)
+    found = f"{in_view:.0%} of the sparse points are in view of a camera"
     if green.std() < limits.PLAIN_IMAGE:
-        return {"found": found} if recorded.in_view < least else None
-    found += f", and their brightness follows that of the photographs by {recorded.colors:.2f}"
+        return {"found": found} if in_view < least else None
+    found += f", and their brightness follows that of the photographs by {recorded:.2f}"
     turns = Rotation.create_group("O").as_matrix()  # those that lay axes on axes
-    best = max(_points_fit(points @ turn.T, green, views).colors for turn in turns)
-    enough = max(
-        limits.POINTS_FIT_FACTOR * recorded.colors, recorded.colors + limits.POINTS_FIT_MORE
-    )
+    best = max(_points_fit(points @ turn.T, green, views)[1] for turn in turns)
+    enough = max(limits.POINTS_FIT_FACTOR * recorded, recorded + limits.POINTS_FIT_MORE)
     if best > max(enough, limits.POINTS_FIT):
         return {"found": f"{found}, with {best:.2f} if they are turned by right angles"}
-    is_poor = recorded.in_view < least or recorded.colors < limits.POINTS_MISFIT
-    return {"found": found} if is_poor else None
+    return {"found": found} if in_view < least or recorded < limits.POINTS_MISFIT else None
 
 
 def _points_fit(
     points: np.ndarray, green: np.ndarray, views: Sequence[tuple[Camera, np.ndarray]]
-) -> PointsFit:
-    """Return how points, (n, 3), of a brightness, (n,), fit thumbnails; what is nearer hides points."""
+) -> tuple[float, float]:
+    """Return how points, (n, 3), of a brightness, (n,), fit thumbnails; what is nearer hides points.
+
+    The share that any camera looks at, 0 to 1, and the correlation of their brightness with that of the
+    thumbnails at their places, -1 to 1; 0 where it tells nothing.
+    """
     in_view, here, there = np.zeros(len(points), bool), [np.zeros(0)], [np.zeros(0)]
     for camera, image in views:
         shown, px, front = front_points(camera, points)
@@ -175,8 +160,7 @@ def _points_fit(
         there.append(image[row[front], column[front]])
     one, other = np.concatenate(here), np.concatenate(there)
     is_enough = len(one) >= limits.LEAST_POINTS_IN_COMMON and one.std() > 0 < other.std()
-    fit = float(np.corrcoef(one, other)[0, 1]) if is_enough else 0.0
-    return PointsFit(float(in_view.mean()), fit)
+    return float(in_view.mean()), float(np.corrcoef(one, other)[0, 1]) if is_enough else 0.0
 
 
 def _enough(recorded: Agreement, convincing: float) -> float:
@@ -208,7 +192,7 @@ def explanations(cameras: Sequence[Camera]) -> Iterator[Explanation]:
         yield Explanation("focal length", cause, _other_focal(factor))
     inverted = "the poses are inverted (camera from world)"
     for cause, right in (
-        ("the poses have OpenCV camera axes", _opencv_axes),
+        ("the poses have OpenCV camera axes", lambda pose: pose @ OPENCV_FROM_OPENGL),
         (inverted, _inverted),
         (f"{inverted} and have OpenCV camera axes", invert_rigid),
     ):
@@ -238,10 +222,6 @@ def _moved(right: Callable[[np.ndarray], np.ndarray]) -> Callable[[SmallFrame], 
     return lambda frame: replace(
         frame, camera=replace(frame.camera, world_from_cam=right(frame.camera.world_from_cam))
     )
-
-
-def _opencv_axes(world_from_cam: np.ndarray) -> np.ndarray:
-    return world_from_cam @ OPENCV_FROM_OPENGL
 
 
 def _inverted(world_from_cam: np.ndarray) -> np.ndarray:

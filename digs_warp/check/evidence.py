@@ -120,15 +120,19 @@ class Evidence:
         return agreement(self.compared, self.pairs) if self.pairs else None
 
 
+def spread(count: int, most: int) -> list[int]:
+    """Return at most ``most`` numbers below ``count``, evenly spread, the first and the last among them."""
+    return np.unique(np.linspace(0, count - 1, min(most, count)).round().astype(int)).tolist()
+
+
 def neighbors(frames: Sequence[Frame]) -> list[tuple[int, int]]:
     """Return pairs of numbers of neighboring frames, evenly spread, with some motion between them."""
     if len(frames) < 2:
         return []
-    starts = np.linspace(0, len(frames) - 2, min(PAIRS, len(frames) - 1)).round().astype(int)
     poses = np.stack([frame.camera.world_from_cam for frame in frames])
     extent = float(np.linalg.norm(np.ptp(poses[:, :3, 3], axis=0)))
     reach = max(1, int(REACH * len(frames)))
-    pairs = [(i, _partner(poses, i, MOVE * extent, reach)) for i in starts.tolist()]
+    pairs = [(i, _partner(poses, i, MOVE * extent, reach)) for i in spread(len(frames) - 1, PAIRS)]
     return sorted({(min(pair), max(pair)) for pair in pairs})
 
 
@@ -237,14 +241,11 @@ def brightness_ratio(first: SmallFrame, second: SmallFrame) -> float | None:
 
 def ratio_of(here: np.ndarray, there: np.ndarray) -> float | None:
     """Return how many times brighter places are there, (n,) of 0 to 255 each; None: too few are fair."""
-    fair = _is_fair(here) & _is_fair(there)
+    fair = np.minimum(here, there) > limits.DARKEST
+    fair &= np.maximum(here, there) < limits.BRIGHTEST
     if fair.sum() < limits.LEAST_POINTS_FOR_BRIGHTNESS:
         return None
     return float(np.median(there[fair] / here[fair]))
-
-
-def _is_fair(brightness: np.ndarray) -> np.ndarray:
-    return (brightness > limits.DARKEST) & (brightness < limits.BRIGHTEST)
 
 
 def exposure_change(ratios: Iterable[float | None]) -> float | None:

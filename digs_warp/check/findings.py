@@ -216,9 +216,9 @@ CHECKS = (
     ),
     Check(
         kind="outlier frames",
-        measure=outliers.outlier_frames,
+        measure=outliers.contradicting(outliers.links, "frame"),
         limit=0.5,  # of the median agreement
-        message="{frames} of {count} contradict the depth of the frames before and after: {names}.",
+        message="{odd} of {count} contradict the depth of the frames before and after: {names}.",
         remedy="Their poses are broken, or their depth is of another moment: leave these frames out.",
         asked_by="run",
         unless=(ERRORS, "distance"),
@@ -257,9 +257,9 @@ CHECKS = (
     ),
     Check(
         kind="masks disagree",
-        measure=outliers.masks_contradicted,
+        measure=outliers.contradicting(outliers.mask_links, "mask"),
         limit=0.75,  # of the usual overlap; masks cut in half or with a neighboring object have 0.5
-        message="{masks} of {count} contradict those of the frames before and after: {names}.",
+        message="{odd} of {count} contradict those of the frames before and after: {names}.",
         remedy="Make these masks again (all of them: --masks depth), or leave these frames out.",
         asked_by="run",
         unless=(ERRORS, "distance"),

@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from digs_warp.check import thresholds as limits
-from digs_warp.check.evidence import Evidence, same_depth_share, shared_points
+from digs_warp.check.evidence import Evidence, same_depth_share, shared_points, spread
 from digs_warp.data.layers import Layer
 from digs_warp.measure.thumbnails import SmallFrame, small_frames
 from digs_warp.poses.photo_matches import agreeing_shares
@@ -33,30 +33,23 @@ MOST_STEPS = 120
 
 @dataclass(frozen=True)
 class Links:
-    """How well frames agree with those up to `REACH` after them.
+    """How well frames agree with those up to `REACH` before and after them.
 
     Attributes:
         names: of the frames.
-        shares: 0 to 1; None: nothing in common.
-        typical: what neighboring frames usually have; 0 if there are none.
+        relative: agreement of two frames with anything in common, over what is typical of neighbors.
     """
 
     names: tuple[str, ...]
-    shares: dict[tuple[int, int], float | None]
-    typical: float
-
-    def _relative(self, first: int, second: int) -> float:
-        """Return the agreement of two frames over what is typical; NaN: nothing in common."""
-        share = self.shares.get((min(first, second), max(first, second)))
-        return np.nan if share is None else share / self.typical
+    relative: dict[frozenset[int], float]
 
     def contradict(self, first: int, second: int, below: float) -> bool:
         """Whether two frames agree less than this share of what is typical: they measure different things."""
-        return self._relative(first, second) < below
+        return self.relative.get(frozenset((first, second)), np.nan) < below
 
     def agree(self, first: int, second: int) -> bool:
         """Whether two frames measure the same."""
-        return self._relative(first, second) > limits.AGREEING_SHARE
+        return self.relative.get(frozenset((first, second)), np.nan) > limits.AGREEING_SHARE
 
 
 def links(evidence: Evidence) -> Links | None:
@@ -78,22 +71,22 @@ def _links(
 ) -> Links | None:
     small = evidence.once(_thinned)
     pairs = [(a, b) for b in range(len(small)) for a in range(max(0, b - REACH), b)]
-    shares = {(a, b): share(small[a], small[b]) for a, b in pairs}
-    known = [each for (a, b), each in shares.items() if each is not None and b == a + 1]
+    compared = {(a, b): share(small[a], small[b]) for a, b in pairs}
+    shares = {pair: each for pair, each in compared.items() if each is not None}
+    known = [each for (a, b), each in shares.items() if b == a + 1]
     typical = float(np.quantile(known, quantile)) if known else 0.0
     if typical < limits.LEAST_TYPICAL_AGREEMENT:
         return None
     names = tuple(evidence.capture.frames[each.number].name for each in small)
-    return Links(names, shares, typical)
+    return Links(names, {frozenset(pair): each / typical for pair, each in shares.items()})
 
 
 def _thinned(evidence: Evidence) -> list[SmallFrame]:
     """Return thumbnails of frames with depth; none without poses."""
-    frames, last = evidence.capture.frames, len(evidence.capture) - 1
-    if not evidence.knows_poses or last < 3:
+    frames = evidence.capture.frames
+    if not evidence.knows_poses or len(frames) < 4:
         return []
-    numbers = np.unique(np.linspace(0, last, min(MOST_FRAMES, last + 1)).round().astype(int))
-    return [*small_frames(frames, numbers.tolist()).values()]
+    return [*small_frames(frames, spread(len(frames), MOST_FRAMES)).values()]
 
 
 def _share(first: SmallFrame, second: SmallFrame) -> float | None:
@@ -114,22 +107,19 @@ def _mask_share(first: SmallFrame, second: SmallFrame) -> float | None:
     return np.count_nonzero(here & there) / either if either >= limits.FEWEST_MARKED else None
 
 
-def masks_contradicted(evidence: Evidence, below: float) -> dict[str, Any] | None:
-    """Find masks that contradict those of all frames around them, where those agree with each other."""
-    found = evidence.once(mask_links)
-    if found is None or not (odd := alone(found, below)):
-        return None
-    names = first_few([found.names[i] for i in odd])
-    return {"masks": counted(len(odd), "mask"), "count": len(found.names), "names": names}
+def contradicting(
+    measure: Callable[[Evidence], Links | None], what: str
+) -> Callable[[Evidence, float], dict[str, Any] | None]:
+    """Return the check for frames that contradict all around them, where those agree with each other."""
 
+    def look(evidence: Evidence, below: float) -> dict[str, Any] | None:
+        found = evidence.once(measure)
+        if found is None or not (odd := alone(found, below)):
+            return None
+        names = first_few([found.names[i] for i in odd])
+        return {"odd": counted(len(odd), what), "count": len(found.names), "names": names}
 
-def outlier_frames(evidence: Evidence, below: float) -> dict[str, Any] | None:
-    """Find frames that contradict all around them, where those agree with each other."""
-    found = evidence.once(links)
-    if found is None or not (outliers := alone(found, below)):
-        return None
-    names = first_few([found.names[i] for i in outliers])
-    return {"frames": counted(len(outliers), "frame"), "count": len(found.names), "names": names}
+    return look
 
 
 def alone(found: Links, below: float) -> list[int]:

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from digs_warp.check import thresholds as limits
-from digs_warp.check.evidence import Evidence, brightness_ratio, exposure_change, ratio_of
+from digs_warp.check.evidence import Evidence, brightness_ratio, exposure_change, ratio_of, spread
 from digs_warp.checks import DigsError
 from digs_warp.data.capture import Capture
 from digs_warp.data.frame import Frame
@@ -18,7 +18,7 @@ from digs_warp.data.viewpoints import evenly
 from digs_warp.geometry.rigid import turn_degrees
 from digs_warp.masks.no_scene import black_border
 from digs_warp.measure.thumbnails import green_means, small_frames, thumbnail_step, thumbnails
-from digs_warp.poses.photo_matches import PhotoMatches, matches_of_steps
+from digs_warp.poses.photo_matches import matches_of_steps
 from digs_warp.words import counted
 
 # Photographs that are looked at, evenly spread; the exposure is compared with that of the next frame.
@@ -181,35 +181,27 @@ def few_views(evidence: Evidence, least: float) -> dict[str, Any] | None:
 
 def repeats(evidence: Evidence, share: float) -> dict[str, Any] | None:
     """Find recordings of which more than this share of the frames repeat the one before."""
-    frames, last = evidence.capture.frames, len(evidence.capture) - 1
-    if last < 1:
+    frames = evidence.capture.frames
+    if len(frames) < 2:
         return None
-    starts = np.unique(np.linspace(0, last - 1, min(MOST_STEPS, last)).round().astype(int))
-    numbers = sorted({*starts.tolist(), *(starts + 1).tolist()})
+    starts = spread(len(frames) - 1, MOST_STEPS)
+    numbers = sorted({*starts, *(start + 1 for start in starts)})
     reduced = thumbnails(
         [frames[i] for i in numbers],
         lambda image: green_means(image, max(1, image.shape[1] // WIDTH)),
     )
     seen = dict(zip(numbers, reduced, strict=True))
-    same = [_is_same(seen[i], seen[i + 1]) for i in starts.tolist()]
+    steps = [(seen[i], seen[i + 1]) for i in starts]
+    same = [a.shape == b.shape and np.abs(a - b).mean() < limits.SAME_THUMBNAIL for a, b in steps]
     if np.mean(same) <= share:
         return None
     return {"repeated": counted(sum(same), "frame"), "count": len(numbers)}
-
-
-def _is_same(first: np.ndarray, second: np.ndarray) -> bool:
-    return first.shape == second.shape and np.abs(first - second).mean() < limits.SAME_THUMBNAIL
 
 
 def exposure_jumps(evidence: Evidence, most: float) -> dict[str, Any] | None:
     """Find exposures that change more from frame to frame [stops] (median)."""
     found = evidence.once(median_exposure_change)
     return {"stops": found} if found is not None and found > most else None
-
-
-def _looked_at(evidence: Evidence) -> list[int]:
-    last = len(evidence.capture) - 1
-    return np.unique(np.linspace(0, last, min(PHOTOGRAPHS, last + 1)).round().astype(int)).tolist()
 
 
 def median_exposure_change(evidence: Evidence) -> float | None:
@@ -219,14 +211,10 @@ def median_exposure_change(evidence: Evidence) -> float | None:
     """
     capture = evidence.capture
     if not (evidence.knows_poses and capture.has_depth):
-        return exposure_change(
-            _matched_ratio(each) for each in matches_of_steps(capture.frames[:PHOTOGRAPHS])
-        )
-    pairs = [(n, n + 1) for n in _looked_at(evidence) if n + 1 < len(capture)]
+        matches = matches_of_steps(capture.frames[:PHOTOGRAPHS])
+        return exposure_change(ratio_of(*each.brightness) for each in matches if each)
+    looked_at = spread(len(capture), PHOTOGRAPHS)
+    pairs = [(n, n + 1) for n in looked_at if n + 1 < len(capture)]
     frames = small_frames(capture.frames, sorted({n for pair in pairs for n in pair}))
     known = [pair for pair in pairs if set(pair) <= frames.keys()]
     return exposure_change(brightness_ratio(frames[a], frames[b]) for a, b in known)
-
-
-def _matched_ratio(matches: PhotoMatches | None) -> float | None:
-    return None if matches is None else ratio_of(*matches.brightness)

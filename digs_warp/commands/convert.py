@@ -241,7 +241,7 @@ def with_depth_camera(recording: "Recording", how: str) -> "Recording":
 
 def _fitting_camera(recording: "Recording", frames: "Sequence[RecordedFrame]") -> "Intrinsics":
     """Return the camera of the depth, of the size of the images, at which its edges lie on theirs."""
-    from digs_warp.check.registration import LOOKED_AT, registration, thumbnail_of
+    from digs_warp.check.alignment import LOOKED_AT, registration, thumbnail_of
     from digs_warp.check.thresholds import REGISTRATION_CERTAINTY
     from digs_warp.data.viewpoints import evenly
     from digs_warp.formats.captures.to_capture import load_frame

@@ -1,7 +1,5 @@
-"""Frames -> one mask file each, from whatever source the settings name; resumable."""
+"""Frames -> one mask file each, from whatever source the settings name."""
 
-import hashlib
-import json
 import logging
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
@@ -13,20 +11,17 @@ import numpy as np
 
 from digs_warp.checks import DigsError
 from digs_warp.data.file_names import masks_in
-from digs_warp.data.frame import Frame, PixelSource
+from digs_warp.data.frame import Frame
 from digs_warp.data.images import mask_of, read_image, write_image
 from digs_warp.data.layers import Layer
 from digs_warp.data.posed_frames import PosedFrames
 from digs_warp.device.threads import default_threads
 from digs_warp.masks.config import SegmentConfig
 from digs_warp.masks.from_depth import mask_from_depth
-from digs_warp.record.files import read_json, remove, to_json, write_atomically
-from digs_warp.record.manifest import is_kept
 from digs_warp.record.progress import progress
 
 logger = logging.getLogger(__name__)
 
-SETTINGS = "settings.json"
 # Inside the folder of masks: those made for held-out frames.
 HELD_OUT = "held_out"
 
@@ -47,8 +42,7 @@ MaskOf = Callable[[Frame], np.ndarray]
 def segment(frames: Sequence[Frame], config: SegmentConfig, folder: Path) -> list[Path]:
     """Return the mask file of every frame: 8 bits, of the frame's size, 0 surely not object, 255 surely.
 
-    New masks are written into ``folder`` as NAME.png. Those that are there already, made with the same
-    settings from the same files, are kept.
+    New masks are written into ``folder`` as NAME.png.
 
     Args:
         frames: with image, and with depth or mask where the source needs it.
@@ -63,10 +57,7 @@ def segment(frames: Sequence[Frame], config: SegmentConfig, folder: Path) -> lis
     if config.source == "capture":
         return [frame.path(Layer.MASK) for frame in frames]
     paths = [folder / f"{frame.name}.png" for frame in frames]
-    _forget_other_masks(paths, _key(frames, config), folder)
-    missing = [number for number, path in enumerate(paths) if not is_kept(path)]
-    if missing:
-        _make(frames, paths, missing, _mask_maker(frames, config))
+    _make(frames, paths, _mask_maker(frames, config))
     return paths
 
 
@@ -90,46 +81,38 @@ def masked(frames: PosedFrames, config: SegmentConfig, folder: Path) -> PosedFra
     return found.changed(lambda frame: replace(frame, instance=config.instance))
 
 
-def _make(
-    frames: Sequence[Frame],
-    paths: Sequence[Path],
-    missing: list[int],
-    mask_of: MaskOf,
-) -> None:
-    def work(number: int) -> float:
-        mask = mask_of(frames[number])
-        write_image(paths[number], mask)
+def _make(frames: Sequence[Frame], paths: Sequence[Path], mask_of: MaskOf) -> None:
+    def work(frame: Frame, path: Path) -> float:
+        mask = mask_of(frame)
+        write_image(path, mask)
         return float(np.mean(mask > 127))
 
     odd: dict[str, list[str]] = {"empty": [], "full": []}
     with ThreadPoolExecutor(default_threads(), thread_name_prefix="mask") as pool:
-        with progress(len(frames), "Masks", "frame", len(frames) - len(missing)) as bar:
-            for number, share in zip(missing, pool.map(work, missing), strict=True):
+        with progress(len(frames), "Masks", "frame") as bar:
+            for frame, share in zip(frames, pool.map(work, frames, paths), strict=True):
                 if share < ALMOST_EMPTY:
-                    odd["empty"].append(frames[number].name)
+                    odd["empty"].append(frame.name)
                 elif share > ALMOST_FULL:
-                    odd["full"].append(frames[number].name)
+                    odd["full"].append(frame.name)
                 bar.update()
     for what, names in odd.items():
         if names:
             logger.warning(
                 "masks: %d of %d are almost %s (the first is '%s'); look at them",
-                *(len(names), len(missing), what, names[0]),
+                *(len(names), len(frames), what, names[0]),
             )
 
 
 def _mask_maker(frames: Sequence[Frame], config: SegmentConfig) -> MaskOf:
-    if config.instance is not None:
-        return partial(_mask_of_instance, config.instance)
+    if config.instance is not None:  # where the pixel's center shows the object; 0 elsewhere
+        number = config.instance
+        return lambda f: np.where(f.load_instances() == number, f.load_mask(), np.uint8(0))
     if config.masks == "depth":
         return lambda frame: mask_from_depth(frame.load_image(), frame.load_depth())
     assert config.mask_folder is not None
-    return partial(_mask_from_folder, _masks_named(frames, config.mask_folder))
-
-
-def _mask_of_instance(instance: int, frame: Frame) -> np.ndarray:
-    """Return the mask where the pixel's center shows one object; 0 elsewhere."""
-    return np.where(frame.load_instances() == instance, frame.load_mask(), np.uint8(0))
+    files = masks_in(config.mask_folder, [frame.name for frame in frames])[0]
+    return partial(_mask_from_folder, files)
 
 
 def _mask_from_folder(files: dict[str, Path], frame: Frame) -> np.ndarray:
@@ -143,11 +126,6 @@ def _mask_from_folder(files: dict[str, Path], frame: Frame) -> np.ndarray:
             "its image has; segment the images of this recording at their full size"
         )
     return mask_of(pixels)[0]
-
-
-def _masks_named(frames: Sequence[Frame], folder: Path) -> dict[str, Path]:
-    """Return the mask of each frame by its name."""
-    return masks_in(folder, [frame.name for frame in frames])[0]
 
 
 def check_source(config: SegmentConfig) -> None:
@@ -167,37 +145,10 @@ def check_inputs(frames: Sequence[Frame], config: SegmentConfig) -> None:
                 f"'{lacking[0]}'), which --masks {config.masks} needs; choose another source"
             )
     if config.mask_folder is not None:
-        lacking = sorted({f.name for f in frames} - _masks_named(frames, config.mask_folder).keys())
+        names = [frame.name for frame in frames]
+        lacking = sorted({*names} - masks_in(config.mask_folder, names)[0].keys())
         if lacking:
             raise DigsError(
                 f"masks: '{config.mask_folder}' lacks the masks of {len(lacking)} of {len(frames)} frames, "
                 f"the first is '{lacking[0]}.png'; masks are named like the frames"
             )
-
-
-def _key(frames: Sequence[Frame], config: SegmentConfig) -> str:
-    """A hash of the settings and of the state of every file that a mask depends on."""
-    sources = [frame.layers[layer] for frame in frames for layer in _INPUTS[config.source]]
-    if config.mask_folder is not None:
-        sources += _masks_named(frames, config.mask_folder).values()
-    return hashlib.sha256(to_json([config, list(map(_state, sources))]).encode()).hexdigest()
-
-
-def _state(source: PixelSource) -> list[str | int]:
-    """Return what changes when the pixels do: of a file its name, size and time."""
-    if isinstance(source, Path):
-        return [str(source.resolve()), source.stat().st_size, source.stat().st_mtime_ns]
-    return [hashlib.sha256(source.tobytes()).hexdigest()]
-
-
-def _forget_other_masks(paths: Sequence[Path], key: str, folder: Path) -> None:
-    """Delete masks that were made with other settings or from other files."""
-    note = folder / SETTINGS
-    try:
-        same = read_json(note, "mask settings").get("key") == key
-    except DigsError:  # none yet
-        same = False
-    if not same:
-        for path in paths:
-            remove(path)
-        write_atomically(note, json.dumps({"key": key}).encode())

@@ -191,7 +191,7 @@ def depth_contradiction(capture: Capture, frames: PosedFrames, sfm: SfmConfig) -
         frames: with its poses, in metres.
         sfm: the settings.
     """
-    from digs_warp.poses.from_depth.odometry_chain import contradicted_steps
+    from digs_warp.poses.from_depth.estimate import contradicted_steps
 
     deep = [frame for frame, _ in frames.by_time if frame.has(Layer.DEPTH)]
     try:

@@ -1,17 +1,25 @@
-"""Whether two frames agree under a motion: in depth and color (`disagreement`), in details (`correlation`).
+"""Which frames see the same (`overlapping_pairs`), and whether two agree under a motion.
 
 `disagreement` compares depth, and brightness and tint where depth agrees; `correlation` compares details
 without their exposure; `measured_pairs` asks either of many pairs of frames.
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import astuple, dataclass
 from typing import TypeVar
 
 import numpy as np
 
 from digs_warp.device.threads import over_items
-from digs_warp.geometry.reproject import compare_depth, project, reproject, unproject_pixels
+from digs_warp.geometry.camera import Camera, pixel_centers
+from digs_warp.geometry.reproject import (
+    ROUGH_POSES,
+    Pinholes,
+    compare_depth,
+    project,
+    reproject,
+    unproject_pixels,
+)
 from digs_warp.geometry.rigid import invert_rigid, transform_points
 from digs_warp.poses import thresholds
 from digs_warp.poses.views import Picture, View
@@ -183,11 +191,6 @@ def correlation(first: View, second: View, second_from_first: np.ndarray) -> flo
     Over the points of a frame where the other measures the same depth, the smaller of both directions; 0 if
     there are few. Right motions have much of it in any light, where walls have any texture at all; wrong ones
     have little, unless the texture repeats.
-
-    Args:
-        first: a frame.
-        second: another.
-        second_from_first: the motion, (4, 4).
     """
     there = _correlation_one_way(first, second, second_from_first)
     return min(there, _correlation_one_way(second, first, invert_rigid(second_from_first)))
@@ -221,3 +224,76 @@ def _when_read(points: np.ndarray, picture: Picture) -> np.ndarray:
     _, row, depth = project(points, picture.intrinsics)
     moment = np.where(depth > 0, row / picture.intrinsics.height - 0.5, 0.0)[:, None]
     return points - moment * (np.cross(picture.turn, points) + picture.shift)
+
+
+# Frames that each frame is compared with, at least; some are chosen by others as well.
+NEIGHBORS = 8
+# Points looked at in each frame.
+SHARED_SAMPLES = 1000
+# A first look takes one of SCREENED_BY of these points, and keeps for each frame the SCREENED most promising
+# others for a look at all of them.
+SCREENED_BY, SCREENED = 8, 32
+
+
+def overlapping_pairs(pictures: Sequence[Picture], poses: np.ndarray) -> np.ndarray:
+    """Return pairs (source, target) in both directions, (k, 2), sorted; none for frames without depth.
+
+    Args:
+        pictures: of n frames.
+        poses: ``world_from_cam``, (n, 4, 4).
+    """
+    n = len(pictures)
+    shared = np.zeros((n, n))
+    everything = _Everything(pictures, poses)
+    for i in range(n):
+        points, nearness = _samples(pictures[i], Camera(pictures[i].intrinsics, poses[i]))
+        others = np.delete(np.arange(n), i)
+        if not len(points) or not len(others):
+            continue
+        if len(others) > SCREENED:
+            seen = everything.seen(i, others, points[::SCREENED_BY]) @ nearness[::SCREENED_BY]
+            others = others[np.argsort(-seen, kind="stable")[:SCREENED]]
+        shared[i, others] = everything.seen(i, others, points) @ nearness / nearness.sum()
+    shared += shared.T
+    nearest = np.argsort(-shared, axis=1, kind="stable")[:, :NEIGHBORS]
+    chosen = {
+        (i, int(j))
+        for i in range(n)
+        for j in nearest[i]
+        if shared[i, j] > thresholds.MIN_COVISIBILITY
+    }
+    both = chosen | {(j, i) for i, j in chosen}
+    return np.array(sorted(both), dtype=np.int32).reshape(-1, 2)
+
+
+class _Everything:
+    """All frames, to look up points of one in many others at once."""
+
+    def __init__(self, pictures: Sequence[Picture], poses: np.ndarray) -> None:
+        self._from_world = np.stack([invert_rigid(pose) for pose in poses])
+        self._centers = poses[:, :3, 3]
+        self._intrinsics = np.array([astuple(picture.intrinsics) for picture in pictures])
+        self._depth = np.concatenate([picture.depth.reshape(-1) for picture in pictures])
+        self._starts = np.cumsum([0, *(picture.depth.size for picture in pictures)])[:-1, None]
+
+    def seen(self, number: int, others: np.ndarray, points: np.ndarray) -> np.ndarray:
+        """Return how well others see the points of a frame, 0 to 1, (others, points)."""
+        cameras = Pinholes(*self._intrinsics[others].T[..., None])
+        seen = reproject(points, self._from_world[others], cameras)
+        widths = cameras.width.astype(np.intp)
+        measured = self._depth[self._starts[others] + seen.rows * widths + seen.columns]
+        same = seen.inside & compare_depth(seen.depth, measured, ROUGH_POSES).agrees
+        here, there = (points - self._centers[of] for of in (number, others[:, None]))
+        lengths = np.linalg.norm(here, axis=-1) * np.linalg.norm(there, axis=-1)
+        cosines = np.einsum("ki,nki->nk", here, there) / np.maximum(lengths, 1e-12)
+        angles = np.degrees(np.arccos(np.clip(cosines, -1, 1)))
+        return same * np.clip(1 - angles / thresholds.MAX_VIEW_ANGLE, 0, 1)
+
+
+def _samples(picture: Picture, camera: Camera) -> tuple[np.ndarray, np.ndarray]:
+    """Return points in the world (k, 3), and how much each counts (k,): near ones place a camera best."""
+    known = np.argwhere(np.isfinite(picture.depth))
+    rows, columns = known[:: max(1, len(known) // SHARED_SAMPLES)].T
+    depth = picture.depth[rows, columns].astype(np.float64)
+    k = picture.intrinsics
+    return camera.unproject(pixel_centers(k.width, k.height)[rows, columns], depth), 1 / depth

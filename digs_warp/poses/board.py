@@ -1,13 +1,12 @@
 """Poses from a printed board of markers, AprilTags or ChArUco, in metres: the board is the world.
 
-The file of a board is YAML. Kalibr's, or one of
+The file of a board is YAML, with lengths in metres: Kalibr's for AprilTags, or that of a ChArUco board,
 
+    {target_type: aprilgrid, tagCols: 6, tagRows: 4, tagSize: 0.03, tagSpacing: 0.3}
     {type: charuco, columns: 8, rows: 6, square: 0.03, marker: 0.022, dictionary: DICT_5X5_100}
-    {type: tags, columns: 6, rows: 4, tag: 0.03, gap: 0.009, dictionary: DICT_APRILTAG_36H11, first: 0}
 
-with lengths in metres; ``first`` is the number of the tag in the first corner. x points along the rows, y up
-on the paper, z out of it. How tags are turned and in which order their rows are numbered differs between
-programs: the way that fits most photographs is taken.
+x points along the rows, y up on the paper, z out of it. How tags are turned and in which order their rows are
+numbered differs between programs: the way that fits most photographs is taken.
 """
 
 import logging
@@ -57,9 +56,15 @@ def posed_by_board(frames: Sequence[Frame], path: Path) -> list[Frame]:
     Raises:
         DigsError: the file cannot be read, or fewer than three frames see the board.
     """
+    import cv2
+
+    def points(frame: Frame) -> Seen:
+        image = replace(frame, alone=False).load_image()
+        return board.find(cv2.cvtColor(image, cv2.COLOR_RGB2GRAY))
+
     board = read_board(path)
     with ThreadPoolExecutor(default_threads()) as pool:
-        seen = [*pool.map(lambda f: board.find(_gray(replace(f, alone=False))), frames)]
+        seen = [*pool.map(points, frames)]
     tried = [
         [_pose(f, s, layout) for f, s in zip(frames, seen, strict=True)] for layout in board.layouts
     ]
@@ -79,12 +84,6 @@ def posed_by_board(frames: Sequence[Frame], path: Path) -> list[Frame]:
         logger.warning("left out: %s that do not show enough of the board (%s)", *words)
     logger.info("poses: %d of %s by the board", len(posed), counted(len(frames), "frame"))
     return posed
-
-
-def _gray(frame: Frame) -> np.ndarray:
-    import cv2
-
-    return cv2.cvtColor(frame.load_image(), cv2.COLOR_RGB2GRAY)
 
 
 def _pose(frame: Frame, seen: Seen, layout: dict[int, np.ndarray]) -> np.ndarray | None:
@@ -115,24 +114,11 @@ def read_board(path: Path) -> Board:
     """
     where = f"board '{path}'"
     file = Fields.of(read_yaml(path, "board"), where)
-    kind = file.text("type", None) or {"aprilgrid": "tags"}.get(file.text("target_type", ""), "")
-    if kind == "charuco":
+    if file.text("type", None) == "charuco":
         return _charuco(file, where)
-    if kind != "tags":
-        raise DigsError(
-            f"{where}: no known 'type'{did_you_mean(kind, ('charuco', 'tags'))}, or Kalibr's 'target_type: "
-            "aprilgrid'"
-        )
-    if "target_type" not in file:
-        sizes = file.number("tag"), file.number("gap")
-        return _tags(file, _count(file, "columns"), _count(file, "rows"), *sizes, where)
-    tag = file.number("tagSize")
-    gap = tag * file.number("tagSpacing")
-    return _tags(file, _count(file, "tagCols"), _count(file, "tagRows"), tag, gap, where)
-
-
-def _count(file: Fields, name: str) -> int:
-    return file.whole(name, 1, 100)
+    if file.text("target_type", None) == "aprilgrid":
+        return _tags(file, where)
+    raise DigsError(f"{where}: expected 'type: charuco', or Kalibr's 'target_type: aprilgrid'")
 
 
 def _dictionary(file: Fields, where: str, usual: str) -> Any:
@@ -148,11 +134,11 @@ def _dictionary(file: Fields, where: str, usual: str) -> Any:
 def _charuco(file: Fields, where: str) -> Board:
     from cv2 import aruco
 
-    columns, rows = _count(file, "columns"), _count(file, "rows")
+    columns, rows = (file.whole(name, 2, 100) for name in ("columns", "rows"))
     square, marker = file.number("square"), file.number("marker")
     dictionary = _dictionary(file, where, "DICT_4X4_50")
-    if min(columns, rows) < 2 or not 0 < marker < square:
-        raise DigsError(f"{where}: expected 2 or more columns and rows, and 0 < marker < square")
+    if not 0 < marker < square:
+        raise DigsError(f"{where}: expected 0 < marker < square")
     boards = [aruco.CharucoBoard((columns, rows), square, marker, dictionary) for _ in range(2)]
     boards[1].setLegacyPattern(True)  # OpenCV before 4.6 began even rows with the other color
     detectors = [aruco.CharucoDetector(board) for board in boards]
@@ -173,11 +159,13 @@ def _seen(px: Any, ids: Any) -> Seen:
     return np.asarray(px, np.float64).reshape(-1, 2) + 0.5, np.asarray(ids, np.intp).reshape(-1)
 
 
-def _tags(file: Fields, columns: int, rows: int, tag: float, gap: float, where: str) -> Board:
+def _tags(file: Fields, where: str) -> Board:
     from cv2 import aruco
 
-    if not (tag > 0 and gap >= 0):
-        raise DigsError(f"{where}: expected tags above 0 m and gaps of 0 m or more")
+    columns, rows = (file.whole(name, 1, 100) for name in ("tagCols", "tagRows"))
+    tag, spacing = file.number("tagSize"), file.number("tagSpacing")
+    if not (tag > 0 and spacing >= 0):
+        raise DigsError(f"{where}: expected a tagSize above 0 m and a tagSpacing of 0 or more")
     dictionary = _dictionary(file, where, "DICT_APRILTAG_36H11")
     detectors = []
     for border in (1, 2):  # Kalibr prints a border of two bits
@@ -192,12 +180,12 @@ def _tags(file: Fields, columns: int, rows: int, tag: float, gap: float, where: 
         numbers = None if ids is None else np.reshape(ids, (-1, 1)) * 4 + np.arange(4)
         return _seen(px if ids is not None else None, numbers)
 
-    first, step = file.whole("first", default=0), tag + gap
+    step = tag * (1 + spacing)
     corners = tag * np.array([(0, 1, 0), (1, 1, 0), (1, 0, 0), (0, 0, 0)], np.float64)
 
     def layout(upward: bool, turned: int) -> dict[int, np.ndarray]:
         return {
-            4 * (first + row * columns + column) + (corner + turned) % 4: at + corners[corner]
+            4 * (row * columns + column) + (corner + turned) % 4: at + corners[corner]
             for row, column, corner in product(range(rows), range(columns), range(4))
             for at in [np.array([column, row if upward else rows - 1 - row, 0]) * step]
         }

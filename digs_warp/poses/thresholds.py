@@ -7,10 +7,8 @@ trade time for accuracy, stay with their algorithms.
 
 # --- Structure from motion (from_images/)
 
-# images | by hand
+# images of a recording and of a model | by hand: COLMAP's own limit of 10 would refuse small sets
 MIN_IMAGES = 3
-# images | by hand: COLMAP's own limit of 10 would refuse small sets
-MIN_MODEL_IMAGES = 3
 # images up to which all pairs are matched | time: matching them all costs less than a wrong loop
 MAX_IMAGES_EXHAUSTIVE = 40
 # px, longest side up to which images are enlarged twice | time: half of it, in larger ones
@@ -49,7 +47,7 @@ LEAST_MATCHES = 30
 # share of matches within this of the epipolar lines of right poses | an arc of 12 frames, a real room | 1.3
 USUAL_MATCH_SHARE = 0.6
 
-# --- Covisibility and correlation of two frames (covisibility.py, agreement.py)
+# --- Covisibility and correlation of two frames (agreement.py)
 
 # degree between two views of a point, from which on pictures are too different | by hand
 MAX_VIEW_ANGLE = 54.0
@@ -81,7 +79,7 @@ MAX_SETTLED_RESIDUAL_DEG = 0.5
 # line process weight below which Open3D prunes an edge, 0 to 1 | Open3D's default
 MIN_EDGE_WEIGHT = 0.25
 
-# --- Do color and depth contradict poses from images? (from_depth/odometry_chain.py)
+# --- Do color and depth contradict poses from images? (from_depth/estimate.py)
 
 # degree between the pose and what depth measures | noise of depth: below | by hand
 MIN_OTHER_TURN_DEG = 2.0

@@ -123,24 +123,18 @@ def _picture(frame: Frame, readout_time: float) -> Picture:
     image = frame.load_image()
     known = frame.has(Layer.DEPTH)
     motion = frame.exposure.camera_motion
+    color = image.astype(np.float32) + DARK
+    # A product is exact, and faster than a sum over so short an axis.
+    total = color @ np.ones((3, 1), np.float32)
     found = Picture(
         frame.camera.intrinsics,
         image.astype(np.float32) @ (LUMA / np.float32(255)),
         frame.load_depth() if known else np.full(image.shape[:2], np.nan, np.float32),
-        tint_of(image),
+        color[..., :2] / total,
         readout_time * np.array(motion.angular_velocity) if motion else np.zeros(3),
         readout_time * np.array(motion.velocity) if motion else np.zeros(3),
     )
     return found.at_most(WIDEST)
-
-
-def tint_of(image: np.ndarray) -> np.ndarray:
-    """Return the shares of red and green in sRGB colors (..., 3) of 0..255, (..., 2); dark is gray."""
-    color = image.astype(np.float32) + DARK
-    total = color @ np.ones(
-        (3, 1), np.float32
-    )  # exact, and faster than a sum over so short an axis
-    return color[..., :2] / total
 
 
 def _half(plane: np.ndarray) -> np.ndarray:

@@ -4,7 +4,7 @@ import numpy as np
 from scipy.ndimage import map_coordinates
 
 from digs_warp.geometry.rigid import transform_points
-from digs_warp.poses.refine.normal_equations import Scales
+from digs_warp.poses.refine.photometric_alignment import Scales
 from digs_warp.poses.views import View
 
 

@@ -25,7 +25,7 @@ from digs_warp.formats.captures.frames import (
     write_mask,
 )
 from digs_warp.poses.from_images.colmap import quiet_pycolmap
-from digs_warp.poses.from_images.model import write_model
+from digs_warp.poses.from_images.workspace import write_model
 from digs_warp.record.disk import out_of_space
 from digs_warp.record.files import copy_file
 

@@ -111,11 +111,7 @@ def likely_starts(
 ) -> list[np.ndarray]:
     """Return the ``most`` motions ``second_from_first`` under which small pictures agree best, best first.
 
-    Args:
-        first: picture of about 80 columns.
-        second: the same of the other frame.
-        before: the motion between the frames before, (4, 4); one that goes on is likely.
-        most: at least 1.
+    The pictures have about 80 columns; ``before``: the motion between the frames before, which may go on.
     """
     motions = [np.eye(4), before, *_usual_motions(first)]
     apart = disagreements(first, second, motions, COARSE_SAMPLES)

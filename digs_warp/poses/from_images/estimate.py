@@ -19,8 +19,6 @@ from digs_warp.poses.from_images import colmap
 from digs_warp.poses.from_images.colmap import ImageSet
 from digs_warp.poses.from_images.config import SfmConfig
 from digs_warp.poses.from_images.image_pairs import loop_pairs, sequential_pairs
-from digs_warp.poses.from_images.mapping import map_images, triangulate
-from digs_warp.poses.from_images.model import sfm_model, write_model
 from digs_warp.poses.from_images.quality import (
     SfmQuality,
     check_agreement,
@@ -35,8 +33,10 @@ from digs_warp.poses.from_images.workspace import (
     MASKS,
     Workspace,
     key_of,
+    sfm_model,
     with_image_files,
     with_scene_masks,
+    write_model,
 )
 from digs_warp.record.run_log import RunLog
 from digs_warp.words import counted
@@ -153,10 +153,10 @@ def _make_model(
     shutil.rmtree(unfinished, ignore_errors=True)
     try:
         if config.poses == "sfm":
-            models = map_images(images, config, threads, database, unfinished)
+            models = colmap.map_images(images, config, threads, database, unfinished)
         else:
             poses = [frame.camera.world_from_cam for frame in frames]
-            models = [triangulate(images, poses, config, threads, database, unfinished)]
+            models = [colmap.triangulate(images, poses, config, threads, database, unfinished)]
     finally:
         shutil.rmtree(unfinished, ignore_errors=True)
     if not models:

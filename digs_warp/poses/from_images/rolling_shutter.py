@@ -93,10 +93,6 @@ class _RollingView:
         for number, place in zip(self._numbers, px, strict=True):
             features[number].xy = place
 
-    def errors(self, points: np.ndarray) -> np.ndarray:
-        """Return how far the model sees the points from where they were seen [px], (k,)."""
-        return np.linalg.norm(self._shown(self._rolled(self._still(points))) - self.px, axis=1)
-
     def fit_spin(self, points: np.ndarray, expected: np.ndarray, shake: float) -> None:
         """Fit the spin, together with a motion that COLMAP finds again; ``shake``: how far it may be off."""
         seen = self._rolled(self._still(points))
@@ -153,13 +149,12 @@ def correct_rolling_shutter(
         after, expected = points(), _moved_as_neighbors(views, times, readout_time)
         for view, spin in zip(views, expected, strict=True):
             view.fit_spin(after, spin, HAND_SHAKE * readout_time)
-    sums, counts, found = np.zeros(len(keys)), np.zeros(len(keys)), points()
+    found = points()
+    for view in views:
+        view.straighten(found)
+    reconstruction.update_point_3d_errors()
     for view in views:
         view.measure(view.px)
-        np.add.at(sums, view.rows, view.errors(found))
-        np.add.at(counts, view.rows, 1)
-    for key, error in zip(keys, sums / np.maximum(counts, 1), strict=True):
-        reconstruction.points3D[key].error = float(error)
 
 
 def _rising_times(frames: Sequence[Frame]) -> np.ndarray:

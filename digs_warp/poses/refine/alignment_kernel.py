@@ -1,4 +1,4 @@
-"""Kernel of `normal_equations`: those of one pair of frames, one thread per pair.
+"""Kernel of `photometric_alignment`: those of one pair of frames, one thread per pair.
 
 A point q of the source frame, in the target's axes, should have the value that the target shows there, and
 lie at the depth that the target measured; of depth, the inverse is compared, for a stereo camera errs in it

@@ -23,8 +23,13 @@ from digs_warp.poses.refine.bundle_adjustment_kernel import (
     nearness_kernel,
     sum_kernel,
 )
-from digs_warp.poses.refine.normal_equations import DAMPING, LEAST_COLOR, adjoints_of, solution
-from digs_warp.poses.refine.photometric_alignment import stepped
+from digs_warp.poses.refine.photometric_alignment import (
+    DAMPING,
+    LEAST_COLOR,
+    adjoints_of,
+    solution,
+    stepped,
+)
 from digs_warp.poses.views import Picture, View, arrays_of, by_size, view_of
 
 # Points of a frame: distances that are right make up for fewer of them.

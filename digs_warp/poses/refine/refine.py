@@ -16,9 +16,9 @@ from digs_warp.poses.agreement import (
     got_worse,
     measured_pairs,
     medians_of_frames,
+    overlapping_pairs,
     reduced,
 )
-from digs_warp.poses.covisibility import overlapping_pairs
 from digs_warp.poses.outcome import PoseRefinement
 from digs_warp.poses.refine.bundle_adjustment import adjusted_where_better, in_likely_scale
 from digs_warp.poses.refine.photometric_alignment import align

@@ -6,9 +6,9 @@ import cv2
 import numpy as np
 import pytest
 
+from digs_warp.check.alignment import Registration, registration, thumbnail_of
 from digs_warp.check.check import check_capture
 from digs_warp.check.findings import limit_of
-from digs_warp.check.registration import Registration, registration, thumbnail_of
 from digs_warp.check.thresholds import REGISTRATION_CERTAINTY, REGISTRATION_SIZE
 from digs_warp.cli import EXIT_BAD_INPUT, EXIT_OK, main
 from digs_warp.data.capture import read_capture

@@ -1,7 +1,5 @@
-"""Mask sources, from frames to files: what is written, kept, and refused."""
+"""Mask sources, from frames to files: what is written, and refused."""
 
-import os
-import shutil
 from dataclasses import replace
 from pathlib import Path
 
@@ -37,44 +35,6 @@ def test_held_out_frames_without_masks_get_some(frames: list[Frame], tmp_path: P
     bare = tuple(frame.without_layer(Layer.MASK) for frame in frames)
     found = masked(PosedFrames(bare[:3], bare[3:]), SegmentConfig(masks="depth"), tmp_path)
     assert found.held_out[0].load_mask().max() == 255
-
-
-# What is there already
-
-
-def test_finished_masks_are_kept_and_missing_ones_made(frames: list[Frame], tmp_path: Path) -> None:
-    config = SegmentConfig(masks="depth")
-    paths = segment(frames, config, tmp_path)
-    before = [path.read_bytes() for path in paths]
-    mark = np.full((HEIGHT, WIDTH), 7, np.uint8)
-    write_image(paths[0], mark)
-    paths[2].unlink()
-    assert segment(frames, config, tmp_path) == paths
-    np.testing.assert_array_equal(read_image(paths[0])[..., 0], mark)
-    assert [path.read_bytes() for path in paths[1:]] == before[1:]
-
-
-@pytest.mark.parametrize("change", ["settings", "input", "memory"])
-def test_masks_of_other_settings_or_files_are_made_anew(
-    frames: list[Frame], tmp_path: Path, change: str
-) -> None:
-    config = SegmentConfig(masks="depth")
-    mark = np.full((HEIGHT, WIDTH), 7, np.uint8)
-    copy = Path(shutil.copy(frames[0].path(Layer.DEPTH), tmp_path))
-    depth = frames[0].load_depth() if change == "memory" else copy
-    mine = [frames[0].with_layer(Layer.DEPTH, depth), *frames[1:]]
-    paths = segment(mine, config, tmp_path / "masks")
-    write_image(paths[0], mark)
-    if change == "settings":
-        config = replace(config, ignore_mask=tmp_path / "x.png")
-    elif change == "memory":
-        mine[0] = mine[0].with_layer(
-            Layer.DEPTH, np.where(np.arange(WIDTH) < 40, mine[0].load_depth(), np.nan)
-        )
-    else:
-        os.utime(copy, (1.0, 1.0))
-    segment(mine, config, tmp_path / "masks")
-    assert (read_image(paths[0])[..., 0] != mark).any()
 
 
 # A folder of masks
@@ -114,7 +74,7 @@ def test_masks_of_a_folder_may_be_numbers_with_other_names(
     config = in_folder(frames, tmp_path / "theirs", np.dstack([numbers] * 3))
     for frame in frames:
         path = tmp_path / f"theirs/{frame.name}.png"
-        path.rename(path.with_name(f"{frame.name}.jpg.PNG"))
+        path.rename(path.with_name(f"{frame.name}_mask.PNG"))
     for found in masks_of(segment(frames, config, tmp_path / "ours")):
         np.testing.assert_array_equal(found, 255 * (SOFT > 127))
 

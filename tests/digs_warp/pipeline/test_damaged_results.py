@@ -38,7 +38,7 @@ def files(folder: Path) -> dict[str, object]:
         elif name == "training.jsonl":
             rows = map(json.loads, path.read_text().splitlines())
             found[name] = [without_times(row) for row in rows]
-        elif path.is_file() and name not in ("files.jsonl", "masks/settings.json"):
+        elif path.is_file() and name != "files.jsonl":
             found[name] = path.read_bytes()
     return found
 

@@ -7,7 +7,7 @@ from digs_warp.geometry.camera import Intrinsics
 from digs_warp.geometry.rigid import invert_rigid, look_at, matrix_from_rotation_vector, rigid
 from digs_warp.poses.agreement import disagreement
 from digs_warp.poses.features import Matches, features_of, matched
-from digs_warp.poses.from_depth.odometry_chain import turn_deg
+from digs_warp.poses.from_depth.estimate import turn_deg
 from digs_warp.poses.from_depth.pair_motion import likely_starts
 from reference.textured_plane import INTRINSICS, picture, ring_of_poses
 

@@ -12,8 +12,7 @@ from digs_warp.geometry.camera import Camera
 from digs_warp.geometry.rigid import invert_rigid, matrix_from_rotation_vector, rigid
 from digs_warp.poses import thresholds
 from digs_warp.poses.agreement import disagreement
-from digs_warp.poses.from_depth.estimate import track
-from digs_warp.poses.from_depth.odometry_chain import holds
+from digs_warp.poses.from_depth.estimate import holds, track
 from digs_warp.poses.from_depth.pair_motion import FrameFeatures, FramePair
 from digs_warp.poses.outcome import check_depth
 from digs_warp.poses.refine.photometric_alignment import in_place

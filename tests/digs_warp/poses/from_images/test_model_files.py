@@ -9,7 +9,7 @@ from digs_warp.device.libraries import import_pycolmap
 from digs_warp.geometry.camera import Intrinsics
 from digs_warp.poses.from_images.colmap import ImageSet, extract_features
 from digs_warp.poses.from_images.config import SfmConfig
-from digs_warp.poses.from_images.model import FILES, is_complete, write_model
+from digs_warp.poses.from_images.workspace import FILES, is_complete, write_model
 from reference.full_disk import largest_file, small_disk
 
 

@@ -16,8 +16,8 @@ from digs_warp.data.layers import Layer
 from digs_warp.geometry.camera import Camera
 from digs_warp.geometry.rigid import invert_rigid
 from digs_warp.poses.from_images.colmap import ImageSet, quiet_pycolmap
-from digs_warp.poses.from_images.model import sfm_model
 from digs_warp.poses.from_images.rolling_shutter import correct_rolling_shutter
+from digs_warp.poses.from_images.workspace import sfm_model
 from reference.sfm_views import INTRINSICS, arc
 from studies.pose_errors import pose_errors
 

@@ -13,11 +13,15 @@ from digs_warp.data.layers import Layer
 from digs_warp.geometry.camera import Camera
 from digs_warp.geometry.rigid import invert_rigid, matrix_from_rotation_vector, rigid
 from digs_warp.pipeline.optimize import pose_training
-from digs_warp.poses.agreement import got_worse
-from digs_warp.poses.covisibility import overlapping_pairs
+from digs_warp.poses.agreement import got_worse, overlapping_pairs
 from digs_warp.poses.refine.bundle_adjustment import adjusted, in_likely_scale
-from digs_warp.poses.refine.normal_equations import PairComparison, Scales
-from digs_warp.poses.refine.photometric_alignment import Alignment, align, in_place
+from digs_warp.poses.refine.photometric_alignment import (
+    Alignment,
+    PairComparison,
+    Scales,
+    align,
+    in_place,
+)
 from digs_warp.poses.refine.refine import refine
 from digs_warp.poses.views import Picture, view_of
 from reference.pair_twin import pair_equations

@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 
 from digs_warp.device.parallel import launch_parallel
-from digs_warp.poses.agreement import reduced
-from digs_warp.poses.covisibility import overlapping_pairs
+from digs_warp.poses.agreement import overlapping_pairs, reduced
 from digs_warp.poses.refine import bundle_adjustment
 from digs_warp.poses.refine.bundle_adjustment import (
     Adjustment,
@@ -17,8 +16,7 @@ from digs_warp.poses.refine.bundle_adjustment import (
     motions_between,
     solved,
 )
-from digs_warp.poses.refine.normal_equations import DAMPING
-from digs_warp.poses.refine.photometric_alignment import align, in_place
+from digs_warp.poses.refine.photometric_alignment import DAMPING, align, in_place
 from digs_warp.poses.views import Picture, view_of
 from reference.bundle_twin import joint_step
 from reference.perturbed_poses import perturbed_poses

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from digs_warp.poses.refine import normal_equations
-from digs_warp.poses.refine.normal_equations import PairSums, Scales, solve
+from digs_warp.poses.refine import photometric_alignment
+from digs_warp.poses.refine.photometric_alignment import PairSums, Scales, solve
 
 LAYOUTS = {"walk": 0, "walk with closures": 40}
 
@@ -24,17 +24,17 @@ def sums_of(pairs: np.ndarray) -> PairSums:
     motions = np.tile(np.eye(4), (len(pairs), 1, 1))
     motions[:, :3, 3] = rng.normal(size=(len(pairs), 3)) * 0.1
     sides = rng.normal(size=(len(pairs), 6))
-    return PairSums(halves @ halves.transpose(0, 2, 1), sides, motions, Scales(1.0, 1.0), 1)
+    return PairSums(halves @ halves.transpose(0, 2, 1), sides, motions, Scales(1.0, 1.0))
 
 
 @pytest.mark.parametrize("closures", LAYOUTS.values(), ids=list(LAYOUTS))
 def test_many_frames_move_as_with_all_zeros(closures: int, monkeypatch: pytest.MonkeyPatch) -> None:
     pairs = neighbors(100, closures)
     sums = sums_of(pairs)
-    assert 6 * 100 >= normal_equations.SPARSE_FROM
+    assert 6 * 100 >= photometric_alignment.SPARSE_FROM
     found = solve(sums, pairs, 100)
     assert np.array_equal(found, solve(sums, pairs, 100)), "equal input, equal bits"
-    monkeypatch.setattr(normal_equations, "SPARSE_FROM", 10**9)
+    monkeypatch.setattr(photometric_alignment, "SPARSE_FROM", 10**9)
     dense = solve(sums, pairs, 100)
     np.testing.assert_allclose(found, dense, rtol=0, atol=1e-11 * np.abs(dense).max())
 
