@@ -31,9 +31,8 @@ TESTS = (
     "tests/sim/sensor/test_color_path.py",
     "tests/sim/sensor/test_depth_law.py",
     "tests/sim/sensor/effects/test_disparity_errors.py",
-    "tests/sim/sensor/infrared/test_like_a_d435.py",
     "tests/sim/sensor/test_calibration_drift.py",
-    "tests/sim/sensor/infrared/test_projector.py",
+    "tests/sim/sensor/test_infrared_pair.py",
 )
 
 

@@ -1,4 +1,4 @@
-"""Each statistic of a wall against arrays whose figures are known."""
+"""Each statistic of a wall and of a device against arrays whose figures are known."""
 
 from dataclasses import replace
 
@@ -9,6 +9,13 @@ from scipy.ndimage import gaussian_filter
 from digs_warp.geometry.camera import Intrinsics
 from digs_warp.sim.camera.profiles import load_profile
 from digs_warp.sim.fit.calibration import bias, fit_line
+from digs_warp.sim.fit.device_figures import (
+    WINDOWS,
+    correlation_of,
+    holes,
+    roughness,
+    temporal_share,
+)
 from digs_warp.sim.fit.estimate import Estimate, block_numbers, block_sums, jackknife, ratio
 from digs_warp.sim.fit.image_noise import image_noise
 from digs_warp.sim.fit.plane import fit_plane
@@ -17,6 +24,7 @@ from digs_warp.sim.fit.wall_figures import depth_range, disparity_step, noise, w
 from digs_warp.sim.sensor.color.encoding import decode, encode
 from digs_warp.sim.sensor.color.image_noise import ReadNoise, ShotNoise
 from digs_warp.sim.sensor.color.protocol import EyeImages
+from digs_warp.sim.sensor.noise_field import octave_normal
 
 SHAPE = (160, 240)
 K = Intrinsics(SHAPE[1], SHAPE[0], 200.0, 200.0, SHAPE[1] / 2, SHAPE[0] / 2)
@@ -185,3 +193,42 @@ def test_the_error_of_a_line_covers_what_few_points_scatter() -> None:
     within = [abs(o.value - 1) < 2 * o.error
               for o, _ in (fit_line(x, 2 * x + 1 + rng.standard_normal(5)) for _ in range(300))]  # fmt: skip
     assert np.mean(within) > 0.93
+
+
+def test_roughness_is_that_of_planes_without_holes_or_steps() -> None:
+    disparity = plane(0.02, -0.01, 20.0) + 0.05 * np.random.default_rng(0).standard_normal(SHAPE)
+    disparity[:, 150:] += 10.0
+    disparity[100, 100] = np.nan
+    found = roughness(disparity, 32)
+    assert len(found.residual) == 5 * 6 - 1
+    assert found.median() == pytest.approx(0.05, rel=0.02)
+    assert found.estimate.error < 0.002
+    assert roughness(disparity, 24).median(0, 26) == pytest.approx(0.05, rel=0.02)
+    assert np.isnan(found.median(100, 200))
+
+
+@pytest.mark.parametrize("correlation", [0.0, 3.0, 12.0, 30.0])
+def test_the_growth_of_roughness_tells_the_correlation(correlation: float) -> None:
+    field = 0.1 * octave_normal(np.random.default_rng(0), (960, 1280), correlation)
+    found = correlation_of([roughness(field, size).median() for size in WINDOWS])
+    assert found == pytest.approx(correlation, rel=0.3)
+
+
+def test_two_windows_tell_no_correlation() -> None:
+    assert np.isnan(correlation_of([0.02, 0.03, np.nan, np.nan]))
+
+
+def test_what_changes_and_what_stays_are_told_apart() -> None:
+    rng = np.random.default_rng(0)
+    stack = 0.3 * rng.standard_normal(SHAPE) + 0.1 * rng.standard_normal((8, *SHAPE))
+    stack[2, 5, 5] = np.nan
+    assert temporal_share(stack) == pytest.approx(0.1, rel=0.05)
+
+
+def test_holes_are_counted_with_their_corners() -> None:
+    disparity = np.ones((100, 100))
+    disparity[10, 10] = disparity[11, 11] = np.nan  # one hole of two pixels
+    disparity[40:44, 40:44] = np.nan
+    found = holes(disparity)
+    assert (found.share, found.per_10000) == (18 / 10_000, 2)
+    assert found.small == pytest.approx(2 / 18)

@@ -1,16 +1,18 @@
-"""Recording a capture: complete, reproducible, resumable, and honest about bad settings."""
+"""Recording a capture: complete, reproducible, in little memory, and honest about bad settings."""
 
 import shutil
+import subprocess
+import sys
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
+import trimesh
 
 from digs_warp.checks import DigsError
 from digs_warp.data.capture import read_capture
 from digs_warp.data.images import write_image
-from digs_warp.geometry.camera import pixel_centers
 from digs_warp.record.files import read_json
 from digs_warp.record.manifest import Manifest
 from digs_warp.sim.record.inputs import load_inputs
@@ -79,14 +81,6 @@ def test_every_frame_has_all_its_images(recording: Path) -> None:
         np.testing.assert_allclose(sensed[near], true[near], rtol=0.1)
 
 
-def test_true_depth_puts_the_object_back_where_it_stands(recording: Path) -> None:
-    for frame in read_capture(recording).frames:
-        points = frame.camera.unproject(pixel_centers(83, 47), frame.load_depth_true())
-        # Two samples may both hit where the center just misses.
-        solid = points[(frame.load_mask() == 255) & (frame.load_depth_true() < 2.0)]
-        np.testing.assert_allclose(np.abs(solid).max(axis=1), 0.2, atol=1e-5)
-
-
 def test_the_run_record_tells_settings_times_and_hashes(
     recording: Path, config: SimulateConfig
 ) -> None:
@@ -95,20 +89,6 @@ def test_the_run_record_tells_settings_times_and_hashes(
     assert {"load", "prepare", "render", "sense", "write"} <= record["seconds"].keys()
     assert Manifest.read(recording).names == set(file_hashes(recording))
     assert len(file_hashes(recording)) == 4 * 5 + 1
-
-
-def test_a_resumed_run_makes_missing_frames_again(
-    recording: Path, config: SimulateConfig, tmp_path: Path, caplog: pytest.LogCaptureFixture
-) -> None:
-    folder = tmp_path / "capture"
-    shutil.copytree(recording, folder)
-    (folder / "masks/0001.png").unlink()
-    (folder / "depth/0002.exr").unlink()
-    kept = (folder / "images/0000.png").stat().st_mtime_ns
-    simulate(config, folder, resume=True)
-    assert "2 files are missing and made again: depth/0002.exr, masks/0001" in caplog.text
-    assert file_hashes(folder) == file_hashes(recording)
-    assert (folder / "images/0000.png").stat().st_mtime_ns == kept
 
 
 def test_the_recording_of_others_is_left_alone(
@@ -124,17 +104,6 @@ def test_the_recording_of_others_is_left_alone(
     with pytest.raises(DigsError, match=r"other settings \(frames 4 -> 5, seed 0 -> 3\)"):
         simulate(replace(config, frames=5, seed=3), folder, resume=True)
     assert file_hashes(folder) == file_hashes(recording)
-
-
-def test_strength_scales_the_errors(config: SimulateConfig, tmp_path: Path) -> None:
-    errors = []
-    for strength in (0.0, 1.0, 3.0):
-        changed = replace(config, frames=1, strength=strength)
-        (frame,) = simulate(changed, tmp_path / str(strength)).frames
-        near = frame.load_depth_true() < 1.3
-        errors.append(np.std((frame.load_depth() - frame.load_depth_true())[near]))
-    assert errors[0] == 0
-    assert errors[2] == pytest.approx(3 * errors[1], rel=0.1)
 
 
 @pytest.mark.parametrize("name", ["frames", "samples_per_pixel", "object_size", "seed"])
@@ -153,8 +122,43 @@ def test_settings_of_a_mesh_file_need_one() -> None:
             load_inputs(settings)
 
 
-def test_a_mistyped_path_does_not_claim_the_folder(config: SimulateConfig, tmp_path: Path) -> None:
-    for wrong in ({"mesh": tmp_path / "none.glb"}, {"environment": tmp_path / "none.hdr"}):
-        with pytest.raises(DigsError, match="no such file"):
-            simulate(replace(config, **wrong), tmp_path / "capture")
-    assert not (tmp_path / "capture").exists()
+FRAMES = 4
+
+# What a recording has in hand for a frame of this size is five megabytes: kept, it would be sixty.
+LIMIT = 25e6
+
+# In a new process: the peak of this one may come from another test.
+SCRIPT = """
+import resource, sys
+from dataclasses import replace
+from pathlib import Path
+from digs_warp.sim.record.record import SimulateConfig, simulate
+from digs_warp.sim.record.inputs import load_inputs
+from digs_warp.sim.record.session import prepare_session
+
+folder, frames = Path(sys.argv[1]), int(sys.argv[2])
+config = SimulateConfig(
+    mesh=folder / "box.glb", environment=folder / "sky.png", frames=4 * frames,
+    width=320, height=180, samples_per_pixel=1, effects="none", ground="none",
+)
+session = prepare_session(config, load_inputs(config))
+for count in (frames, 4 * frames):
+    fewer = replace(config, frames=count)
+    simulate(fewer, folder / str(count), session=replace(session, config=fewer))
+    print(1024 * resource.getrusage(resource.RUSAGE_SELF).ru_maxrss)
+"""
+
+
+@pytest.mark.long
+def test_frames_are_not_kept(tmp_path: Path) -> None:
+    trimesh.creation.box((0.3, 0.2, 0.2)).export(tmp_path / "box.glb")
+    sky = np.random.default_rng(0).integers(0, 256, (16, 32, 3), dtype=np.uint8)
+    write_image(tmp_path / "sky.png", sky)
+    run = subprocess.run(
+        [sys.executable, "-c", SCRIPT, str(tmp_path), str(FRAMES)],
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    few, many = (int(line) for line in run.stdout.split())
+    assert many - few < LIMIT

@@ -1,4 +1,4 @@
-"""Recording with the planned sensor: its layers and files, and the same bytes however it is run."""
+"""Recordings with the planned sensor, also of an infrared pair: on disk, in memory, as a stream."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -7,17 +7,21 @@ from typing import Any, Literal
 import numpy as np
 import pytest
 
-from digs_warp.checks import DigsError
+from digs_warp.checks import CaptureError, DigsError
 from digs_warp.data.capture import Capture, read_capture
 from digs_warp.data.images import read_image
-from digs_warp.data.layers import Layer
+from digs_warp.data.layers import INFRARED_LAYERS, Layer
+from digs_warp.data.rig import InfraredPair, Rig
 from digs_warp.device import parallel
 from digs_warp.record.files import read_json
+from digs_warp.sim.camera.shutter import Shutter
 from digs_warp.sim.config import SimulateConfig
+from digs_warp.sim.record.frame_maker import FrameMaker, layers_of
 from digs_warp.sim.record.inputs import load_inputs
-from digs_warp.sim.record.record import simulate
+from digs_warp.sim.record.record import simulate, simulate_in_memory
 from digs_warp.sim.record.sensor_plan import make_plan, plan_for_facts
 from digs_warp.sim.record.session import Session, prepare_session
+from digs_warp.sim.record.stream import stream
 from digs_warp.sim.sensor.filters import gray_of
 from digs_warp.sim.sensor.frame import Cause
 from digs_warp.sim.sensor.matcher import match, search_range
@@ -87,7 +91,10 @@ def test_a_recording_tells_how_long_its_rows_take(
     ids=lambda changes: ",".join(changes) or "usual",
 )
 def test_what_was_cut_off_resumes_to_the_same_bytes_with_any_number_of_threads(
-    changes: dict[str, Any], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    changes: dict[str, Any],
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    caplog: pytest.LogCaptureFixture,
 ) -> None:
     config = replace(CONFIG, frames=2, **changes)
     folder = tmp_path / "capture"
@@ -99,31 +106,24 @@ def test_what_was_cut_off_resumes_to_the_same_bytes_with_any_number_of_threads(
     for path in (*gone, folder / "transforms.json", folder / "sensor_plan.json"):
         path.unlink()
     (folder / "depth/.0001.exr.4711.tmp").write_bytes(b"left by a process that was killed")
+    kept = (folder / "images/0001.png").stat().st_mtime_ns
     monkeypatch.setattr(parallel, "default_threads", lambda: 1)
     simulate(config, folder, resume=True)
+    assert "files are missing and made again: cause/0001.png" in caplog.text
     assert file_hashes(folder) == expected
+    assert (folder / "images/0001.png").stat().st_mtime_ns == kept
     after = read_json(folder / "run.json", "record")["seconds"]
     assert all(after[stage] >= before[stage] for stage in before)
 
 
-def layers(capture: Capture) -> list[np.ndarray]:
-    return [
-        layer
-        for frame in capture.frames
-        for layer in (frame.load_image(), frame.load_right_image(), frame.load_depth())
-    ]
-
-
 @pytest.mark.parametrize("tier", ["guided", "matcher"])
-def test_at_strength_zero_every_tier_is_perfect(
-    tier: Literal["guided", "matcher"], tmp_path: Path
-) -> None:
+def test_at_strength_zero_every_tier_is_perfect(tier: Literal["guided", "matcher"]) -> None:
     small = replace(CONFIG, frames=1, labels="none")
-    perfect = simulate(replace(small, tier="truth"), tmp_path / "truth")
-    weakest = simulate(replace(small, tier=tier, strength=0.0), tmp_path / tier)
-    for a, b in zip(layers(perfect), layers(weakest), strict=True):
-        np.testing.assert_array_equal(a, b)
-    assert (weakest.frames[0].load_cause() == Cause.OK).all()
+    (perfect,) = simulate_in_memory(replace(small, tier="truth")).frames
+    (weakest,) = simulate_in_memory(replace(small, tier=tier, strength=0.0)).frames
+    for layer in (Layer.IMAGE, Layer.RIGHT, Layer.DEPTH):
+        np.testing.assert_array_equal(perfect.load(layer), weakest.load(layer))
+    assert (weakest.load_cause() == Cause.OK).all()
 
 
 def test_effects_on_depth_leave_the_images_alone(tmp_path: Path) -> None:
@@ -164,7 +164,158 @@ def test_the_matcher_matches_the_images_that_are_recorded(tmp_path: Path) -> Non
 def test_unusable_settings_do_not_claim_the_folder(tmp_path: Path) -> None:
     zero = tmp_path / "zero.yaml"
     zero.write_text("figures: {baseline: {value: 0, origin: tuned}}")
-    for wrong in ({"effects": "fog"}, {"profile": "kinect"}, {"profile": zero}):
-        with pytest.raises(DigsError, match=r"fog|kinect|baseline \[m\]: 0"):
+    for wrong, words in (
+        ({"effects": "fog"}, "fog"),
+        ({"profile": "kinect"}, "kinect"),
+        ({"profile": zero}, r"baseline \[m\]: 0"),
+        ({"mesh": tmp_path / "none.glb"}, "no such file"),
+        ({"environment": tmp_path / "none.hdr"}, "no such file"),
+    ):
+        with pytest.raises(DigsError, match=words):
             simulate(replace(CONFIG, **wrong), tmp_path / "capture")  # pyright: ignore
     assert not (tmp_path / "capture").exists()
+
+
+D435 = SimulateConfig(
+    profile="d435", frames=3, width=160, samples_per_pixel=1, tier="guided", seed=5
+)
+
+
+@pytest.fixture(scope="module")
+def of_pair(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("infrared") / "capture"
+    simulate(D435, folder)
+    return folder
+
+
+def test_images_depth_and_mask_are_the_color_cameras(of_pair: Path) -> None:
+    capture = read_capture(of_pair)
+    rig = FrameMaker.of(D435).session.rig
+    k = rig.image_intrinsics
+    assert k.fx == pytest.approx(1.444 * rig.intrinsics.fx)
+    for frame in capture.frames:
+        assert frame.camera.intrinsics == k
+        assert not frame.has(Layer.RIGHT)
+        on_object = frame.load_mask() == 255
+        error = frame.load_depth() - frame.load_depth_true()
+        known = np.isfinite(error)
+        assert known.mean() > 0.85
+        disparity = rig.focal_baseline * np.abs(error) / frame.load_depth_true() ** 2
+        assert np.median(disparity[known & on_object]) < 0.5
+        # Mask and true depth belong together; at the rim, one ray decides on either.
+        assert np.mean(frame.load_depth_true()[on_object] < 1.5) > 0.95
+
+
+def test_readers_know_where_the_pair_is_and_do_not_take_it_for_a_right_image(
+    of_pair: Path,
+) -> None:
+    capture = read_capture(of_pair)
+    k = FrameMaker.of(D435).session.rig.intrinsics
+    assert capture.rig == Rig(0.05, InfraredPair(0.015, k.fx, k.fy, k.cx, k.cy))
+    assert capture.right_offset is None
+    with pytest.raises(CaptureError, match="has no 'right_file_path'"):
+        capture.frames[0].load_right_image()
+    left, right = capture.frames[0].load_infrared()
+    assert left.shape == right.shape == (k.height, k.width) and left.dtype == np.uint8
+    assert (left != right).mean() > 0.5
+
+
+def test_the_pair_shows_the_scene_at_the_stated_place(of_pair: Path) -> None:
+    frame = read_capture(of_pair).frames[0]
+    maker = FrameMaker.of(D435)
+    truth, _ = maker.session.truth(0, Shutter(), projects=maker.plan.projects)
+    left, right = frame.load_infrared()
+    for infrared, eye in ((left, truth.image), (right, truth.right)):
+        inside = gray_of(eye).astype(float)
+        assert np.corrcoef(infrared.ravel(), inside.ravel())[0, 1] > 0.95
+    place = frame.camera.cam_from_world @ np.append(truth.camera.center_world, 1)
+    np.testing.assert_allclose(place[:3], [0.015, 0, 0], atol=1e-12)
+
+
+def test_without_the_projector_only_the_pair_and_its_depth_change(
+    tmp_path: Path, of_pair: Path
+) -> None:
+    on = read_capture(of_pair)
+    names = [name for name in on.about.effects or () if name != "projector"]
+    simulate(replace(D435, effects=",".join(names)), tmp_path)
+    off = read_capture(tmp_path)
+    for lit, dark in zip(on.frames, off.frames, strict=True):
+        for layer in INFRARED_LAYERS:
+            same = lit.path(layer).read_bytes() == dark.path(layer).read_bytes()
+            pair = (Layer.INFRARED_LEFT, Layer.INFRARED_RIGHT, Layer.DEPTH)
+            assert same == (layer not in pair), layer
+
+
+def test_noise_of_the_color_image_is_not_that_of_the_left_eye() -> None:
+    maker = FrameMaker.of(replace(D435, frames=1, effects="shot-noise,read-noise", strength=3.0))
+    rendered = maker.render(0)
+    recorded = maker.finish(rendered, {})
+    assert rendered.color is not None and recorded.infrared_left is not None
+    left = recorded.infrared_left.astype(float) - rendered.truth.image[..., 0]
+    color = recorded.image.astype(float) - rendered.color.image
+    for channel in np.moveaxis(color, -1, 0):
+        assert abs(np.corrcoef(left.ravel(), channel.ravel())[0, 1]) < 0.05
+
+
+def test_perfect_depth_is_the_color_cameras_own() -> None:
+    config = replace(D435, tier="truth", frames=1)
+    (frame,) = simulate_in_memory(config).frames
+    assert set(layers_of(config, 0)) == set(frame.layers)
+    np.testing.assert_array_equal(frame.load_depth(), frame.load_depth_true())
+
+
+def test_a_stream_has_the_pair() -> None:
+    frame = next(stream(replace(D435, frames=1)))
+    assert frame.right is None and frame.infrared is not None
+    assert frame.infrared[0].shape == frame.depth.shape == frame.left.shape[:2]
+
+
+CONFIGS = (
+    SimulateConfig(profile="bare-matcher", frames=2, width=64, labels="all"),
+    SimulateConfig(profile="bare-matcher", frames=2, width=64, tier="truth"),
+)
+
+
+@pytest.fixture(scope="module", params=CONFIGS, ids=lambda config: config.tier)
+def config(request: pytest.FixtureRequest) -> SimulateConfig:
+    return request.param
+
+
+@pytest.fixture(scope="module")
+def stored(config: SimulateConfig, tmp_path_factory: pytest.TempPathFactory) -> Capture:
+    return simulate(config, tmp_path_factory.mktemp("recording") / "capture")
+
+
+def test_memory_holds_what_the_folder_holds(config: SimulateConfig, stored: Capture) -> None:
+    capture = simulate_in_memory(config)
+    assert (capture.rig, capture.about, len(capture)) == (stored.rig, stored.about, len(stored))
+    for here, there in zip(capture.frames, stored.frames, strict=True):
+        assert (here.name, here.time) == (there.name, there.time)
+        assert here.camera.intrinsics == there.camera.intrinsics
+        np.testing.assert_array_equal(here.camera.world_from_cam, there.camera.world_from_cam)
+        assert here.layers.keys() == there.layers.keys()
+        for layer in here.layers:
+            pixels, expected = here.load(layer), there.load(layer)
+            assert pixels.dtype == expected.dtype
+            np.testing.assert_array_equal(pixels, expected)
+
+
+def test_the_stream_gives_the_same_frames(config: SimulateConfig, stored: Capture) -> None:
+    for frame, there in zip(stream(config), stored.frames, strict=True):
+        assert f"{frame.number:04d}" == there.name and frame.time == there.time
+        np.testing.assert_array_equal(frame.camera.world_from_cam, there.camera.world_from_cam)
+        np.testing.assert_array_equal(frame.left, there.load_image())
+        np.testing.assert_array_equal(frame.right, there.load_right_image())
+        np.testing.assert_array_equal(frame.depth, there.load_depth())
+        np.testing.assert_array_equal(frame.depth_true, there.load_depth_true())
+        np.testing.assert_array_equal(frame.mask, there.load_mask())
+        assert (frame.cause is not None) == there.has(Layer.CAUSE)
+        if frame.cause is not None:
+            np.testing.assert_array_equal(frame.cause, there.load_cause())
+
+
+def test_a_capture_in_memory_has_no_folder() -> None:
+    capture = Capture(None, (), None)
+    assert str(capture) == "capture in memory"
+    with pytest.raises(CaptureError, match="in memory: this needs a capture folder"):
+        _ = capture.folder

@@ -115,6 +115,8 @@ def test_depth_of_an_infrared_pair_errs_by_the_focal_length_of_the_pair(tmp_path
         assert (
             0.3 < np.std(eye[20:28, 20:44].astype(float)) < 1.0
         )  # 0.25 DN in this profile, and steps
+        for channel in np.moveaxis(frame.load_image(), -1, 0):
+            assert abs(np.corrcoef(eye.ravel(), channel.ravel())[0, 1]) < 0.1
     profile = white(tmp_path, "d435")
     alone = captures_of(folder, tmp_path / "cache", profile=profile, effects=ALONE)
     assert noise_of(alone.capture(1)) == pytest.approx(0.13 / (30.0 * 0.05), rel=0.1)

@@ -111,7 +111,10 @@ def test_parts_keep_their_own_materials(tmp_path: Path) -> None:
         above = builder.add((CORNERS + (0, height, 0)).astype(np.float32))
         part = {"attributes": {"POSITION": above}, "indices": 2, **more}
         builder.header["meshes"][0]["primitives"].append(part)
-    materials = load(builder, tmp_path).materials
+    scene = load(builder, tmp_path)
+    materials = scene.materials
+    heights = [scene.vertices[scene.faces[scene.face_materials == k], 2].mean() for k in range(3)]
+    assert np.diff(heights) == pytest.approx([0.5, 0.5])
     assert [material.transmission for material in materials] == [1.0, 0.0, 0.0]
     assert [material.texture is not None for material in materials] == [True, False, False]
     assert len({material.name for material in materials}) == 3

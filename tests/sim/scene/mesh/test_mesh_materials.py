@@ -6,17 +6,18 @@ from typing import Any
 import numpy as np
 import pytest
 import trimesh
+from numpy.testing import assert_allclose
 from PIL import Image
-from trimesh.visual import ColorVisuals, TextureVisuals
-from trimesh.visual.material import PBRMaterial
+from trimesh.visual import ColorVisuals
 
-from digs_warp.data.images import linear_from_srgb
+from digs_warp.data.images import linear_from_srgb, srgb_from_linear
+from digs_warp.sim.scene.join import sampled_texture, srgb_vertex_colors
 from digs_warp.sim.scene.load import load_scene
+from digs_warp.sim.scene.scene import Material, Scene
 from reference.mesh_files import (
     OBJ,
     check_scene,
     checker,
-    corners_of,
     edit_gltf,
     save,
     textured_square,
@@ -35,25 +36,6 @@ def test_pbr_factors_are_linear_and_multiplied_by_the_mean_of_their_texture(tmp_
     np.testing.assert_allclose(material.base_color, (0.2, 0.4, 0.6), atol=0.003)
     assert material.roughness == pytest.approx(0.5 * 102 / 255, abs=1e-6)
     assert material.metallic == pytest.approx(0.8 * 51 / 255, abs=1e-6)
-
-
-def test_several_materials_stay_with_their_faces(tmp_path: Path) -> None:
-    whole = trimesh.Scene()
-    colors = [(1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)]
-    for k, color in enumerate(colors):
-        ball = trimesh.creation.icosphere(subdivisions=1, radius=0.3)
-        pbr = PBRMaterial(name=f"m{k}", baseColorFactor=[*color, 1.0])
-        ball.visual = TextureVisuals(material=pbr)
-        ball.apply_translation((k, 0, 0))
-        whole.add_geometry(ball)
-    scene = load_scene(save(tmp_path / "three.glb", whole))
-    check_scene(scene)
-    assert sorted(m.name for m in scene.materials) == ["m0", "m1", "m2"]
-    left_to_right = np.argsort(
-        [corners_of(scene)[scene.face_materials == k, :, 0].mean() for k in range(3)]
-    )
-    assert [scene.materials[k].name for k in left_to_right] == ["m0", "m1", "m2"]
-    np.testing.assert_allclose([scene.materials[k].base_color for k in left_to_right], colors)
 
 
 @pytest.mark.parametrize(("suffix", "linear"), [(".glb", True), (".ply", False), (".obj", False)])
@@ -218,3 +200,52 @@ def test_extensions_are_read_or_said_to_be_left_out(
     assert found.reflectance == pytest.approx(0.5 * (0.33 / 2.33) ** 2)
     for said in ("without its varnish", "without its sheen", "as a thin wall"):
         assert f"drawn {said}" in caplog.text
+
+
+def slow_sample(texture: np.ndarray, u: float, v: float) -> np.ndarray:
+    """Bilinear by the definition: every texel weighs by its distance, the image repeated three times."""
+    height, width = texture.shape[:2]
+    u, v = u % 1.0, v % 1.0
+    total = np.zeros(3)
+    for row in range(-height, 2 * height):
+        for column in range(-width, 2 * width):
+            x = abs(u * width - (column + 0.5))
+            y = abs((1 - v) * height - (row + 0.5))
+            if x < 1 and y < 1:
+                texel = texture[row % height, column % width] / 255.0
+                total += (1 - x) * (1 - y) * linear_from_srgb(texel)
+    return total
+
+
+def test_textures_are_sampled_between_texels_and_repeat():
+    rng = np.random.default_rng(0)
+    texture = rng.integers(0, 256, (4, 6, 3), dtype=np.uint8)
+    uvs = np.vstack([rng.uniform(-2, 3, (50, 2)), [[0, 0], [1, 1], [0.999, 0.001], [-1, 2]]])
+    expected = [slow_sample(texture, u, v) for u, v in uvs]
+    assert_allclose(sampled_texture(texture, uvs), expected, atol=1e-12)
+
+
+def test_factor_texture_and_vertex_color_multiply_for_each_material():
+    texture = np.full((1, 1, 3), 128, dtype=np.uint8)
+    materials = (
+        Material("textured", np.array([1.0, 0.5, 0.25]), texture),
+        Material("plain", np.array([0.1, 0.2, 0.3])),
+    )
+    vertex_colors = np.ones((7, 3), np.float32)
+    vertex_colors[0] = 0.5
+    scene = Scene(
+        vertices=np.zeros((7, 3), np.float32),
+        faces=np.array([[0, 1, 2], [3, 4, 5]], np.int32),
+        face_materials=np.array([0, 1], np.int32),
+        normals=np.zeros((7, 3), np.float32),
+        uvs=np.zeros((7, 2), np.float32),
+        vertex_colors=vertex_colors,
+        materials=materials,
+    )
+    gray = linear_from_srgb(np.array(128 / 255))
+    linear = np.array([[1.0, 0.5, 0.25]]) * gray
+    expected = np.vstack([0.5 * linear, linear, linear, [[0.1, 0.2, 0.3]] * 3])
+    found = srgb_vertex_colors(scene)
+    assert found.dtype == np.float32
+    assert_allclose(found[:6], srgb_from_linear(expected), atol=1e-6)
+    assert_allclose(found[6], 1.0)  # in no face

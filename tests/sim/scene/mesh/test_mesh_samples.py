@@ -1,12 +1,14 @@
-"""Other people's meshes load whole, upright and with their materials."""
+"""Other people's meshes load whole, upright and with their materials; large scans in little memory."""
 
+import tracemalloc
 from pathlib import Path
 
 import numpy as np
 import pytest
+import trimesh
 
 from digs_warp.sim.scene.load import load_scene, load_scene_at
-from reference.mesh_files import assert_rests, check_scene
+from reference.mesh_files import assert_rests, check_scene, save
 
 # Size of the base-color texture after SOURCES.md of the sample data; None: it says there is none.
 SAMPLE_TEXTURES: dict[str, int | None] = {
@@ -43,25 +45,30 @@ def test_sample_meshes_load_whole_and_rest(sample_data: Path, name: str) -> None
         assert np.ptp(corners.reshape(-1, 2), axis=0).min() > 0.3
 
 
-def test_the_materials_of_the_helmet_differ(sample_data: Path) -> None:
-    scene = load_scene(sample_data / "meshes/flight_helmet/flight_helmet.glb")
-    by_name = {material.name: material for material in scene.materials}
-    assert len(by_name) == 6
-    assert by_name["MetalPartsMat"].metallic > 0.5
-    assert by_name["LeatherPartsMat"].metallic < 0.05
-    assert by_name["LensesMat"].roughness < by_name["RubberWoodMat"].roughness
-    assert [name for name, m in by_name.items() if m.is_transparent] == ["LensesMat"]
-    assert by_name["LensesMat"].opacity_texture is not None
-    for name, material in by_name.items():
-        assert (material.normal_texture is None) == (name == "LensesMat")  # its map is flat
-        assert material.finish_texture is not None
+SIDE = 400
+# All steps at once took 1,070.
+MOST_BYTES_PER_TRIANGLE = 600
 
 
-def test_clear_plastic_lets_light_through_but_not_its_label(sample_data: Path) -> None:
-    scene = load_scene(sample_data / "meshes/water_bottle_clear/water_bottle_clear.glb")
-    by_name = {material.name: material for material in scene.materials}
-    bottle, cap = by_name["Material.001"], by_name["Material"]
-    assert bottle.is_transparent and not cap.is_transparent
-    assert bottle.transmission_texture is not None
-    assert {0, 255} <= set(np.unique(bottle.transmission_texture))
-    assert 0.5 < bottle.transmission < 0.95 and bottle.opacity == 1
+def write_grid(path: Path) -> int:
+    """Write a wavy sheet as binary PLY; return its triangles."""
+    x, y = np.meshgrid(np.linspace(0, 1, SIDE + 1), np.linspace(0, 1, SIDE + 1), indexing="ij")
+    vertices = np.stack([x, y, 0.1 * np.sin(9 * x) * np.cos(7 * y)], axis=-1).reshape(-1, 3)
+    corner = np.arange(len(vertices)).reshape(SIDE + 1, SIDE + 1)
+    a, b, c, d = corner[:-1, :-1], corner[:-1, 1:], corner[1:, 1:], corner[1:, :-1]
+    faces = np.concatenate([np.stack([a, b, d], -1), np.stack([b, c, d], -1)]).reshape(-1, 3)
+    save(path, trimesh.Trimesh(vertices, faces, process=False))
+    return len(faces)
+
+
+def test_a_large_scan_takes_little_memory(tmp_path: Path):
+    count = write_grid(tmp_path / "scan.ply")
+    tracemalloc.start()
+    try:
+        scene = load_scene(tmp_path / "scan.ply")
+        _, peak = tracemalloc.get_traced_memory()
+    finally:
+        tracemalloc.stop()
+    assert len(scene.faces) == count
+    assert peak < MOST_BYTES_PER_TRIANGLE * count
+    np.testing.assert_allclose(np.linalg.norm(scene.normals, axis=1), 1, atol=1e-5)

@@ -1,13 +1,21 @@
-"""Effects on matched depth, against the figures of the rig."""
+"""Effects on depth: on what was matched, and on recorded frames, against the law of stereo and the rig."""
 
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
+from digs_warp.sim.sensor.effects.disparity_errors import unit_field
 from digs_warp.sim.sensor.frame import Cause, FrameTruth, Sensed
+from digs_warp.sim.sensor.on_recordings import (
+    DISPARITY_NOISE,
+    EFFECTS_ON_RECORDINGS,
+    STEP_HOLES,
+    worse_depth,
+    worse_images,
+)
 from digs_warp.sim.sensor.tiers import apply_effects
-from reference.stereo_frames import make_frame, make_rig
+from reference.stereo_frames import flat, make_frame, make_rig
 
 
 def error_of(truth: FrameTruth, *names: str, seed: int = 0, strength: float = 1.0) -> np.ndarray:
@@ -26,15 +34,6 @@ def correlation_length(field: np.ndarray, axis: int) -> float:
     below = int(np.argmax(correlation < 1 / np.e))
     high, low = correlation[below - 1], correlation[below]
     return below - 1 + (high - 1 / np.e) / (high - low)
-
-
-def test_quantum_rounds_to_the_nearest_step() -> None:
-    rig = make_rig(disparity_step=1 / 32)
-    truth = make_frame(np.linspace(5, 200, 320)[None, :], rig)
-    error = error_of(truth, "quantum")
-    sensed = error + truth.disparity
-    np.testing.assert_array_equal(sensed * 32, np.rint(sensed * 32))
-    assert 0.9 / 64 < np.abs(error).max() <= 1 / 64 + 1e-5
 
 
 def test_static_field_belongs_to_the_unit_and_is_smooth() -> None:
@@ -88,3 +87,88 @@ def test_speckle_is_what_changes_of_the_noise() -> None:
     assert np.corrcoef(first[:, 1:].ravel(), first[:, :-1].ravel())[0, 1] > 0.5, (
         "neighbors err alike"
     )
+
+
+SHAPE = (240, 320)
+
+
+def plane(metres: float) -> np.ndarray:
+    """Depth of a wall across the view."""
+    return np.full(SHAPE, metres, np.float32)
+
+
+def step() -> np.ndarray:
+    """A near half and a far half; the first column of the far one is 160."""
+    depth = plane(1.0)
+    depth[:, 160:] = 2.0
+    return depth
+
+
+@pytest.mark.parametrize("strength", [1.0, 3.0])
+def test_disparity_noise_gives_the_quadratic_law(strength: float) -> None:
+    rig = make_rig(disparity_sigma=0.1)
+    for metres in (1.0, 2.0):
+        error = worse_depth(plane(metres), rig, [DISPARITY_NOISE], strength=strength) - metres
+        expected = strength * 0.1 * metres**2 / rig.focal_baseline
+        assert np.std(error) == pytest.approx(expected, rel=0.03)
+        assert abs(np.mean(error)) < 0.05 * expected
+
+
+@pytest.mark.parametrize(("seed", "number"), [(0, 1), (1, 0)])
+def test_other_frames_and_seeds_have_other_noise(seed: int, number: int) -> None:
+    rig, gray = make_rig(disparity_sigma=0.1, image_noise=2.0), flat(SHAPE, 118)
+    noisy = []
+    for each in ((0, 0), (seed, number)):
+        noisy.append(worse_depth(plane(1.0), rig, [DISPARITY_NOISE], *each))
+        eyes = worse_images(gray, gray, rig, ["shot-noise", "read-noise"], *each)
+        noisy += [eye[..., 0] for eye in eyes]
+        assert np.std(eyes) == pytest.approx(2.0, rel=0.1)
+    alike = np.corrcoef([each.ravel() for each in noisy])
+    assert np.abs(alike - np.eye(6)).max() < 0.02
+
+
+def test_a_static_field_is_that_of_the_unit() -> None:
+    rig = make_rig(static_field=0.2, unit=3)
+    worse = worse_depth(plane(1.0), rig, ["static-field"], strength=2.0)
+    error = rig.focal_baseline / worse.astype(np.float64) - rig.focal_baseline
+    np.testing.assert_allclose(error, 0.4 * unit_field(3, 320, 240), atol=1e-4)
+
+
+def test_quantum_rounds_to_the_nearest_of_steps_that_grow() -> None:
+    rig = make_rig(disparity_step=0.25)
+    depth = np.linspace(0.5, 5.0, 240 * 320, dtype=np.float32).reshape(SHAPE)
+    steps = rig.focal_baseline / worse_depth(depth, rig, ["quantum"], strength=2.0) / 0.5
+    np.testing.assert_allclose(steps, np.rint(steps), atol=2e-4)
+    off = np.abs(steps - rig.focal_baseline / depth / 0.5)
+    assert 0.499 < off.max() < 0.5 + 2e-4
+
+
+def test_depth_is_lost_beside_steps_as_far_as_half_a_window_reaches() -> None:
+    rig = make_rig(window=5)
+    for strength, reach in ((0.1, None), (0.5, 1), (1.0, 2), (4.0, 8)):
+        lost = np.isnan(worse_depth(step(), rig, [STEP_HOLES], strength=strength))
+        assert (lost == lost[0]).all()
+        columns = np.flatnonzero(lost[0])
+        # The two pixels at the step, and ``reach`` more to either side; nothing where that is no pixel.
+        expected = [] if reach is None else [*range(159 - reach, 161 + reach)]
+        assert columns.tolist() == expected
+
+
+def test_what_no_effect_changes_keeps_its_bits() -> None:
+    rig = make_rig()
+    depth = np.linspace(0.05, 90.0, 240 * 320, dtype=np.float32).reshape(SHAPE)
+    worse = worse_depth(depth, rig, EFFECTS_ON_RECORDINGS, strength=0.1)
+    np.testing.assert_array_equal(worse, depth)  # also beyond the range of the rig, 0.2 to 20 m
+
+
+def test_holes_stay_holes_and_noise_leaves_nothing_beyond_the_range() -> None:
+    rig = make_rig(disparity_sigma=2.0)
+    depth = plane(18.0)  # 2.8 px
+    depth[:, :40] = np.nan
+    worse = worse_depth(depth, rig, [DISPARITY_NOISE])
+    assert np.isnan(worse[:, :40]).all()
+    known = worse[np.isfinite(worse)]
+    assert 0 < known.min() and known.max() <= 20.0 * (1 + 1e-5)
+    assert np.isnan(worse[:, 40:]).mean() > 0.3  # less than 2.5 px: farther than 20 m
+    nothing = np.full(SHAPE, np.nan, np.float32)
+    np.testing.assert_array_equal(worse_depth(nothing, rig, [DISPARITY_NOISE]), nothing)

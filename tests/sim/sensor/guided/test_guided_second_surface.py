@@ -6,11 +6,17 @@ import numpy as np
 import pytest
 from scipy.ndimage import gaussian_filter
 
+from digs_warp.geometry.camera import pixel_centers
 from digs_warp.sim.scene.scene import Material
 from digs_warp.sim.sensor.drift import Drift
 from digs_warp.sim.sensor.effects import SECOND_SURFACE_NAMES
 from digs_warp.sim.sensor.frame import FrameTruth
-from digs_warp.sim.sensor.guided.tier import second_disparity, sense_by_guided_matching
+from digs_warp.sim.sensor.guided.tier import (
+    curvature_along_rows,
+    second_disparity,
+    sense_by_guided_matching,
+    virtual_disparity,
+)
 from digs_warp.sim.sensor.tiers import sense_by_matching
 from reference.stereo_frames import CountedRays, broadband, make_frame, make_rig
 from reference.stereo_pairs import shifted_right_eye
@@ -97,3 +103,35 @@ def test_second_disparity_is_that_of_the_formulas_and_of_the_drifted_images() ->
         expected = drifted.drift.shown_disparity(second, truth.rig.intrinsics)
         np.testing.assert_array_equal(shown, expected)
         assert np.abs(expected - BEHIND).max() > 0.5
+
+
+def sphere_frame(radius: float, distance: float) -> FrameTruth:
+    """A ball before the camera, as large as it looks; nothing round it."""
+    truth = make_frame(10.0)
+    k = truth.camera.intrinsics
+    px = pixel_centers(k.width, k.height)
+    rays = np.stack(
+        [(px[..., 0] - k.cx) / k.fx, (px[..., 1] - k.cy) / k.fy, np.ones(px.shape[:2])], -1
+    )
+    a, b = (rays**2).sum(-1), rays[..., 2] * distance
+    root = b * b - a * (distance**2 - radius**2)
+    depth = np.where(root > 0, (b - np.sqrt(np.maximum(root, 0))) / a, np.nan)
+    normals = (rays * depth[..., None] - (0, 0, distance)) / radius
+    return replace(truth, depth=depth.astype(np.float32), normals_world=normals.astype(np.float32))
+
+
+def test_the_curvature_of_a_ball_is_one_over_its_radius() -> None:
+    truth = sphere_frame(radius=0.2, distance=1.0)
+    rows, columns = np.nonzero(np.isfinite(truth.depth))
+    curvature = curvature_along_rows(truth, rows, columns)
+    middle = np.hypot(rows - 120, columns - 160) < 60
+    np.testing.assert_allclose(curvature[middle], 5.0, rtol=0.02)
+    # Also at the rim, where one neighbor shows something else.
+    np.testing.assert_allclose(curvature[curvature > 0], 5.0, rtol=0.1)
+    assert (curvature == 0).mean() < 0.005
+    # It shows a small world half a radius behind its front.
+    rays = Rays(truth)
+    rays.length = np.full(rays.shape, 1e4)
+    sky = replace(truth, materials=(CHROME,), rays=rays)
+    disparity = virtual_disparity(sky, np.isfinite(truth.depth))
+    assert truth.rig.focal_baseline / disparity[120, 160] == pytest.approx(0.8 + 0.1, rel=0.01)
