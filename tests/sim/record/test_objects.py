@@ -23,7 +23,7 @@ from digs_warp.sim.record.object_views import ObjectViews
 from digs_warp.sim.record.record import simulate
 from digs_warp.sim.record.session import prepare_session
 from digs_warp.sim.render.raycast import RaycastRenderer
-from digs_warp.sim.scene.arrange import GAPS, arrange, load_objects, plan_of
+from digs_warp.sim.scene.arrange import arrange, load_objects, plan_of
 from digs_warp.sim.scene.environment import TABLE_HEIGHT, Environment, Ground
 from digs_warp.sim.scene.join import join_scenes
 from digs_warp.sim.scene.scene import FURNITURE, Material, Scene
@@ -64,7 +64,7 @@ def test_plans_are_apart_but_close(seed: int) -> None:
     ]
     spots = arrange(plans, np.random.default_rng(seed))
     placed = [plan @ spot[:2, :2].T + spot[:2, 3] for plan, spot in zip(plans, spots, strict=True)]
-    least = GAPS[0] * np.median([np.ptp(plan, axis=0).max() for plan in plans])
+    least = 0.03 * np.median([np.ptp(plan, axis=0).max() for plan in plans])
     gaps = np.array([separation(a, b) for a, b in combinations(placed, 2)])
     assert gaps.min() >= least * (1 - 1e-9)
     # The circle around all of them is at most twice that of all their areas.

@@ -106,12 +106,12 @@ def test_what_was_cut_off_resumes_to_the_same_bytes_with_any_number_of_threads(
     for path in (*gone, folder / "transforms.json", folder / "sensor_plan.json"):
         path.unlink()
     (folder / "depth/.0001.exr.4711.tmp").write_bytes(b"left by a process that was killed")
-    kept = (folder / "images/0001.png").stat().st_mtime_ns
+    kept = (folder / "images/0000.png").stat().st_mtime_ns
     monkeypatch.setattr(parallel, "default_threads", lambda: 1)
     simulate(config, folder, resume=True)
     assert "files are missing and made again: cause/0001.png" in caplog.text
     assert file_hashes(folder) == expected
-    assert (folder / "images/0001.png").stat().st_mtime_ns == kept
+    assert (folder / "images/0000.png").stat().st_mtime_ns == kept
     after = read_json(folder / "run.json", "record")["seconds"]
     assert all(after[stage] >= before[stage] for stage in before)
 

@@ -29,12 +29,12 @@ def ideal(**changes: float) -> StereoRig:
     return replace(RIG, **{"disparity_sigma": 0.0, "disparity_step": 0.0, **changes})
 
 
-@pytest.mark.parametrize("depth", [0.5, 1.0, 3.0])
-def test_disparity_residual_has_the_sigma_of_the_rig(depth: float) -> None:
+@pytest.mark.parametrize(("depth", "strength"), [(0.5, 1.0), (1.0, 0.5), (3.0, 2.0)])
+def test_disparity_residual_has_the_sigma_of_the_rig(depth: float, strength: float) -> None:
     # A slanted plane, so that rounding errors spread evenly over the step.
     true = plane(depth) * np.linspace(1.0, 1.1, 320, dtype=np.float32)
-    error = FOCAL_BASELINE / sense_depth(true, RIG, 1, 0) - FOCAL_BASELINE / true
-    expected = np.hypot(RIG.disparity_sigma, RIG.disparity_step / np.sqrt(12))
+    error = FOCAL_BASELINE / sense_depth(true, RIG, 1, 0, strength) - FOCAL_BASELINE / true
+    expected = strength * np.hypot(RIG.disparity_sigma, RIG.disparity_step / np.sqrt(12))
     assert error.std() == pytest.approx(expected, rel=0.05)
     assert abs(error.mean()) < 5 * expected / np.sqrt(error.size)
 

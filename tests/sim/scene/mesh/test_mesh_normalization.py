@@ -249,13 +249,11 @@ def test_the_poses_of_a_round_thing_are_found_on_fewer_faces() -> None:
     assert np.abs(ups[np.argmax(chances), 2]) < 0.2  # it lies
 
 
-def test_a_mesh_of_many_vertices_is_judged_like_the_same_shape_of_few() -> None:
-    coarse = trimesh.creation.revolve(
-        np.array([(0, 0), (0.1, 0), (0.05, 0.3), (0, 0.3)]), sections=64
-    )
-    fine = coarse
-    while len(fine.vertices) <= MOST_VERTICES:
-        fine = fine.subdivide()
-    hull, exact = hull_of(np.array(fine.vertices)), hull_of(np.array(coarse.vertices))
-    assert hull is not None and exact is not None
-    np.testing.assert_allclose(hull.center, exact.center, atol=1e-3)
+def test_the_corners_of_a_long_thing_of_many_vertices_count() -> None:
+    inside = np.random.default_rng(0).uniform(-1, 1, (MOST_VERTICES, 3)) * (0.01, 0.2, 1.0)
+    corners = np.array(trimesh.creation.box((0.02, 0.4, 2.0)).vertices)
+    hull = hull_of(np.concatenate([inside, corners]))
+    assert hull is not None
+    found = np.unique(hull.corners.reshape(-1, 3), axis=0)
+    np.testing.assert_array_equal(found, np.unique(corners, axis=0))
+    np.testing.assert_allclose(hull.center, 0, atol=1e-9)
