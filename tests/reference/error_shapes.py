@@ -1,8 +1,4 @@
-"""Shapes of disparity errors, and how often a stated confidence is right, for tests of the default sensor."""
-
-from collections.abc import Sequence
-from dataclasses import dataclass
-from itertools import pairwise
+"""Shapes of disparity errors, for tests of the default sensor."""
 
 import numpy as np
 
@@ -36,40 +32,3 @@ def failure_runs(disparity: np.ndarray, true: np.ndarray) -> np.ndarray:
     failed = np.isfinite(true) & ~(np.abs(disparity - true) <= WRONG)
     ends = np.diff(np.pad(failed, ((0, 0), (1, 1))).astype(np.int8), axis=1)
     return np.nonzero(ends == -1)[1] - np.nonzero(ends == 1)[1]
-
-
-@dataclass(frozen=True)
-class Trust:
-    """The matches whose confidence is in a range.
-
-    Attributes:
-        low, high: ends of the range, the upper one exclusive.
-        count: of the matches, > 0.
-        confidence: mean.
-        right: share that is right.
-    """
-
-    low: float
-    high: float
-    count: int
-    confidence: float
-    right: float
-
-
-def reliability(confidence: np.ndarray, right: np.ndarray, edges: Sequence[float]) -> list[Trust]:
-    """Return how often matches are right, range by range; those without matches are left out.
-
-    Args:
-        confidence: of every match, (n,), 0 to 1.
-        right: which of them are right, (n,), bool.
-        edges: of the ranges, rising; the last is inclusive.
-    """
-    found = []
-    for low, high in pairwise(edges):
-        there = (confidence >= low) & (confidence < high)
-        if high == edges[-1]:
-            there |= confidence == high
-        if there.any():
-            means = float(confidence[there].mean()), float(right[there].mean())
-            found.append(Trust(low, high, int(there.sum()), *means))
-    return found

@@ -16,7 +16,6 @@ from trimesh.visual.material import PBRMaterial
 from digs_warp.data.images import write_image
 from digs_warp.sim.config import SimulateConfig
 from digs_warp.sim.scene.scene import Scene
-from reference.scene_checks import check_arrays
 
 # The simplest mesh with an inside, without a material; an OBJ file, too.
 TETRAHEDRON = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 2 3 4\nf 3 1 4\n"
@@ -40,6 +39,22 @@ def under_gray_sky(folder: Path, mesh: str, **settings: Any) -> SimulateConfig:
         samples_per_pixel=1,
         **settings,
     )
+
+
+def check_arrays(scene: Scene) -> None:
+    """Shapes, number types, and finite values."""
+    n, m = len(scene.vertices), len(scene.faces)
+    for array, shape, dtype in (
+        (scene.vertices, (n, 3), np.float32),
+        (scene.faces, (m, 3), np.int32),
+        (scene.face_materials, (m,), np.int32),
+        (scene.normals, (n, 3), np.float32),
+        (scene.uvs, (n, 2), np.float32),
+        (scene.vertex_colors, (n, 3), np.float32),
+    ):
+        assert array.shape == shape
+        assert array.dtype == dtype
+        assert np.isfinite(array).all()
 
 
 def check_scene(scene: Scene, size: float | None = None) -> None:

@@ -1,6 +1,7 @@
 """Small frames with the images that a camera would record, for tests that compare sensors."""
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -36,20 +37,16 @@ class RecordedScene:
     truth: FrameTruth
     mask: np.ndarray
     effects: tuple[PixelEffect, ...]
-    _images: dict[int, tuple[np.ndarray, np.ndarray]] = field(default_factory=dict)
-    _sensed: dict[tuple[Tier, int], Sensed] = field(default_factory=dict)
 
+    @cache  # noqa: B019
     def images(self, draw: int = 0) -> tuple[np.ndarray, np.ndarray]:
         """Both images under one draw of the noise."""
-        if draw not in self._images:
-            self._images[draw] = recorded_images(self.truth, self.effects, draw)
-        return self._images[draw]
+        return recorded_images(self.truth, self.effects, draw)
 
+    @cache  # noqa: B019
     def sense(self, tier: Tier, draw: int = 0) -> Sensed:
         """What a tier measures on these images, without effects on depth."""
-        if (tier, draw) not in self._sensed:
-            self._sensed[tier, draw] = sense(self.truth, tier, recorded=self.images(draw))
-        return self._sensed[tier, draw]
+        return sense(self.truth, tier, recorded=self.images(draw))
 
 
 def record_scene(

@@ -9,29 +9,23 @@ from digs_warp.study.engine.case import Case
 def record_of(case: Case, number: int) -> dict[str, Any]:
     """What a run of ``case`` could have measured."""
     psnr = 25.0 + number % 7
+
+    def scores(dB: float) -> dict[str, float]:
+        return {"psnr_object": dB, "ssim_object": 0.9, "psnr_frame": dB, "ssim_frame": 0.9}
+
     return {
         "key": case.key,
         "labels": dict(case.labels),
         "recording": plain(case.recording),
         "reconstruction": plain(case.reconstruction),
         "threads": 2,
-        "metrics": {"psnr_object": psnr, "ssim_object": 0.9, "psnr_frame": psnr, "ssim_frame": 0.9},
+        "metrics": scores(psnr),
         "course": [
-            {
-                "iteration": i,
-                "seconds": i / 50,
-                "psnr_object": psnr - 500 / i,
-                "ssim_object": 0.9,
-                "psnr_frame": psnr - 500 / i,
-                "ssim_frame": 0.9,
-            }
+            {"iteration": i, "seconds": i / 50} | scores(psnr - 500 / i)
             for i in (100, 300, 500, 1000)
         ],
-        "yardstick": {
-            "psnr_object": psnr - 1,
-            "psnr_object_in_place": psnr - 1,
-            "psnr_frame": psnr + 5,
-        },
+        "yardstick": {"psnr_object": psnr - 1, "psnr_object_in_place": psnr - 1}
+        | {"psnr_frame": psnr + 5},
         "surface": {"points": {"chamfer": 0.004, "recall": 0.8}},
         "seconds": {"initialize": 1.0, "train": 10.0 + number, "compile kernels": 99.0},
         "machine": "2 cores of a test",

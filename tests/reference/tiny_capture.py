@@ -11,7 +11,7 @@ from digs_warp.data.frame import Frame
 from digs_warp.data.gaussians import Gaussians
 from digs_warp.data.images import to_uint8
 from digs_warp.data.rig import UNKNOWN_EXPOSURE, CameraMotion, Exposure
-from digs_warp.geometry.camera import Camera, Intrinsics
+from digs_warp.geometry.camera import Camera, Intrinsics, pixel_centers
 from digs_warp.geometry.rigid import look_at
 from digs_warp.geometry.sh import sh_from_rgb
 from digs_warp.splat.camera_motion import RowMotion
@@ -85,10 +85,13 @@ def global_view(camera: Camera) -> tuple[np.ndarray, np.ndarray]:
     return view.image, view.alpha
 
 
+def shaken(seconds: float) -> RowMotion:
+    return RowMotion(*(seconds * np.array(v) for v in (SHAKE.angular_velocity, SHAKE.velocity)))
+
+
 def rolling_view(camera: Camera) -> tuple[np.ndarray, np.ndarray]:
     """The same, each band of three rows from the pose at its moment."""
-    turn, shift = np.array(SHAKE.angular_velocity), np.array(SHAKE.velocity)
-    rows = RowMotion(READOUT_TIME * turn, READOUT_TIME * shift)
+    rows = shaken(READOUT_TIME)
     image, alpha = np.zeros((HEIGHT, WIDTH, 3)), np.zeros((HEIGHT, WIDTH))
     for top in range(0, HEIGHT, 3):
         band = slice(top, top + 3)
@@ -99,8 +102,7 @@ def rolling_view(camera: Camera) -> tuple[np.ndarray, np.ndarray]:
 
 def blurred_view(camera: Camera) -> tuple[np.ndarray, np.ndarray]:
     """The same, the mean of eight moments of an exposure."""
-    turn, shift = np.array(SHAKE.angular_velocity), np.array(SHAKE.velocity)
-    motion = RowMotion(EXPOSURE_TIME * turn, EXPOSURE_TIME * shift)
+    motion = shaken(EXPOSURE_TIME)
     views = [global_view(motion.at(camera, (i + 0.5) / 8 - 0.5)) for i in range(8)]
     image, alpha = (np.mean(planes, axis=0) for planes in zip(*views, strict=True))
     return image, alpha
@@ -109,8 +111,8 @@ def blurred_view(camera: Camera) -> tuple[np.ndarray, np.ndarray]:
 def sphere_depth(camera: Camera) -> np.ndarray:
     """Planar depth [m] of the ball, NaN beside it, (HEIGHT, WIDTH), float32."""
     k = camera.intrinsics
-    u, v = np.meshgrid(np.arange(k.width) + 0.5, np.arange(k.height) + 0.5)
-    rays = np.stack([(u - k.cx) / k.fx, (v - k.cy) / k.fy, np.ones_like(u)], axis=-1)
+    px = (pixel_centers(k.width, k.height) - [k.cx, k.cy]) / [k.fx, k.fy]
+    rays = np.dstack([px, np.ones(px.shape[:2])])
     center = camera.cam_from_world[:3, 3]
     a, b = (rays**2).sum(-1), rays @ center
     root = b**2 - a * (center @ center - RADIUS**2)

@@ -56,9 +56,6 @@ COOPERATIVE = {
     "backward": lambda: backward_cooperative_kernel(True),
 }
 
-EXCHANGE = r"__shfl_xor_sync\(0xffffffffu, (.*), (\d+)\)"
-ADD_HALF = re.compile(rf"s\[(\d+)\] = \(upper \? (\S+) : (\S+)\) \+ {EXCHANGE};")
-
 
 @pytest.mark.parametrize("name", COOPERATIVE)
 def test_a_block_shares_records_and_sums_without_atomics(name: str, tmp_path: Path) -> None:
@@ -70,61 +67,42 @@ def test_a_block_shares_records_and_sums_without_atomics(name: str, tmp_path: Pa
     assert not FLOAT_ATOMICS.search(code)
 
 
-class Warp:
-    """What 32 lanes hold while they run the C++ of `digs_warp.splat.lanes.put_sums` together."""
+# Lines of the C++ of `digs_warp.splat.lanes.put_sums`, and what does the same for 32 lanes together.
+TRANSLATED = (
+    (r"const bool upper = (.*);", r"upper = (\1) != 0"),
+    (r"(s\[\d+\] .*);", r"\1"),
+    (
+        r"if \(upper\) { field \+= (.*); most -= .*; }",
+        r"field, most = field + upper * \1, most - upper * \1",
+    ),
+    (r"else if \(most > (.*)\) .*", r"most = np.where(upper, most, np.minimum(most, \1))"),
+    (r"last = last && !\((.*)\);", r"last = last & ((\1) == 0)"),
+)
 
-    def __init__(self, shares: np.ndarray) -> None:
-        self.lane = np.arange(32)
-        self.s = list(shares.T.copy())
-        self.field = np.zeros(32, dtype=int)
-        self.most = np.full(32, shares.shape[1])
-        self.last = np.full(32, True)
-        self.exchanges = 0
 
-    def value(self, text: str) -> np.ndarray:
-        """Evaluate 'upper ? a : b', 's[3]' or a number."""
-        if "?" in text:
-            yes, no = text.removeprefix("upper ? ").split(" : ")
-            return np.where(self.upper, self.value(yes), self.value(no))
-        if text.startswith("s["):
-            return self.s[int(text[2:-1])]
-        return np.full(32, float(text.removesuffix("f")))
-
-    def others(self, text: str, distance: str) -> np.ndarray:
-        """Evaluate what the lanes at a distance send."""
-        self.exchanges += 1
-        return self.value(text)[self.lane ^ int(distance)]
-
-    def run(self, line: str) -> None:
-        """Run a line of it."""
-        numbers = [int(number) for number in re.findall(r"\d+", line)]
-        if found := ADD_HALF.fullmatch(line):
-            to, yes, no, sent, distance = found.groups()
-            own = np.where(self.upper, self.value(yes), self.value(no))
-            self.s[int(to)] = own + self.others(sent, distance)
-        elif found := re.fullmatch(rf"s\[0\] \+= {EXCHANGE};", line):
-            self.s[0] = self.s[0] + self.others(*found.groups())
-        elif line.startswith("const bool upper"):
-            self.upper = (self.lane & numbers[0]) != 0
-        elif line.startswith("last = "):
-            self.last &= (self.lane & numbers[0]) == 0
-        elif line.startswith("if (upper)"):
-            self.field += np.where(self.upper, numbers[0], 0)
-            self.most -= np.where(self.upper, numbers[1], 0)
-        elif line.startswith("else if (most >"):
-            self.most = np.where(self.upper, self.most, np.minimum(self.most, numbers[1]))
+def translated(line: str) -> str:
+    found = (match.expand(to) for of, to in TRANSLATED if (match := re.fullmatch(of, line)))
+    python = re.sub(r"upper \? (\S+) : ([^,)]+)", r"np.where(upper, \1, \2)", next(found, ""))
+    python = re.sub(r"__shfl_xor_sync\(0xffffffffu, (.*), (\d+)\)", r"others(\1, \2)", python)
+    return python.replace("0.0f", "np.zeros(32)").replace("+=", "= s[0] +")
 
 
 @pytest.mark.parametrize("fields", [9, 10])
 def test_halves_of_a_warp_add_up_each_field_once(fields: int) -> None:
     shares = np.random.default_rng(fields).integers(-99, 99, (32, fields)).astype(float)
-    warp = Warp(shares)
-    for line in sums_on_cuda(fields).splitlines():
-        warp.run(line)
-    writes = warp.last & (warp.most > 0)
-    assert sorted(warp.field[writes]) == list(range(fields))
-    np.testing.assert_array_equal(warp.s[0][writes], shares.sum(axis=0)[warp.field[writes]])
-    assert warp.exchanges < fields + 6  # one by one there would be five times as many as fields
+    lane, exchanges = np.arange(32), []
+
+    def others(values: np.ndarray, distance: int) -> np.ndarray:
+        exchanges.append(distance)
+        return values[lane ^ distance]
+
+    held = {"np": np, "lane": lane, "others": others, "s": list(shares.T), "field": 0 * lane}
+    held |= {"most": np.full(32, fields), "last": np.full(32, True)}
+    exec("\n".join(map(translated, sums_on_cuda(fields).splitlines())), held)
+    writes = held["last"] & (held["most"] > 0)
+    assert sorted(held["field"][writes]) == list(range(fields))
+    np.testing.assert_array_equal(held["s"][0][writes], shares.sum(axis=0)[held["field"][writes]])
+    assert len(exchanges) < fields + 6  # one by one there would be five times as many as fields
 
 
 def test_only_many_records_of_a_splat_are_added_up() -> None:

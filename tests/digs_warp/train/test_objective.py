@@ -14,11 +14,22 @@ from digs_warp.splat.camera_motion import Blur, RowMotion
 from digs_warp.splat.config import RasterOptions
 from digs_warp.splat.device import DeviceGaussians
 from digs_warp.train.objective import Objective
-from digs_warp.train.views import packed_view
+from digs_warp.train.views import View, packed_view
 from reference.splat_scenes import random_gaussians
 
 POSE = look_at(np.array([0.0, -3.0, 0.5]), np.zeros(3), np.array([0.0, 0.0, 1.0]))
 CAMERA = Camera(Intrinsics.from_fov(64, 48, 60.0), POSE)
+
+
+IMAGE = np.random.default_rng(0).integers(0, 256, (48, 64, 3), dtype=np.uint8)
+PLAIN = packed_view("0", CAMERA, IMAGE, np.full((48, 64), 255, np.uint8))
+
+
+def with_depth() -> View:
+    """The plain view, 2.9 m away."""
+    measured = wp.array(np.full(48 * 64, 2.9, np.float32))
+    trusted = wp.array(np.full(48 * 64, 255, np.uint8), dtype=wp.uint8)
+    return replace(PLAIN, depth=DepthTarget(measured, trusted, 48.0 * 64.0))
 
 
 def compared(unknown: np.ndarray | None, image: np.ndarray, mask: np.ndarray) -> Objective:
@@ -34,7 +45,7 @@ def compared(unknown: np.ndarray | None, image: np.ndarray, mask: np.ndarray) ->
 
 def test_unknown_pixels_are_not_judged() -> None:
     rng = np.random.default_rng(0)
-    image = rng.integers(0, 256, (48, 64, 3), dtype=np.uint8)
+    image = IMAGE
     mask = np.where(np.arange(64) < 40, 255, 0).astype(np.uint8) * np.ones((48, 1), np.uint8)
     unknown = np.zeros((48, 64), bool)
     unknown[10:40, 30:60] = True  # inside and outside of the mask
@@ -65,11 +76,7 @@ def test_unknown_pixels_are_not_judged() -> None:
 def test_slopes_are_the_gradients_where_a_blurred_view_has_depth(moments: int) -> None:
     """The image is a mean over moments, the depth that of one: their terms are weighed as in the loss."""
     gaussians = random_gaussians(40, seed=1)
-    image = np.random.default_rng(0).integers(0, 256, (48, 64, 3), dtype=np.uint8)
-    view = packed_view("0", CAMERA, image, np.full((48, 64), 255, np.uint8))
-    measured = wp.array(np.full(48 * 64, 2.9, np.float32))
-    trusted = wp.array(np.full(48 * 64, 255, np.uint8), dtype=wp.uint8)
-    view = replace(view, depth=DepthTarget(measured, trusted, 48.0 * 64.0))
+    view = with_depth()
     blur = Blur(RowMotion(np.array([0.02, 0.03, 0.0]), np.zeros(3)), moments - 0.6)
     assert blur.moments == moments
 
@@ -91,17 +98,12 @@ def test_slopes_are_the_gradients_where_a_blurred_view_has_depth(moments: int) -
 
 
 def test_a_view_without_depth_finds_nothing_of_the_one_before() -> None:
-    image = np.random.default_rng(0).integers(0, 256, (48, 64, 3), dtype=np.uint8)
-    plain = packed_view("0", CAMERA, image, np.full((48, 64), 255, np.uint8))
-    measured = wp.array(np.full(48 * 64, 2.9, np.float32))
-    trusted = wp.array(np.full(48 * 64, 255, np.uint8), dtype=wp.uint8)
-    deep = replace(plain, depth=DepthTarget(measured, trusted, 48.0 * 64.0))
     splats = DeviceGaussians.from_numpy(random_gaussians(40, seed=1))
     renderer = BlurRenderer(splats, 64, 48, options=RasterOptions(outputs="mean depth"))
     objective = Objective(renderer, depth_weight=1.0)
     renderer.forward(CAMERA, near=0.01, background=np.ones(3))
     values = []
-    for view in (plain, deep, plain):
+    for view in (PLAIN, with_depth(), PLAIN):
         objective.compare(view, np.ones(3))
         values.append(objective.value())
     assert values[0] == values[2] < values[1]

@@ -123,7 +123,9 @@ def test_a_diverging_run_leaves_its_last_good_state(
 
     monkeypatch.setattr(session, "CHECKPOINT_SECONDS", 0.0)
     monkeypatch.setattr(Trainer, "step", step_until_spoiled)
-    with pytest.raises(DigsError, match=r"iteration 13, view '\d+'.*means of 1 Gaussian "):
+    with pytest.raises(
+        DigsError, match=r"iteration 13, view '\d+'.*means of 1 Gaussian \(the first is 5\)"
+    ):
         run(capture, tmp_path, TrainConfig(stop=Stop(iterations=50)))
     with np.load(tmp_path / CHECKPOINT) as state:
         assert int(state["step"]) == 12

@@ -15,11 +15,6 @@ from reference.tiny_capture import RADIUS, ball
 from reference.trained_ball import trained
 
 
-def gray_start() -> Gaussians:
-    truth = ball()
-    return replace(truth, sh=np.zeros_like(truth.sh))
-
-
 def test_the_background_supervises_the_outside(capture: Capture) -> None:
     """Its color changes, so that stray Gaussians of any color vanish."""
     stray = ball(count=60)
@@ -34,23 +29,6 @@ def test_every_view_is_seen_once_an_epoch() -> None:
     seen = [view_index(0, 8, step) for step in range(16)]
     assert sorted(seen[:8]) == sorted(seen[8:]) == list(range(8))
     assert seen[:8] not in (seen[8:], [view_index(1, 8, step) for step in range(8)])
-
-
-@pytest.mark.parametrize(("name", "value"), [("log_scales", np.nan), ("sh", np.inf)])
-def test_a_parameter_that_is_not_finite_stops_the_run_in_the_same_step(
-    capture: Capture, name: str, value: float
-) -> None:
-    """The message says which parameter, which Gaussian, which view and which iteration."""
-    trainer = trained(capture.frames, TrainConfig(stop=Stop(iterations=5)), gray_start(), 1)
-    # The scales that are learned: those that are drawn follow from them.
-    array = trainer.smoothing.learned if name == "log_scales" else getattr(trainer.gaussians, name)
-    spoiled = array.numpy()
-    spoiled[7] = value
-    array.assign(spoiled)
-    view = capture.frames[view_index(0, len(capture), 1)].name
-    found = rf"iteration 2, view '{view}'.*{name} of 1 Gaussian \(the first is 7\)"
-    with pytest.raises(DigsError, match=found):
-        trainer.step()
 
 
 def test_no_gaussians_and_no_views_are_refused(capture: Capture) -> None:

@@ -16,8 +16,7 @@ from digs_warp.sim.scene.environment import (
     panorama_directions,
 )
 from digs_warp.sim.scene.scene import Scene
-from reference.mesh_files import assert_rests
-from reference.scene_checks import check_arrays
+from reference.mesh_files import assert_rests, check_arrays
 
 
 @pytest.fixture(scope="module")
