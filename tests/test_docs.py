@@ -42,17 +42,70 @@ def shell_lines(document: Path, program: str) -> list[list[str]]:
     return [line[1:] for line in words if line and line[0] == program]
 
 
-def lost_in_documents(named: Callable[[Path], Iterable[str]]) -> dict[str, list[str]]:
+def lost_links(document: Path) -> Iterable[str]:
+    targets = re.findall(r"\]\(([^)#\s]+)[^)]*\)", document.read_text(encoding="utf-8"))
+    return (t for t in targets if "://" not in t and not (document.parent / t).exists())
+
+
+def lost_files(document: Path) -> Iterable[str]:
+    text = document.read_text(encoding="utf-8")
+    spans = re.findall(r"`([^`\n]+)`", text)
+    named = [s for s in spans if re.match(rf"({'|'.join(CODE_FOLDERS)})/[\w./-]*$", s)]
+    named += re.findall(rf"\b((?:{'|'.join(CODE_FOLDERS)})/[\w/]*\w\.\w+)", text)
+    return (name for name in named if not (REPOSITORY / name).exists())
+
+
+def lost_tests(document: Path) -> Iterable[str]:
+    spans = re.findall(r"`(tests/[\w/]+\.py)::(\w+)`", document.read_text(encoding="utf-8"))
+    for path, name in spans:
+        if f"def {name}(" not in (REPOSITORY / path).read_text(encoding="utf-8"):
+            yield f"{path}::{name}"
+
+
+def refused_command_lines(document: Path) -> Iterable[str]:
+    for arguments in shell_lines(document, "digs-warp"):
+        if arguments[0].startswith("--tyro-"):  # writes a file
+            continue
+        if "--config" in arguments:  # a file that an earlier line writes
+            place = arguments.index("--config")
+            del arguments[place : place + 2]
+        try:
+            cli.parse(arguments)
+        except SystemExit as stop:
+            if "--help" not in arguments[-1] or stop.code != 0:
+                yield " ".join(arguments)
+
+
+def lost_commands(document: Path) -> Iterable[str]:
+    named = re.findall(r"`digs-warp ([a-z][a-z-]*)", document.read_text(encoding="utf-8"))
+    return set(named) - COMMANDS.members.keys()
+
+
+def lost_make_targets(document: Path) -> Iterable[str]:
+    makefile = (REPOSITORY / "Makefile").read_text(encoding="utf-8")
+    shown = {line[0] for line in shell_lines(document, "make") if line}
+    named = re.findall(r"`make ([a-z-]+)", document.read_text(encoding="utf-8"))
+    return (shown | set(named)) - set(re.findall(r"^([a-z-]+):", makefile, re.MULTILINE))
+
+
+def lost_in_documents(lost: Callable[[Path], Iterable[str]]) -> dict[str, list[str]]:
     """What a rule finds wrong, by document."""
-    found = {str(path.relative_to(REPOSITORY)): list(named(path)) for path in DOCUMENTS}
+    found = {str(path.relative_to(REPOSITORY)): list(lost(path)) for path in DOCUMENTS}
     return {name: lost for name, lost in found.items() if lost}
 
 
-def test_links_lead_somewhere() -> None:
-    def lost(document: Path) -> Iterable[str]:
-        targets = re.findall(r"\]\(([^)#\s]+)[^)]*\)", document.read_text(encoding="utf-8"))
-        return (t for t in targets if "://" not in t and not (document.parent / t).exists())
+NAMED = (
+    lost_links,
+    lost_files,
+    lost_tests,
+    refused_command_lines,
+    lost_commands,
+    lost_make_targets,
+)
 
+
+@pytest.mark.parametrize("lost", NAMED)
+def test_what_documents_name_is_there(lost: Callable[[Path], Iterable[str]]) -> None:
     assert lost_in_documents(lost) == {}
 
 
@@ -62,52 +115,6 @@ def test_the_navigation_of_the_site_has_every_page() -> None:
         str(page.relative_to(REPOSITORY / "docs")) for page in (REPOSITORY / "docs").rglob("*.md")
     }
     assert set(re.findall(r'"([\w/-]+\.md)"', site)) == pages
-
-
-def test_named_files_exist() -> None:
-    def lost(document: Path) -> Iterable[str]:
-        text = document.read_text(encoding="utf-8")
-        spans = re.findall(r"`([^`\n]+)`", text)
-        named = [s for s in spans if re.match(rf"({'|'.join(CODE_FOLDERS)})/[\w./-]*$", s)]
-        named += re.findall(rf"\b((?:{'|'.join(CODE_FOLDERS)})/[\w/]*\w\.\w+)", text)
-        return (name for name in named if not (REPOSITORY / name).exists())
-
-    assert lost_in_documents(lost) == {}
-
-
-def test_named_tests_exist() -> None:
-    def lost(document: Path) -> Iterable[str]:
-        spans = re.findall(r"`(tests/[\w/]+\.py)::(\w+)`", document.read_text(encoding="utf-8"))
-        for path, name in spans:
-            if f"def {name}(" not in (REPOSITORY / path).read_text(encoding="utf-8"):
-                yield f"{path}::{name}"
-
-    assert lost_in_documents(lost) == {}
-
-
-def test_command_lines_parse() -> None:
-    def refused(document: Path) -> Iterable[str]:
-        for arguments in shell_lines(document, "digs-warp"):
-            if arguments[0].startswith("--tyro-"):  # writes a file
-                continue
-            if "--config" in arguments:  # a file that an earlier line writes
-                place = arguments.index("--config")
-                del arguments[place : place + 2]
-            try:
-                cli.parse(arguments)
-            except SystemExit as stop:
-                if "--help" not in arguments[-1] or stop.code != 0:
-                    yield " ".join(arguments)
-
-    assert lost_in_documents(refused) == {}
-
-
-def test_named_commands_exist() -> None:
-    def lost(document: Path) -> Iterable[str]:
-        named = re.findall(r"`digs-warp ([a-z][a-z-]*)", document.read_text(encoding="utf-8"))
-        return set(named) - COMMANDS.members.keys()
-
-    assert lost_in_documents(lost) == {}
 
 
 def every_flag(group: Group, capsys: pytest.CaptureFixture[str], *words: str) -> set[str]:
@@ -131,18 +138,6 @@ def test_named_flags_exist(capsys: pytest.CaptureFixture[str]) -> None:
         text = document.read_text(encoding="utf-8")
         is_history = document.parent.name == "research"
         return () if is_history else set(re.findall(r"`(--[a-z][a-z-]*)", text)) - flags
-
-    assert lost_in_documents(lost) == {}
-
-
-def test_named_make_targets_exist() -> None:
-    makefile = (REPOSITORY / "Makefile").read_text(encoding="utf-8")
-    targets = set(re.findall(r"^([a-z-]+):", makefile, re.MULTILINE))
-
-    def lost(document: Path) -> Iterable[str]:
-        shown = {line[0] for line in shell_lines(document, "make") if line}
-        named = re.findall(r"`make ([a-z-]+)", document.read_text(encoding="utf-8"))
-        return (shown | set(named)) - targets
 
     assert lost_in_documents(lost) == {}
 

@@ -38,18 +38,9 @@ ALLOWED = {
     ("usd/files.py", "ZipFile"): "below a temporary name",
     ("usd/files.py", "copyfileobj"): "below a temporary name",
     ("digs_warp/poses/from_images/workspace.py", "write"): "below a temporary name, read back",
-    (
-        "digs_warp/formats/captures/colmap.py",
-        "write_text",
-    ): "of pycolmap: in a temporary folder, read back",
-    (
-        "digs_warp/formats/captures/training_sets.py",
-        "open ?",
-    ): "below a temporary name; tarfile reports failed writes",
-    (
-        "digs_warp/record/replacement.py",
-        "replace",
-    ): "files that are synced, in an order that a note keeps",
+    ("digs_warp/formats/captures/colmap.py", "write_text"): "of pycolmap: read back",
+    ("digs_warp/formats/captures/training_sets.py", "open ?"): "tarfile reports failed writes",
+    ("digs_warp/record/replacement.py", "replace"): "files that are synced, in a noted order",
     ("sim/testing/series.py", "rename"): "of record/disk.py: a folder whose files are synced",
     ("studies/real_recordings.py", "symlink_to"): "in a temporary folder",
     ("digs_warp/study/engine/chain.py", "rename"): "a folder of files that are synced",

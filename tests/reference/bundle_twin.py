@@ -19,17 +19,12 @@ def joint_step(
     moved: np.ndarray,
     damping: float,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return one Gauss-Newton step from the measured distances: motions (n, 6), logarithms of nearness (m,).
+    """Return one Gauss-Newton step: motions (n, 6), and logarithms of nearness of all m points, (m,).
 
-    Args:
-        views: n, with m points in all.
-        pairs: (source, target), (k, 2).
-        poses: ``world_from_cam``, (n, 4, 4).
-        color: residual that counts half.
-        hidden: relative difference of depth from which on another surface is seen.
-        trust: inverse variance of a motion, (6,); the nearness has 1.
-        moved: of each camera from where it is expected, (n, 6).
-        damping: share of the diagonal of the motions that is added, after the distances are eliminated.
+    ``pairs``: (source, target), (k, 2); ``color``: residual that counts half; ``hidden``: relative difference
+    of depth from which on another surface is seen; ``trust``: inverse variance of a motion, (6,), 1 of the
+    nearness; ``moved``: of each camera from where it is expected, (n, 6); ``damping``: share of the diagonal of
+    the motions that is added, after the distances are eliminated.
     """
     starts = np.cumsum([0, *(len(view.points) for view in views)])
     cameras = 6 * len(views)

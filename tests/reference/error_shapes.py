@@ -13,14 +13,7 @@ def small_error_rms(disparity: np.ndarray, true: np.ndarray) -> float:
 
 
 def autocorrelation(disparity: np.ndarray, true: np.ndarray, lag: int, axis: int) -> float:
-    """Return the correlation of errors of up to a pixel that are ``lag`` pixels apart, -1 to 1.
-
-    Args:
-        disparity: of a sensor [px], (height, width), NaN where it has none.
-        true: disparity.
-        lag: [px], >= 1.
-        axis: 0: one below the other; 1: side by side.
-    """
+    """Return the correlation of errors of up to a pixel that are ``lag`` pixels apart along an axis."""
     error = disparity - true
     error[~(np.abs(error) <= WRONG)] = np.nan
     error = np.moveaxis(error - np.nanmean(error), axis, 0)

@@ -17,14 +17,9 @@ def perturbed_poses(
     translation_error: float,
     seed: int,
 ) -> list[np.ndarray]:
-    """Return the poses (4, 4), each turned and moved by an independent normal error.
+    """Return the poses, each turned and moved by normal errors of these deviations [degree, m] per axis.
 
-    Args:
-        world_from_cams: the poses, (4, 4) each.
-        rotation_error_deg: standard deviation of the rotation vector's components, about the camera's
-            center [degree].
-        translation_error: standard deviation of the center along each axis [m].
-        seed: the same seed gives the same directions at every size of the error.
+    The same seed gives the same directions at every size of the error.
     """
     rng = np.random.default_rng(seed)
     turns = rng.normal(size=(len(world_from_cams), 3)) * np.deg2rad(rotation_error_deg)

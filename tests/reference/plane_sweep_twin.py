@@ -22,12 +22,7 @@ def sweep_twin(
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return best inverse depths, their scores, and all scores, (h, w), (h, w) and (count, h, w).
 
-    Args:
-        reference: gray image, (h, w).
-        others: gray image, A (3, 3) and b (3,) of each neighbor.
-        starts: first inverse depth of each pixel, (h, w).
-        step: between two of them.
-        count: of them.
+    ``others``: gray image, A (3, 3) and b (3,) of each neighbor; ``starts``: first inverse depth, (h, w).
     """
     height, width = reference.shape
     halo = WINDOW_RADIUS + SCORE_RADIUS

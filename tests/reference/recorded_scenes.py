@@ -26,13 +26,7 @@ MARGIN = 1.1  # around the object in the image
 
 @dataclass(eq=False)
 class RecordedScene:
-    """A frame and what sensors measure on it; each measurement is made once.
-
-    Attributes:
-        truth: of the frame.
-        mask: of the object, (height, width), bool.
-        effects: on the images.
-    """
+    """A frame, the mask of its object, its effects on images, and what sensors measure on it, made once."""
 
     truth: FrameTruth
     mask: np.ndarray

@@ -24,15 +24,10 @@ def sfm_from_truth(
     mismatches: float = 0.02,
     seed: int = 0,
 ) -> SfmModel:
-    """Return a model in [sfm] with the true poses.
+    """Return a model in [sfm] with the true poses, of frames with true depth.
 
-    Args:
-        frames: with true depth.
-        sfm_per_metre: the unit of the model.
-        points: number of sparse points.
-        feature_noise: standard deviation of the observed pixels, per axis [px].
-        mismatches: share of observations at a random pixel of the image.
-        seed: decides everything random.
+    ``feature_noise``: standard deviation of the observed pixels, per axis [px]; ``mismatches``: share of
+    observations at a random pixel of the image.
     """
     rng = np.random.default_rng(seed)
     depths = [frame.load_depth_true() for frame in frames]

@@ -32,24 +32,16 @@ sys.meta_path.insert(0, Refusal())
 """
 
 
-def run_with_few_packages(folder: Path, *given: str) -> subprocess.CompletedProcess[str]:
-    (folder / "sitecustomize.py").write_text(FEW_PACKAGES)
-    environment = {**os.environ, "PYTHONPATH": f"{folder}:{ROOT}"}
-    command = [sys.executable, str(ROOT / "scripts/gpu_check.py"), *SMALL, *given]
-    return subprocess.run(command, check=False, capture_output=True, text=True, env=environment)
-
-
 def test_all_parts_pass_with_numpy_scipy_opencv_and_warp_alone(tmp_path: Path) -> None:
     path = tmp_path / "found.jsonl"
-    done = run_with_few_packages(tmp_path, "--here", "--json", str(path))
+    (tmp_path / "sitecustomize.py").write_text(FEW_PACKAGES)
+    environment = {**os.environ, "PYTHONPATH": f"{tmp_path}:{ROOT}"}
+    given = [*SMALL, "--here", "--json", str(path)]
+    command = [sys.executable, str(ROOT / "scripts/gpu_check.py"), *given]
+    done = subprocess.run(command, check=False, capture_output=True, text=True, env=environment)
     assert done.returncode == 0, done.stdout + done.stderr
     assert [findings.part for findings in read(path)] == list(PARTS)
     assert all(findings.figures for findings in read(path))
-
-
-def test_the_last_line_is_the_verdict(tmp_path: Path) -> None:
-    done = run_with_few_packages(tmp_path, "--only", "machine,ssim")
-    assert done.stdout.splitlines()[-1] == "PASS", done.stdout + done.stderr
 
 
 def test_an_exception_is_a_finding(capsys: pytest.CaptureFixture[str]) -> None:
@@ -68,6 +60,11 @@ def test_a_process_that_ends_without_findings_is_one(tmp_path: Path) -> None:
     path.touch()
     in_own_process("machine", path, ["--splats", "many"])
     assert read(path)[0].failures == ["machine: ended with code 2"]
+
+
+def test_the_last_line_is_the_verdict(capfd: pytest.CaptureFixture[str]) -> None:
+    assert main([*SMALL, "--only", "machine,ssim"]) == 0
+    assert capfd.readouterr().out.splitlines()[-1] == "PASS"
 
 
 def test_a_device_that_is_not_there_is_no_pass(capsys: pytest.CaptureFixture[str]) -> None:

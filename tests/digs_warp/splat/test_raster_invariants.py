@@ -45,11 +45,20 @@ def pulled_back(renderer: SplatRenderer, view: Camera = VIEW) -> list[np.ndarray
     gradient = np.random.default_rng(3).normal(size=(SIZE[1], SIZE[0], 3))
     renderer.adj_image.assign(gradient[: k.height, : k.width])
     renderer.backward()
-    return [renderer.image.to_numpy(), *(a.numpy().copy() for a in renderer.gradients.arrays)]
+    return [renderer.image.to_numpy(), *gradients_of(renderer)]
 
 
 def renderer_of(gaussians: Gaussians = MANY) -> SplatRenderer:
     return SplatRenderer(DeviceGaussians.from_numpy(gaussians), *SIZE)
+
+
+def gradients_of(renderer: SplatRenderer) -> list[np.ndarray]:
+    return [array.numpy().copy() for array in renderer.gradients.arrays]
+
+
+def check_same(found: list[np.ndarray], wanted: list[np.ndarray]) -> None:
+    for one, other in zip(found, wanted, strict=True):
+        np.testing.assert_array_equal(one, other)
 
 
 def test_same_bits_for_any_number_of_threads() -> None:
@@ -57,8 +66,7 @@ def test_same_bits_for_any_number_of_threads() -> None:
     one, more = (rendered(MANY, threads=count, options=options) for count in (1, 8))
     for name in ("image", "transmittance", "depth"):
         np.testing.assert_array_equal(getattr(one, name).to_numpy(), getattr(more, name).to_numpy())
-    for a, b in zip(one.gradients.arrays, more.gradients.arrays, strict=True):
-        np.testing.assert_array_equal(a.numpy(), b.numpy())
+    check_same(gradients_of(one), gradients_of(more))
 
 
 def test_both_backends_agree() -> None:
@@ -86,8 +94,7 @@ def test_the_mean_depth_alone_is_the_same(backend: RasterBackend) -> None:
     assert depths.max() > 0
     np.testing.assert_array_equal(mean.depth.to_numpy()[..., 0], depths)
     np.testing.assert_array_equal(mean.image.to_numpy(), both.image.to_numpy())
-    for a, b in zip(mean.gradients.arrays, both.gradients.arrays, strict=True):
-        np.testing.assert_array_equal(a.numpy(), b.numpy())
+    check_same(gradients_of(mean), gradients_of(both))
 
 
 @pytest.mark.parametrize("backend", BACKENDS, ids=backend_name)
@@ -95,11 +102,10 @@ def test_every_gradient_record_is_written(backend: RasterBackend) -> None:
     """Those behind saturated pixels, too: what an earlier view left there must not count."""
     scene = hard_cases()["saturated tiles"]
     renderer = rendered(scene.gaussians, scene.camera, backend=backend)
-    once = [array.numpy().copy() for array in renderer.gradients.arrays]
+    once = gradients_of(renderer)
     renderer.binner.lists.pair_gradients.fill_(np.nan)
     renderer.backward()
-    for a, b in zip(once, renderer.gradients.arrays, strict=True):
-        np.testing.assert_array_equal(a, b.numpy())
+    check_same(once, gradients_of(renderer))
 
 
 def test_the_order_in_memory_does_not_matter() -> None:
@@ -107,8 +113,7 @@ def test_the_order_in_memory_does_not_matter() -> None:
     shuffled = Gaussians(*(getattr(MANY, name)[order] for name in FIELDS))
     a, b = rendered(MANY), rendered(shuffled)
     np.testing.assert_array_equal(a.image.to_numpy(), b.image.to_numpy())
-    for before, after in zip(a.gradients.arrays, b.gradients.arrays, strict=True):
-        np.testing.assert_array_equal(before.numpy()[order], after.numpy())
+    check_same([before[order] for before in gradients_of(a)], gradients_of(b))
 
 
 def test_buffers_grow_and_results_do_not_change() -> None:
@@ -143,11 +148,9 @@ def test_a_smaller_view_equals_that_of_a_renderer_of_its_size(size: tuple[int, i
     pulled_back(one, VIEW)
     found = pulled_back(one, small)
     expected = pulled_back(SplatRenderer(DeviceGaussians.from_numpy(MANY), *size), small)
-    for a, b in zip(found, expected, strict=True):
-        np.testing.assert_array_equal(a, b)
+    check_same(found, expected)
     # And the large view is the same after the small one.
-    for a, b in zip(pulled_back(one, VIEW), pulled_back(renderer_of(), VIEW), strict=True):
-        np.testing.assert_array_equal(a, b)
+    check_same(pulled_back(one, VIEW), pulled_back(renderer_of(), VIEW))
 
 
 @pytest.mark.parametrize("count", [0, 1700])
@@ -158,6 +161,4 @@ def test_other_gaussians_take_the_place_of_the_first(count: int) -> None:
     pulled_back(renderer, VIEW)
     renderer.set_gaussians(DeviceGaussians.from_numpy(other))
     assert renderer.image is image
-    found, expected = pulled_back(renderer, VIEW), pulled_back(renderer_of(other), VIEW)
-    for a, b in zip(found, expected, strict=True):
-        np.testing.assert_array_equal(a, b)
+    check_same(pulled_back(renderer, VIEW), pulled_back(renderer_of(other), VIEW))

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from digs_warp.data.frame import Frame
-from digs_warp.data.gaussians import FIELDS
+from digs_warp.data.gaussians import FIELDS, Gaussians
 from digs_warp.geometry.camera import Camera, Intrinsics
-from digs_warp.geometry.rigid import look_at
+from digs_warp.geometry.rigid import PixelBox, look_at
 from digs_warp.train.config import TrainConfig
 from digs_warp.train.trainer import Trainer
 from digs_warp.train.view_store import ViewStore, view_index
@@ -32,6 +32,20 @@ def store(views: list[View]) -> ViewStore:
     )
 
 
+def loss_and_gradients(
+    seeds: Gaussians, view: View, background: np.ndarray, content: PixelBox | None = None
+) -> tuple[np.ndarray, float, Gaussians]:
+    """The image, drawn over NaN, the loss, and its gradients."""
+    trainer = Trainer(seeds, store([view]), TrainConfig())
+    renderer, (width, height) = trainer.renderer, view.size
+    renderer.image.assign(np.full((height, width, 3), np.nan))
+    renderer.transmittance.assign(np.full((height, width), np.nan))
+    renderer.forward(view.camera, near=0.01, background=background, content=content)
+    trainer.objective.compare(view, background)
+    renderer.backward()
+    return renderer.image.to_numpy(), trainer.loss_value(), renderer.gradients.to_numpy()
+
+
 def test_the_crop_changes_no_gradient() -> None:
     """A view cropped to its mask, and the same one kept whole, give the same loss and gradients."""
     rng = np.random.default_rng(0)
@@ -46,14 +60,8 @@ def test_the_crop_changes_no_gradient() -> None:
     assert cropped.box == (70, 25, 97, 44) and whole.box == (0, 0, 200, 70)
     seeds = ball(200)
     seeds = replace(seeds, means=seeds.means * 2.5)
-    results = []
-    for view in (cropped, whole):
-        trainer = Trainer(seeds, store([view]), TrainConfig())
-        background = np.zeros(3)  # black, as the two pixels are
-        trainer.renderer.forward(view.camera, near=0.01, background=background)
-        trainer.objective.compare(view, background)
-        trainer.renderer.backward()
-        results.append((trainer.loss_value(), trainer.renderer.gradients.to_numpy()))
+    black = np.zeros(3)  # as the two pixels are
+    results = [loss_and_gradients(seeds, view, black)[1:] for view in (cropped, whole)]
     assert results[0][0] == pytest.approx(results[1][0], rel=1e-5)
     for name in FIELDS:
         one, other = (getattr(gradients, name) for _, gradients in results)
@@ -72,18 +80,11 @@ def test_the_loss_reads_nothing_that_is_not_drawn(left: int, drawn: bool) -> Non
     )
     seeds = ball(50)
     seeds = replace(seeds, means=0.1 * seeds.means + (0.0 if drawn else 100.0))
-    background = np.array([0.9, 0.2, 0.4])
     results = []
     for content in (None, view.box):
-        trainer = Trainer(seeds, store([view]), TrainConfig())
-        renderer = trainer.renderer
-        renderer.image.assign(np.full((height, width, 3), np.nan))
-        renderer.transmittance.assign(np.full((height, width), np.nan))
-        renderer.forward(view.camera, near=0.01, background=background, content=content)
-        trainer.objective.compare(view, background)
-        renderer.backward()
-        results.append((trainer.loss_value(), renderer.gradients.to_numpy()))
-        assert np.isnan(renderer.image.to_numpy()).any() == (content is not None)
+        image, *found = loss_and_gradients(seeds, view, np.array([0.9, 0.2, 0.4]), content)
+        assert np.isnan(image).any() == (content is not None)
+        results.append(found)
     assert results[0][0] == results[1][0] > 0
     for name in FIELDS:
         whole, part = (getattr(gradients, name) for _, gradients in results)
