@@ -1,11 +1,11 @@
 """Importing stays cheap, and the traps of heavy dependencies stay closed. Each test is a fresh process."""
 
-import subprocess
-import sys
 from collections.abc import Sequence
 from pathlib import Path
 
 import pytest
+
+from reference.fresh_process import run_fresh
 
 REPOSITORY = Path(__file__).resolve().parent.parent
 FOLDERS = {"digs_warp": "digs_warp", "sim": "digs_warp.sim", "usd": "digs_warp.usd"}
@@ -23,17 +23,9 @@ MODULES = sorted(
 )
 
 
-def run_python(code: str, *arguments: str) -> str:
-    done = subprocess.run(
-        [sys.executable, "-c", code, *arguments], capture_output=True, text=True, check=False
-    )
-    assert done.returncode == 0, f"exit code {done.returncode}\n{done.stdout}{done.stderr}"
-    return done.stdout
-
-
 def loaded_after(code: str, modules: Sequence[str]) -> set[str]:
     """Which of ``modules`` a fresh process has loaded after running ``code``."""
-    output = run_python(f"{code}\nimport sys\nprint('\\n', *sys.modules)")
+    output = run_fresh(f"{code}\nimport sys\nprint('\\n', *sys.modules)").stdout
     return set(modules) & set(output.splitlines()[-1].split())
 
 
@@ -67,7 +59,7 @@ def test_help_loads_nothing_heavy(command: str) -> None:
     arguments = [*([command] if command else []), "--help"]
     code = f"from digs_warp.cli import main\nassert main({arguments}) == 0"
     assert loaded_after(code, (*HEAVY, "warp")) == set()
-    assert f"usage: {' '.join(['digs-warp', *arguments[:-1]])} [-h]" in run_python(code)
+    assert f"usage: {' '.join(['digs-warp', *arguments[:-1]])} [-h]" in run_fresh(code).stdout
 
 
 def test_images_can_be_written_after_pycolmap_was_loaded(tmp_path: Path) -> None:
@@ -85,4 +77,4 @@ assert np.array_equal(read_image(Path(sys.argv[1])), pixels)
 import zlib
 assert zlib.decompress(zlib.compress(pixels.tobytes())) == pixels.tobytes()
 """
-    run_python(code, str(tmp_path / "image.png"))
+    run_fresh(code, tmp_path / "image.png")

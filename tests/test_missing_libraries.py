@@ -5,12 +5,11 @@ takes seconds.
 """
 
 import json
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
 
+from reference.fresh_process import run_fresh
 from reference.noise_capture import write_capture
 from reference.tiny_capture import ball
 
@@ -60,13 +59,7 @@ def test_a_job_without_its_library_names_it_and_others_work(libraries: str, tmp_
     (tmp_path / "a.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")
     (tmp_path / "gl.json").write_text('{"settings": {"renderer": "gl"}}')
     jobs = {words.format(folder=tmp_path): each for words, each in JOBS[libraries].items()}
-    done = subprocess.run(
-        [sys.executable, "-c", BLOCKED, libraries, json.dumps([words.split() for words in jobs])],
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-    assert done.returncode == 0, done.stderr
+    done = run_fresh(BLOCKED, libraries, json.dumps([words.split() for words in jobs]))
     said = [""]
     codes = []
     for line in done.stderr.splitlines():

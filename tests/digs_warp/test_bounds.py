@@ -1,8 +1,6 @@
 """Small files that promise a lot are refused by their headers: a clear error, little memory, no wait."""
 
 import json
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
@@ -10,19 +8,15 @@ import pytest
 from digs_warp.bounds import FREE_UNPACKED, IMAGE, check_unpacked
 from digs_warp.checks import DigsError
 from reference import hostile_files
+from reference.fresh_process import run_fresh
 
 MOST_MEGABYTES, MOST_SECONDS = 1024, 10
 
 
 def test_files_that_promise_a_lot_take_little_and_are_named(tmp_path: Path):
     hostile_files.make_all(tmp_path)
-    done = subprocess.run(
-        [sys.executable, hostile_files.__file__, str(tmp_path)],
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-    assert done.returncode == 0, done.stderr[-2000:]
+    program = "import sys, pathlib; from reference.hostile_files import read_all"
+    done = run_fresh(f"{program}; read_all(pathlib.Path(sys.argv[1]))", tmp_path)
     rows = [json.loads(line) for line in done.stdout.splitlines()]
     assert len(rows) > 10
     for name, message, megabytes, seconds in rows:

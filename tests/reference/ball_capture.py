@@ -28,19 +28,28 @@ class BallImages(FrameImages):
 View = tuple[Camera, BallImages]
 
 
+def on_sphere(
+    camera: Camera, pixels: np.ndarray, radius: float
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Rays (..., 3) with z_cam = 1, and planar depths [m] of a sphere's front and back, NaN beside it."""
+    eye = camera.center_world
+    rays = camera.unproject(pixels, np.ones(pixels.shape[:-1])) - eye
+    a, b = (rays**2).sum(-1), rays @ eye
+    with np.errstate(invalid="ignore"):
+        root = np.sqrt(b**2 - a * (eye @ eye - radius**2))
+    return rays, (-b - root) / a, (-b + root) / a
+
+
 def ball_view(angle: float, distance: float = 0.9) -> View:
     """A ball at the origin inside a large sphere; color = (unit normal + 1) / 2."""
     eye = distance * np.array([np.cos(angle), np.sin(angle), 0.3])
     camera = Camera(INTRINSICS, look_at(eye, np.zeros(3), np.array([0.0, 0.0, 1.0])))
-    directions = camera.unproject(pixel_centers(80, 60), np.ones((60, 80))) - eye
-    a, b = (directions**2).sum(-1), directions @ eye
-    discriminant = b * b - a * (eye @ eye - RADIUS**2)
-    hit = discriminant > 0
-    near = (-b - np.sqrt(np.maximum(discriminant, 0))) / a
-    far = (-b + np.sqrt(b * b - a * (eye @ eye - WALL_RADIUS**2))) / a
+    directions, near, _ = on_sphere(camera, pixel_centers(80, 60), RADIUS)
+    far = on_sphere(camera, pixel_centers(80, 60), WALL_RADIUS)[2]
+    hit = np.isfinite(near)
     depth = np.where(hit, near, far).astype(np.float32)
     normals = (eye + near[..., None] * directions) / RADIUS
-    image = np.where(hit[..., None], 127.5 * (normals + 1), 255).astype(np.uint8)
+    image = np.where(hit[..., None], 127.5 * (np.nan_to_num(normals) + 1), 255).astype(np.uint8)
     mask = (255 * hit).astype(np.uint8)
     return camera, BallImages(image, depth, mask, depth_true=depth)
 

@@ -23,8 +23,8 @@ def joint_step(
 
     ``pairs``: (source, target), (k, 2); ``color``: residual that counts half; ``hidden``: relative difference
     of depth from which on another surface is seen; ``trust``: inverse variance of a motion, (6,), 1 of the
-    nearness; ``moved``: of each camera from where it is expected, (n, 6); ``damping``: share of the diagonal of
-    the motions that is added, after the distances are eliminated.
+    nearness; ``moved``: of each camera from where it is expected, (n, 6); ``damping``: share of the
+    motions' diagonal that is added, after the distances are eliminated.
     """
     starts = np.cumsum([0, *(len(view.points) for view in views)])
     cameras = 6 * len(views)

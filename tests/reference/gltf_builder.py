@@ -83,13 +83,13 @@ class GltfBuilder:
         data = self._data + b"\0" * (-len(self._data) % 4)
         others = self.header.get("buffers", [])[1:]
         self.header["buffers"] = [{"byteLength": len(data)}, *others]
-        text = json.dumps(self.header).encode()
-        text += b" " * (-len(text) % 4)
-        path.write_bytes(
-            struct.pack("<4sII", b"glTF", 2, 28 + len(text) + len(data))
-            + struct.pack("<I4s", len(text), b"JSON")
-            + text
-            + struct.pack("<I4s", len(data), b"BIN\0")
-            + data
-        )
+        path.write_bytes(glb_bytes(json.dumps(self.header).encode(), data))
         return path
+
+
+def glb_bytes(header: bytes, data: bytes) -> bytes:
+    """Return a file of a header in JSON and of binary data."""
+    header += b" " * (-len(header) % 4)
+    body = struct.pack("<I4s", len(header), b"JSON") + header
+    body += struct.pack("<I4s", len(data), b"BIN\0") + data
+    return struct.pack("<4sII", b"glTF", 2, 12 + len(body)) + body

@@ -1,14 +1,8 @@
-"""Small files that promise a lot: made, then read in one fresh process that measures memory and time.
-
-    python tests/reference/hostile_files.py FOLDER
-
-prints a line of JSON for each case: its name, the error's message, the growth in memory [MB], seconds.
-"""
+"""Small files that promise a lot: made, and read by a fresh process that measures memory and time."""
 
 import json
 import math
 import struct
-import sys
 import time
 import zipfile
 import zlib
@@ -19,7 +13,8 @@ from pathlib import Path
 
 import numpy as np
 
-REPOSITORY = Path(__file__).resolve().parents[2]
+from reference.gltf_builder import GltfBuilder, glb_bytes
+from reference.noise_capture import write_capture
 
 Content = bytes | int | Callable[[Path], object]  # what to write, so many zeros, or what writes it
 Read = Callable[[Path], object]
@@ -83,11 +78,7 @@ def glb(binary: bytes = bytes(64), depth: int = 0, size: int = 36, **header: obj
         "buffers": [{"byteLength": len(binary)}],
     }
     nested = b', "extras": ' + b"[" * depth + b"0" + b"]" * depth + b"}"
-    text = json.dumps(base | header).encode()[:-1] + nested
-    text += b" " * (-len(text) % 4)
-    body = struct.pack("<I4s", len(text), b"JSON") + text
-    body += struct.pack("<I4s", len(binary), b"BIN\0") + binary
-    return struct.pack("<4sII", b"glTF", 2, 12 + len(body)) + body
+    return glb_bytes(json.dumps(base | header).encode()[:-1] + nested, binary)
 
 
 MANY = POINTS | {"bufferView": 0, "count": 100_000_000}
@@ -124,8 +115,6 @@ MESHES = {
 
 def textured_glb(path: Path) -> None:
     """A rectangle with a large texture."""
-    from reference.gltf_builder import GltfBuilder
-
     builder = GltfBuilder()
     view = builder.view(png(12_000, 12_000))
     builder.header["images"] = [{"bufferView": view, "mimeType": "image/png"}]
@@ -147,7 +136,6 @@ def _cases() -> dict[str, tuple[Content, Read]]:
     from digs_warp.sim.camera.profiles import load_profile
     from digs_warp.sim.scene.environment import load_environment
     from digs_warp.sim.scene.load import load_scene
-    from reference.noise_capture import write_capture
 
     huge, deep, long = png(40_000, 20_000), 200_000, 1 << 32
 
@@ -201,7 +189,7 @@ def make_all(folder: Path) -> None:
 
 
 def read_all(folder: Path) -> None:
-    """Read every file and print what came of it."""
+    """Read every file; print its name, the error's message, the growth in memory [MB], and seconds."""
     from digs_warp.checks import DigsError
 
     for name, (_, read) in _cases().items():
@@ -221,9 +209,3 @@ def read_all(folder: Path) -> None:
 def _megabytes(name: str) -> int:
     status = Path("/proc/self/status").read_text()
     return int(status.split(f"{name}:")[1].split()[0]) // 1024
-
-
-if __name__ == "__main__":
-    # The repository's root ahead of tests/, whose digs_warp folder would shadow the package.
-    sys.path[:0] = [str(REPOSITORY), str(REPOSITORY / "tests")]
-    read_all(Path(sys.argv[1]))

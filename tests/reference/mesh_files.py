@@ -16,6 +16,7 @@ from trimesh.visual.material import PBRMaterial
 from digs_warp.data.images import write_image
 from digs_warp.sim.config import SimulateConfig
 from digs_warp.sim.scene.scene import Scene
+from reference.gltf_builder import glb_bytes
 
 # The simplest mesh with an inside, without a material; an OBJ file, too.
 TETRAHEDRON = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 2 3 4\nf 3 1 4\n"
@@ -144,14 +145,6 @@ def edit_gltf(path: Path, change: Callable[[dict[str, Any]], None]) -> Path:
     (length,) = struct.unpack_from("<I", data, 12)
     header = json.loads(data[20 : 20 + length])
     change(header)
-    text = json.dumps(header).encode()
-    text += b" " * (-len(text) % 4)
-    rest = data[20 + length :]
-    total = 20 + len(text) + len(rest)
-    path.write_bytes(
-        struct.pack("<4sII", b"glTF", 2, total)
-        + struct.pack("<I4s", len(text), b"JSON")
-        + text
-        + rest
-    )
+    (size,) = struct.unpack_from("<I", data, 20 + length)
+    path.write_bytes(glb_bytes(json.dumps(header).encode(), data[28 + length : 28 + length + size]))
     return path

@@ -9,6 +9,7 @@ from digs_warp.data.capture_writer import CaptureWriter, FrameImages
 from digs_warp.data.images import to_uint8
 from digs_warp.geometry.camera import Camera, Intrinsics, pixel_centers
 from digs_warp.geometry.rigid import look_at
+from reference.ball_capture import on_sphere
 
 RADIUS = 0.2  # [m]
 SIZE = 96  # width and height [px]
@@ -32,26 +33,17 @@ def photograph(camera: Camera) -> FrameImages:
     """Image (the sphere's own color), depth in the middle of each pixel, and mask."""
     k = camera.intrinsics
     fine = SAMPLES * k.width, SAMPLES * k.height
-    _, hit, color = seen(camera, pixel_centers(*fine) / SAMPLES)
-    shares = _mean(hit[..., None].astype(np.float64))
-    mixed = _mean(np.where(hit[..., None], color, 0.0)) / np.maximum(shares, 1e-9)
-    depth, in_middle, _ = seen(camera, pixel_centers(k.width, k.height))
-    return FrameImages(
-        to_uint8(mixed),
-        np.where(in_middle, depth, np.nan).astype(np.float32),
-        to_uint8(shares[..., 0]),
-    )
+    depth, color = seen(camera, pixel_centers(*fine) / SAMPLES)
+    shares = _mean(np.isfinite(depth)[..., None].astype(np.float64))
+    mixed = _mean(np.nan_to_num(color)) / np.maximum(shares, 1e-9)
+    depth, _ = seen(camera, pixel_centers(k.width, k.height))
+    return FrameImages(to_uint8(mixed), depth.astype(np.float32), to_uint8(shares[..., 0]))
 
 
-def seen(camera: Camera, pixels: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return planar depth [m], whether the sphere is hit, and its color, of pixels (..., 2)."""
-    eye = camera.center_world
-    rays = camera.unproject(pixels, np.ones(pixels.shape[:-1])) - eye
-    a, b = (rays**2).sum(-1), rays @ eye
-    root = b**2 - a * (eye @ eye - RADIUS**2)
-    depth = (-b - np.sqrt(np.maximum(root, 0.0))) / a
-    points = eye + depth[..., None] * rays
-    return depth, root > 0, texture(points / RADIUS)
+def seen(camera: Camera, pixels: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return planar depth [m] of the sphere, NaN beside it, and its color, of pixels (..., 2)."""
+    rays, depth, _ = on_sphere(camera, pixels, RADIUS)
+    return depth, texture((camera.center_world + depth[..., None] * rays) / RADIUS)
 
 
 def texture(directions: np.ndarray) -> np.ndarray:

@@ -18,6 +18,7 @@ from digs_warp.splat.camera_motion import RowMotion
 from digs_warp.splat.config import RasterOptions
 from digs_warp.splat.render import render
 from digs_warp.splat.surface_depth import surface_depth
+from reference.ball_capture import on_sphere
 
 WIDTH, HEIGHT = 72, 54
 RADIUS = 0.2  # [m]
@@ -111,10 +112,4 @@ def blurred_view(camera: Camera) -> tuple[np.ndarray, np.ndarray]:
 def sphere_depth(camera: Camera) -> np.ndarray:
     """Planar depth [m] of the ball, NaN beside it, (HEIGHT, WIDTH), float32."""
     k = camera.intrinsics
-    px = (pixel_centers(k.width, k.height) - [k.cx, k.cy]) / [k.fx, k.fy]
-    rays = np.dstack([px, np.ones(px.shape[:2])])
-    center = camera.cam_from_world[:3, 3]
-    a, b = (rays**2).sum(-1), rays @ center
-    root = b**2 - a * (center @ center - RADIUS**2)
-    with np.errstate(invalid="ignore"):
-        return ((b - np.sqrt(root)) / a).astype(np.float32)
+    return on_sphere(camera, pixel_centers(k.width, k.height), RADIUS)[1].astype(np.float32)

@@ -1,8 +1,4 @@
-"""What the tests of USD files share: the asset's frame, arrays of a field, programs in fresh processes."""
-
-import os
-import subprocess
-import sys
+"""What the tests of USD files share: the asset's frame, arrays of a field."""
 
 import numpy as np
 
@@ -16,21 +12,6 @@ def covariances(quats: np.ndarray, scales: np.ndarray) -> np.ndarray:
     """R S^2 R^T of each splat, (n, 3, 3), float64; quaternions xyzw."""
     half = matrix_from_quat_xyzw(quats) * scales[:, None, :].astype(np.float64)
     return half @ half.transpose(0, 2, 1)
-
-
-def run_fresh(
-    program: str, *arguments: object, **environment: str
-) -> subprocess.CompletedProcess[str]:
-    """Run a program in a fresh process that finds the same modules; it has to succeed."""
-    done = subprocess.run(
-        [sys.executable, "-c", program, *map(str, arguments)],
-        env=os.environ | {"PYTHONPATH": os.pathsep.join(sys.path)} | environment,
-        check=False,
-        capture_output=True,
-        text=True,
-    )
-    assert done.returncode == 0, done.stderr
-    return done
 
 
 SH = "radiance:sphericalHarmonicsCoefficients"

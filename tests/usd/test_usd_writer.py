@@ -15,7 +15,8 @@ from digs_warp.usd import files
 from digs_warp.usd.writer import write_gaussians
 from reference.full_disk import largest_file
 from reference.splat_files import random_gaussians
-from reference.usd_files import Y_UP, run_fresh
+from reference.fresh_process import run_fresh
+from reference.usd_files import Y_UP
 
 
 def field_of(path: Path):

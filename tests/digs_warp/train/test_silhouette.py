@@ -1,6 +1,7 @@
 """The object's own color at the silhouette: against a float64 twin, and where masks are odd."""
 
 import numpy as np
+from scipy.ndimage import convolve, maximum_filter, minimum_filter
 
 from digs_warp.train.silhouette import MARGIN, NEIGHBORS, REACH, without_surround
 
@@ -20,34 +21,24 @@ def scene() -> tuple[np.ndarray, np.ndarray]:
 
 
 def twin(image: np.ndarray, mask: np.ndarray) -> np.ndarray:
-    """The formulas of the module, pixel by pixel."""
-    found = image.astype(np.float64)
-    for y, x in zip(*np.nonzero((mask > 0) & (mask < 255)), strict=True):
-        sums = {255: [np.zeros(3), 0.0], 0: [np.zeros(3), 0.0]}
-        colors = []
-        for dy in range(-REACH, REACH + 1):
-            for dx in range(-REACH, REACH + 1):
-                v, u = y + dy, x + dx
-                if not (0 <= v < mask.shape[0] and 0 <= u < mask.shape[1]):
-                    continue
-                kind = int(mask[v, u])
-                if kind in sums:
-                    weight = np.exp(-(dy**2 + dx**2) / 4.0)
-                    sums[kind][0] += weight * image[v, u].astype(np.float64)
-                    sums[kind][1] += weight
-                if kind == 255:
-                    colors.append(image[v, u].astype(np.float64))
-        if not colors:
-            continue
-        near = sums[255][0] / sums[255][1]
-        m = mask[y, x] / 255
-        color = near
-        if sums[0][1] > 0:
-            room = sums[0][0] / sums[0][1]
-            color = (m * (image[y, x] - (1 - m) * room) + NEIGHBORS * near) / (m**2 + NEIGHBORS)
-        low, high = np.min(colors, axis=0) - MARGIN, np.max(colors, axis=0) + MARGIN
-        found[y, x] = np.clip(np.clip(color, low, high), 0, 255)
-    return found
+    """The formulas of the module, in whole arrays."""
+    reach, m, values = np.arange(-REACH, REACH + 1), mask[..., None] / 255, image.astype(np.float64)
+    kernel = np.exp(-(reach[:, None, None] ** 2 + reach[:, None] ** 2) / 4.0)
+
+    def mean(kind: int) -> np.ndarray:
+        here = (mask == kind)[..., None].astype(np.float64)
+        sums = (convolve(each, kernel, mode="constant") for each in (here * values, here))
+        return np.divide(*sums)  # NaN where there are none
+
+    with np.errstate(invalid="ignore"):
+        near, room = mean(255), mean(0)
+    color = (m * (values - (1 - m) * room) + NEIGHBORS * near) / (m**2 + NEIGHBORS)
+    color = np.where(np.isnan(room), near, color)
+    window = (len(reach), len(reach), 1)
+    low = minimum_filter(np.where(m == 1, values, np.inf), window) - MARGIN
+    high = maximum_filter(np.where(m == 1, values, -np.inf), window) + MARGIN
+    found = np.clip(np.clip(color, low, high), 0, 255)
+    return np.where((m > 0) & (m < 1) & ~np.isnan(near), found, values)
 
 
 def test_agrees_with_the_twin() -> None:
