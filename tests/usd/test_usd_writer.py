@@ -13,9 +13,9 @@ from digs_warp.geometry.rigid import matrix_from_quat_xyzw
 from digs_warp.geometry.sh import sh_from_rgb
 from digs_warp.usd import files
 from digs_warp.usd.writer import write_gaussians
+from reference.fresh_process import run_fresh
 from reference.full_disk import largest_file
 from reference.splat_files import random_gaussians
-from reference.fresh_process import run_fresh
 from reference.usd_files import Y_UP
 
 
