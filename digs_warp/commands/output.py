@@ -109,8 +109,6 @@ def check_output_file(
     Raises:
         DigsError: it may not be written.
     """
-    if path.is_dir():
-        raise DigsError(f"{flag} '{path}': this is {_named(path)}; name a file")
     if path.exists() and not path.is_file():
         raise DigsError(f"{flag} '{path}': this is {_named(path)}; name a new file")
     if path.absolute().parent == DEVICES:  # /dev/stdout leads to a file that would replace the link

@@ -3,7 +3,6 @@
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
-from time import perf_counter
 from typing import TYPE_CHECKING, Annotated
 
 import tyro
@@ -90,14 +89,11 @@ class Render(Command):
             ),
             len(cameras),
         )
-        start = perf_counter()
         count = write_video(self.out, frames, self.fps)
-        written = perf_counter() - start - sum(clock.seconds)
         return (
             f"{self.out}: {counted(count, 'frame')} of {self.width}x{self.height} px, "
             f"{counted(len(gaussians), 'Gaussian')}; "
-            f"rendered {clock.frame_rate:.1f} frames/s ({clock.milliseconds:.0f} ms each), "
-            f"written in {1e3 * written / count:.0f} ms each"
+            f"rendered {clock.frame_rate:.1f} frames/s ({clock.milliseconds:.0f} ms each)"
         )
 
     def _cameras(self, subject: "Subject") -> "list[Camera]":

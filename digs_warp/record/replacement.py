@@ -50,8 +50,12 @@ def replace_result(folder: Path) -> None:
     new, old = _all_files(unfinished), our_files(folder)
     others = _all_files(folder) - old
     above = {str(parent) for name in new for parent in PurePosixPath(name).parents}
-    blocked = {name for name in new if (folder / name).is_dir() and _holds(others, name)}
-    _refuse(folder, others & (new | above) | blocked)
+    filled = {str(parent) for name in others for parent in PurePosixPath(name).parents}
+    if in_the_way := others & (new | above) | new & filled:
+        raise DigsError(
+            f"'{folder}': the new result needs the names {first_few(sorted(in_the_way), 3)}, but no run "
+            "wrote those files; move them away or name another folder"
+        )
     with deferred_interrupt() as interruption:
         _delete(folder, old)
         for name in sorted(new, key=lambda name: (PurePosixPath(name).name != MANIFEST, name)):
@@ -99,21 +103,8 @@ def _walk(folder: Path) -> Iterator[tuple[Path, list[str], list[str]]]:
         yield Path(parent), folders, files
 
 
-def _holds(names: Collection[str], folder: str) -> bool:
-    return any(name.startswith(f"{folder}/") for name in names)
-
-
 def _is_our_record(folder: Path) -> bool:
     try:
         return RunRecord.find(folder) is not None
     except DigsError:  # damaged: nobody can say whose it is
         return False
-
-
-def _refuse(folder: Path, in_the_way: Collection[str]) -> None:
-    if not in_the_way:
-        return
-    raise DigsError(
-        f"'{folder}': the new result needs the names {first_few(sorted(in_the_way), 3)}, but no run wrote "
-        "those files; move them away or name another folder"
-    )

@@ -1,4 +1,4 @@
-"""A tiny capture and a few Gaussians for the tests of the commands."""
+"""A tiny capture for the tests of the commands."""
 
 from pathlib import Path
 
@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from digs_warp.data.capture_writer import CaptureWriter, FrameImages
-from digs_warp.data.gaussians import Gaussians
 from digs_warp.data.rig import Rig
 from digs_warp.geometry.camera import Intrinsics
 from digs_warp.geometry.rigid import look_at
@@ -29,17 +28,3 @@ def capture_folder(tmp_path: Path) -> Path:
         eye = np.array([0.8, 0.1 * number, 0.2])
         writer.add_pose(number, look_at(eye, np.zeros(3), np.array([0.0, 0.0, 1.0])), number / 2)
     return writer.finish().folder
-
-
-@pytest.fixture
-def gaussians_file(tmp_path: Path) -> Path:
-    rng = np.random.default_rng(0)
-    gaussians = Gaussians(
-        means=rng.uniform(-0.2, 0.2, (5, 3)),
-        log_scales=np.full((5, 3), np.log(0.01)),
-        quats=np.tile([0.0, 0.0, 0.0, 1.0], (5, 1)),
-        opacity_logits=np.zeros(5),
-        sh=np.zeros((5, 4, 3)),
-    )
-    gaussians.save(tmp_path / "gaussians.npz")
-    return tmp_path / "gaussians.npz"

@@ -66,3 +66,7 @@ def write_capture(folder: Path, views: list[View]) -> Capture:
         writer.write_frame(number, images)
         writer.add_pose(number, camera.world_from_cam, time=float(number))
     return writer.finish()
+
+
+def radii(points: np.ndarray) -> np.ndarray:
+    return np.linalg.norm(points, axis=1)

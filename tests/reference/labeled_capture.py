@@ -9,12 +9,8 @@ from digs_warp.data.capture import Capture
 from digs_warp.data.capture_writer import CaptureWriter, FrameImages
 from digs_warp.data.layers import Layer, Occlusion
 from digs_warp.data.rig import InfraredPair, Rig
-from digs_warp.geometry.camera import Intrinsics
-from digs_warp.geometry.rigid import look_at
+from reference.recorded import CAMERA, HEIGHT, WIDTH, place
 
-# Nothing is symmetric: a swapped axis, flipped rows or a half pixel shows.
-WIDTH, HEIGHT = 21, 14
-CAMERA = Intrinsics(WIDTH, HEIGHT, fx=19.0, fy=23.0, cx=9.25, cy=7.75)
 BASELINE = 0.125
 EYES = InfraredPair(offset=-0.02, fl_x=17.0, fl_y=18.0, cx=10.0, cy=7.0)
 FRAMES = 3
@@ -26,8 +22,7 @@ def labeled_capture(folder: Path, *, flow: bool = True, infrared: bool = False) 
     writer = CaptureWriter(folder, CAMERA, Rig(BASELINE, EYES if infrared else None))
     for number in range(FRAMES):
         writer.write_frame(number, _images(rng, flow and number + 1 < FRAMES, infrared))
-        eye = np.array([1.0 + number, 0.3 - number, 0.7])
-        writer.add_pose(number, look_at(eye, np.zeros(3), np.array([0.1, 0.2, 1.0])), number / 30)
+        writer.add_pose(number, place(number), number / 30)
     return writer.finish()
 
 

@@ -29,9 +29,14 @@ def small_capture(folder: Path) -> Capture:
         depth[rng.random(depth.shape) < 0.2] = np.nan
         image = rng.integers(0, 256, (HEIGHT, WIDTH, 3), dtype=np.uint8)
         writer.write_frame(number, FrameImages(image=image, depth=depth, mask=mask))
-        eye = np.array([1.0 + number, 0.3 - number, 0.7])
-        writer.add_pose(number, look_at(eye, np.zeros(3), np.array([0.1, 0.2, 1.0])), time)
+        writer.add_pose(number, place(number), time)
     return writer.finish()
+
+
+def place(number: int) -> np.ndarray:
+    """World from camera of a frame."""
+    eye = np.array([1.0 + number, 0.3 - number, 0.7])
+    return look_at(eye, np.zeros(3), np.array([0.1, 0.2, 1.0]))
 
 
 def points(capture: Capture, number: int) -> np.ndarray:

@@ -67,7 +67,7 @@ def _images_and_model(capture: Capture, folder: Path) -> Any:
         params = [k.fx, k.fy, k.cx, k.cy]
         camera = {"model": "PINHOLE", "width": k.width, "height": k.height, "params": params}
         model.add_camera_with_trivial_rig(pycolmap.Camera(camera_id=number, **camera))
-    start = start_points(capture).cloud
+    start = start_points(capture)
     for number, (frame, name) in enumerate(zip(capture.frames, names, strict=True), start=1):
         camera = cameras.index(frame.camera.intrinsics) + 1
         image = pycolmap.Image(name=name, camera_id=camera, image_id=number)

@@ -6,7 +6,7 @@ And the points that other programs' trainers start from: those that our own star
 import logging
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import TypeVar
 
@@ -53,13 +53,13 @@ def for_each_frame(
     return results
 
 
-def copy_image(frame: Frame, path: Path) -> None:
-    """Write the left image to ``path``, a PNG; an image that is a PNG already is copied."""
-    source = frame.layers.get(Layer.IMAGE)
+def copy_image(frame: Frame, path: Path, layer: Layer = Layer.IMAGE) -> None:
+    """Write an image to ``path``, a PNG; one that is a PNG already is copied."""
+    source = frame.layers.get(layer)
     if isinstance(source, Path) and source.suffix.lower() == ".png":
         copy_file(source, path)
     else:
-        write_image(path, frame.load_image())
+        write_image(path, frame.load_image() if layer is Layer.IMAGE else frame.load(layer))
 
 
 def object_mask(frame: Frame) -> np.ndarray:
@@ -139,20 +139,7 @@ def the_one_camera(capture: Capture, form: str) -> Intrinsics:
 _NO_POINTS = PointCloud(np.zeros((0, 3)), np.zeros((0, 3)))
 
 
-@dataclass(frozen=True, eq=False)
-class StartPoints:
-    """Points of the training frames, one per voxel.
-
-    Attributes:
-        cloud: the points; of a capture without depth its sparse ones, if it has some.
-        training: the frames that they come from, and that a trainer may see.
-    """
-
-    cloud: PointCloud
-    training: Sequence[Frame]
-
-
-def start_points(capture: Capture) -> StartPoints:
+def start_points(capture: Capture) -> PointCloud:
     """Return the points that `digs-warp reconstruct` starts from by default, with the recorded poses.
 
     They are the object's if the capture has masks, else the scene's; of photographs those that came with
@@ -171,4 +158,4 @@ def start_points(capture: Capture) -> StartPoints:
             cloud = capture.load_points() or cloud
     except NoPointsError as error:
         logger.warning("%s: exported without points to start from: %s", capture, error)
-    return StartPoints(cloud, training)
+    return cloud

@@ -37,7 +37,6 @@ from digs_warp.data.index_rules import (
 from digs_warp.data.layers import Layer
 from digs_warp.data.point_cloud import PointCloud, read_points, write_points
 from digs_warp.formats.captures.frames import (
-    StartPoints,
     copy_image,
     encode_depth,
     for_each_frame,
@@ -83,13 +82,13 @@ def write_nerfstudio(capture: Capture, folder: Path) -> None:
     lost = sum(for_each_frame(capture.frames, "Writing nerfstudio", write_frame))
     warn_of_lost_depth(lost, MM_PER_METRE, "nerfstudio")
     start = start_points(capture)
-    if len(start.cloud):
-        write_points(folder / POINTS, start.cloud)
-    index = _index(capture, layers, start)
+    if len(start):
+        write_points(folder / POINTS, start)
+    index = _index(capture, layers, has_points=len(start) > 0)
     write_atomically(folder / INDEX_NAME, to_json(index).encode())
 
 
-def _index(capture: Capture, layers: set[Layer], start: StartPoints) -> dict[str, Any]:
+def _index(capture: Capture, layers: set[Layer], has_points: bool) -> dict[str, Any]:
     cameras = {frame.camera.intrinsics for frame in capture.frames}
     names = [Layer.IMAGE.pattern.format(number) for number in range(len(capture))]
     frames = []
@@ -109,22 +108,20 @@ def _index(capture: Capture, layers: set[Layer], start: StartPoints) -> dict[str
     index: dict[str, Any] = {"camera_model": "PINHOLE"}
     if len(cameras) == 1:
         index |= _all_camera_keys(cameras.pop())
-    if len(start.cloud):
+    if has_points:
         index[POINTS_KEY] = POINTS
-    return index | _split(capture, names, start) | {"frames": frames}
+    return index | _split(capture, names) | {"frames": frames}
 
 
 def _all_camera_keys(k: Intrinsics) -> dict[str, float]:
     return {**size_keys(k), **camera_keys(k)}
 
 
-def _split(capture: Capture, names: list[str], start: StartPoints) -> dict[str, list[str]]:
+def _split(capture: Capture, names: list[str]) -> dict[str, list[str]]:
     """Return the names of the training and the held-out frames, as `digs-warp reconstruct` splits them."""
-    training = set(start.training)
-    named = list(zip(capture.frames, names, strict=True))
-    seen = [name for frame, name in named if frame in training]
-    held_out = [name for frame, name in named if frame not in training]
-    if not held_out:
+    numbers = {frame: number for number, frame in enumerate(capture.frames)}
+    seen, held_out = ([names[numbers[frame]] for frame in part] for part in capture.split())
+    if not seen or not held_out:
         return {}
     return {"train_filenames": seen, "val_filenames": held_out, "test_filenames": held_out}
 

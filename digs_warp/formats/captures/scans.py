@@ -40,7 +40,6 @@ from zipfile import ZipFile
 
 import numpy as np
 
-from digs_warp.bounds import check_unpacked
 from digs_warp.checks import CaptureError, require_file, require_folder
 from digs_warp.data.capture import FRAME_RATE
 from digs_warp.data.images import MM_PER_METRE, image_size, write_image
@@ -59,7 +58,7 @@ from digs_warp.formats.captures.recording import (
 from digs_warp.formats.captures.video import chosen_frames
 from digs_warp.geometry.camera import Intrinsics
 from digs_warp.geometry.rigid import OPENCV_FROM_OPENGL
-from digs_warp.record.arrays import UNREADABLE
+from digs_warp.record.arrays import UNREADABLE, check_archive
 from digs_warp.record.fields import ABOVE_ZERO, Fields, parse_json
 from digs_warp.record.files import read_json, read_text, to_json, write_atomically
 
@@ -96,13 +95,10 @@ def read_r3d(path: Path, scratch: Path, count: int) -> Recording:
             f"'{path}': depth in .r3d needs pyliblzfse: pip install 'digs-warp[record3d]'; or export it in "
             "the app as EXR + RGB"
         ) from error
+    expected = "expected a .r3d file as Record3D shares it"
+    check_archive(path, "recording", expected)
     try:
         with ZipFile(path) as archive:
-            check_unpacked(
-                f"'{path}'",
-                path.stat().st_size,
-                sum(each.file_size for each in archive.infolist()),
-            )
             metadata = parse_json(archive.read("metadata"))
             size = int(metadata["dh"]), int(metadata["dw"])
             numbers = sorted(
@@ -118,9 +114,7 @@ def read_r3d(path: Path, scratch: Path, count: int) -> Recording:
                 values = np.frombuffer(depth, "<f4").reshape(size)
                 write_image(scratch / f"depth/{name}.exr", values)
     except (*UNREADABLE, liblzfse.error) as error:
-        raise CaptureError(
-            f"'{path}': {error}; expected a .r3d file as Record3D shares it"
-        ) from error
+        raise CaptureError(f"'{path}': {error}; {expected}") from error
     write_atomically(scratch / METADATA, to_json(metadata).encode())
     return replace(read_record3d(scratch), folder=path)
 

@@ -44,10 +44,15 @@ from digs_warp.data.capture import Capture
 from digs_warp.data.frame import Frame
 from digs_warp.data.images import MM_PER_METRE, write_image
 from digs_warp.data.layers import Layer, Occlusion
-from digs_warp.formats.captures.frames import LARGEST_UINT16, for_each_frame, integer_centered
+from digs_warp.formats.captures.frames import (
+    LARGEST_UINT16,
+    copy_image,
+    for_each_frame,
+    integer_centered,
+)
 from digs_warp.geometry.camera import Intrinsics
 from digs_warp.geometry.rigid import OPENCV_FROM_OPENGL
-from digs_warp.record.files import copy_file, write_atomically
+from digs_warp.record.files import write_atomically
 
 logger = logging.getLogger(__name__)
 
@@ -122,21 +127,9 @@ class StereoExport:
         return integer_centered(k)
 
     def copy_pair(self, frame: Frame, left: Path, right: Path) -> None:
-        """Write the two images, PNG; images that are PNG already are copied."""
-        for layer, path in ((self.left, left), (self.right, right)):
-            source = frame.layers[layer]
-            if isinstance(source, Path) and source.suffix.lower() == ".png":
-                copy_file(source, path)
-            else:
-                write_image(path, self._pixels(frame, layer))
-
-    def _pixels(self, frame: Frame, layer: Layer) -> np.ndarray:
-        if layer is Layer.IMAGE:
-            return frame.load_image()
-        if layer is Layer.RIGHT:
-            return frame.load_right_image()
-        left, right = frame.load_infrared()
-        return left if layer is Layer.INFRARED_LEFT else right
+        """Write the two images, PNG."""
+        copy_image(frame, left, self.left)
+        copy_image(frame, right, self.right)
 
 
 SEEN, OCCLUDED, UNKNOWN = 255, 128, 0

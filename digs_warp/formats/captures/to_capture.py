@@ -16,7 +16,7 @@ from digs_warp.checks import CaptureError
 from digs_warp.data.about import About
 from digs_warp.data.capture import OFFSET_TAKEN, Capture
 from digs_warp.data.capture_writer import CaptureWriter, FrameImages
-from digs_warp.data.images import depth_in_metres, mask_of, read_image
+from digs_warp.data.images import depth_in_metres, mask_of, read_image, to_uint8
 from digs_warp.data.rig import Rig
 from digs_warp.formats.captures.frames import for_each_frame
 from digs_warp.formats.captures.lens import register_depth, resample_depth
@@ -50,7 +50,6 @@ def matched_depth(
         Planar depth [m], (height, width), float32, NaN where nothing matches; and the confidence in each
         match, 0 to 255, (height, width), uint8.
     """
-    from digs_warp.data.images import to_uint8
     from digs_warp.sim.sensor.filters import gray_of
     from digs_warp.sim.sensor.guided.confidence import confidence_in_matches
     from digs_warp.sim.sensor.matcher import match

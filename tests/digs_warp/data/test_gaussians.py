@@ -1,6 +1,7 @@
-"""Gaussians and points: exact files, errors that name them, and values at the extremes."""
+"""Gaussians, points, cameras and masks of a reconstruction: exact files, errors that name them."""
 
 import io
+import json
 import zipfile
 from dataclasses import replace
 from pathlib import Path
@@ -9,6 +10,7 @@ import numpy as np
 import pytest
 
 from digs_warp.checks import DigsError
+from digs_warp.data.capture import Capture
 from digs_warp.data.gaussians import (
     ANTIALIASED,
     CLASSIC,
@@ -18,8 +20,12 @@ from digs_warp.data.gaussians import (
     ScreenFilter,
     joined,
 )
+from digs_warp.data.layers import Layer
+from digs_warp.data.objects import mask_of_text, text_of_mask
 from digs_warp.data.point_cloud import read_points
+from digs_warp.data.posed_frames import CAMERAS, PosedFrames
 from digs_warp.splat.device import DeviceGaussians
+from reference.tiny_capture import write_tiny_capture
 
 
 def random_gaussians(count: int, sh_degree: int = 1) -> Gaussians:
@@ -107,3 +113,82 @@ def test_colors_of_any_kind_are_shares_of_one(tmp_path: Path, caplog) -> None:
         np.testing.assert_array_equal(cloud.points_world, [[1, 3, 5]])
         np.testing.assert_allclose(cloud.colors, [[1, 0, 0.5]], atol=0.002)
     assert "1 of 2 are not finite and are left out" in caplog.text
+
+
+Posed = tuple[Capture, PosedFrames, Path]
+
+
+@pytest.fixture
+def posed(tmp_path: Path) -> Posed:
+    """A capture, the frames with one camera moved and one mask replaced, and the folder they lie in."""
+    capture = write_tiny_capture(tmp_path / "capture", frames=4)
+    training, held_out = capture.split(2)
+    moved = training[0].camera.world_from_cam.copy()
+    moved[:3, 3] += 0.25
+    mask = tmp_path / "reconstruction" / "masks" / "a.png"
+    camera = replace(training[0].camera, world_from_cam=moved)
+    training[0] = replace(training[0], camera=camera).with_layer(Layer.MASK, mask)
+    frames = PosedFrames(tuple(training), tuple(held_out), sfm_per_metre=2.5)
+    return capture, frames, tmp_path / "reconstruction"
+
+
+def test_what_was_saved_is_read(posed: Posed) -> None:
+    capture, frames, folder = posed
+    frames.save(folder)
+    found = PosedFrames.load(capture, folder)
+    assert found.sfm_per_metre == 2.5
+    for group in ("training", "held_out"):
+        for a, b in zip(getattr(found, group), getattr(frames, group), strict=True):
+            assert a.name == b.name
+            assert a.layers == b.layers
+            np.testing.assert_array_equal(a.camera.world_from_cam, b.camera.world_from_cam)
+
+
+def test_the_folder_can_be_moved_and_another_capture_or_a_broken_file_is_refused(
+    posed: Posed,
+) -> None:
+    capture, frames, folder = posed
+    frames.save(folder)
+    elsewhere = folder.rename(folder.with_name("elsewhere"))
+    found = PosedFrames.load(capture, elsewhere)
+    assert found.training[0].path(Layer.MASK) == elsewhere / "masks" / "a.png"
+    with pytest.raises(DigsError, match="capture"):
+        PosedFrames.load(replace(capture, frames=capture.frames[:2]), elsewhere)
+    for entries, message in (
+        (None, "reconstruct again"),
+        ([{"name": "0000"}], "has no .*reconstruct again"),
+        ([{"name": "0000", "world_from_cam": "x", "held_out": False}], "reconstruct again"),
+    ):
+        record = json.loads((elsewhere / CAMERAS).read_text()) | {"frames": entries}
+        (elsewhere / CAMERAS).write_text(json.dumps(record))
+        with pytest.raises(DigsError, match=message):
+            PosedFrames.load(capture, elsewhere)
+
+
+# pycocotools.mask.encode of `framed`.
+FRAMED = (
+    "01d<k0hC00000000000000000000000000000000000000CII77II77II77II77II77II77II77II77II77II7d000"
+    "000000000000000000000000000000000000[<"
+)
+
+
+def framed() -> np.ndarray:
+    mask = np.zeros((40, 70), bool)
+    mask[5:33, 10:60] = True
+    mask[20:25, 30:40] = False
+    mask[0, 0] = True
+    return mask
+
+
+def test_the_text_is_that_of_coco() -> None:
+    assert text_of_mask(framed()) == FRAMED
+    np.testing.assert_array_equal(mask_of_text(FRAMED, 40, 70), framed())
+
+
+def test_any_mask_comes_back_and_text_of_another_is_refused() -> None:
+    for share in (0.0, 0.02, 0.5, 1.0):
+        mask = np.random.default_rng(1).random((37, 211)) < share
+        np.testing.assert_array_equal(mask_of_text(text_of_mask(mask), 37, 211), mask)
+    for text in ("", FRAMED[:-1], "P", "~", FRAMED + "1"):
+        with pytest.raises(ValueError, match=r"pixels|character|ends"):
+            mask_of_text(text, 40, 70)

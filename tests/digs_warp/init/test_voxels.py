@@ -17,7 +17,7 @@ from digs_warp.init.config import InitConfig
 from digs_warp.init.levels import Levels, count, finest_of
 from digs_warp.init.recipes import Start, initialize
 from digs_warp.init.voxel import MAX_INDEX, Voxels, merged, voxel_keys
-from reference.ball_capture import INTRINSICS, RADIUS
+from reference.ball_capture import INTRINSICS, RADIUS, radii
 from reference.init_twin import back_projected, voxel_means
 from reference.larger_world import larger
 
@@ -131,7 +131,7 @@ def plate(edge: float, side: float) -> Voxels:
 
 def test_the_grid_for_a_depth_is_as_wide_as_the_pixels_there() -> None:
     levels = Levels(finest=0.002, pixels=2.0)
-    depth = np.array([0.1, 0.5, 1.0, 2.0, 4.1, np.nan])
+    depth = np.array([0.1, 0.5, 1.0, 1.5, 4.1, np.nan])
     numbers = levels.of_depth(depth, focal=500.0)
     assert numbers.tolist() == [0, 0, 1, 2, 3, 0]
     for number, z in zip(numbers[1:5], depth[1:5], strict=True):
@@ -157,10 +157,6 @@ def test_several_grids_cover_together() -> None:
     assert len(coarse.uncovered_by([a_quarter])) == 1
     assert len(coarse.uncovered_by([another])) == 1
     assert len(coarse.uncovered_by([a_quarter, another])) == 0
-
-
-def radii(points: np.ndarray) -> np.ndarray:
-    return np.linalg.norm(points, axis=1)
 
 
 def edge_length(found: Start) -> float:

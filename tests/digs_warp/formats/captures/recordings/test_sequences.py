@@ -1,5 +1,6 @@
-"""EuRoC's stereo pairs: through their lenses, turned against each other, with the poses of their body."""
+"""7-Scenes and its layout, and EuRoC's stereo pairs: through their lenses, with the poses of their body."""
 
+from collections.abc import Callable
 from pathlib import Path
 
 import cv2
@@ -9,14 +10,129 @@ from scipy.spatial.transform import Rotation
 
 from digs_warp.check.check import check_capture
 from digs_warp.checks import DigsError
+from digs_warp.data.capture import Capture
 from digs_warp.data.images import write_image
 from digs_warp.formats.captures.formats import read_recording
-from digs_warp.geometry.camera import pixel_centers
-from digs_warp.geometry.rigid import quat_xyzw_from_matrix, rigid
+from digs_warp.formats.captures.seven_scenes import COLOR_FROM_DEPTH
+from digs_warp.geometry.camera import Camera, Intrinsics, pixel_centers
+from digs_warp.geometry.rigid import invert_rigid, look_at, quat_xyzw_from_matrix, rigid
 from digs_warp.poses.photo_matches import agreeing_shares
-from reference.recorded import converted
+from reference.recorded import HEIGHT, WIDTH, check_same, converted
 
-SIZE = WIDTH, HEIGHT = 120, 80
+
+def write_frames(capture: Capture, folder: Path, unknown: int = 65535) -> None:
+    """Millimetres, and another value than 0 for unknown depth; the numbers begin at 7 and have a gap."""
+    for number, frame in zip((7, 8, 10), capture.frames, strict=True):
+        start = folder / f"frame-{number:06d}"
+        write_image(start.with_suffix(".color.png"), frame.load_image())
+        depth = np.round(1000 * np.nan_to_num(frame.load_depth(), nan=unknown / 1000))
+        write_image(start.with_suffix(".depth.png"), depth.astype(np.uint16))
+        np.savetxt(start.with_suffix(".pose.txt"), frame.camera.world_from_cam, fmt="%.7e")
+
+
+def calibrate(folder: Path) -> None:
+    (folder / "camera-intrinsics.txt").write_text("19 0 8.75\n0 23 7.25\n0 0 1\n")
+
+
+@pytest.fixture
+def sequence(capture: Capture, tmp_path: Path) -> Path:
+    write_frames(capture, tmp_path / "scene/seq-01")
+    return tmp_path / "scene/seq-01"
+
+
+def test_a_calibration_may_lie_beside_the_sequences(
+    capture: Capture, sequence: Path, tmp_path: Path
+) -> None:
+    calibrate(sequence.parent)
+    found = converted("7scenes", sequence, tmp_path / "capture")
+    check_same(found, capture, 1e-3)
+    assert [frame.time for frame in found.frames] == pytest.approx([0, 1 / 30, 3 / 30])
+
+
+def test_an_info_file_has_the_cameras_of_color_and_depth_and_the_unit(
+    capture: Capture, sequence: Path, tmp_path: Path
+) -> None:
+    for number, frame in zip((7, 8, 10), capture.frames, strict=True):
+        depth = np.nan_to_num(frame.load_depth()).repeat(2, axis=0).repeat(2, axis=1)
+        path = sequence / f"frame-{number:06d}.depth.png"
+        write_image(path, np.round(5000 * depth).astype(np.uint16))
+    (sequence / "_info.txt").write_text(
+        "m_versionNumber = 4\nm_depthShift = 5000\n"
+        "m_calibrationColorIntrinsic = 19 0 8.75 0 0 23 7.25 0 0 0 1 0 0 0 0 1\n"
+        "m_calibrationDepthIntrinsic = 38 0 18 0 0 46 15 0 0 0 1 0 0 0 0 1\n"
+    )
+    check_same(converted("7scenes", sequence, tmp_path / "capture"), capture, 1e-3)
+    (sequence / "info.txt").write_text("m_calibrationColorIntrinsic = 1 2 3\n")
+    with pytest.raises(DigsError, match=r"info\.txt'.*4 x 4 numbers"):
+        read_recording(sequence, "7scenes")
+
+
+def test_the_kinect_of_7_scenes_has_its_color_camera_beside_the_depth_camera(
+    tmp_path: Path,
+) -> None:
+    # A wall that the depth camera faces, 2 m away: from the color camera it is a little tilted.
+    world_from_depth = look_at(
+        np.array([1.0, 2.0, 0.5]), np.array([0.0, 2.0, 0.5]), np.array([0, 0, 1.0])
+    )
+    write_image(tmp_path / "frame-000000.color.png", np.full((480, 640, 3), 90, np.uint8))
+    depth = np.full((480, 640), 2000, np.uint16)
+    depth[200:300, 300:400] = 65535
+    write_image(tmp_path / "frame-000000.depth.png", depth)
+    np.savetxt(tmp_path / "frame-000000.pose.txt", world_from_depth)
+    frame = converted("7scenes", tmp_path, tmp_path / "capture").frames[0]
+    k = frame.camera.intrinsics
+    assert k == Intrinsics(640, 480, 525.0, 525.0, 320.5, 240.5)
+    np.testing.assert_allclose(
+        frame.camera.world_from_cam, world_from_depth @ invert_rigid(COLOR_FROM_DEPTH), atol=1e-12
+    )
+    found = frame.load_depth()
+    seen = np.isfinite(found)
+    rows, columns = np.nonzero(seen)
+    points = frame.camera.unproject(np.stack([columns + 0.5, rows + 0.5], axis=1), found[seen])
+    np.testing.assert_allclose(points[:, 0], 1.0 - 2.0, atol=2e-3)  # all on the wall
+    # The hole is where the color camera sees it, 2.6 cm further left.
+    hole = np.argwhere(~seen[100:380, 150:500]) + [100, 150]
+    depth_camera = Camera(Intrinsics(640, 480, 585.0, 585.0, 320.5, 240.5), world_from_depth)
+    corner = depth_camera.unproject(np.array([[300.0, 200.0]]), np.array([2.0]))
+    expected, _ = frame.camera.project(corner)
+    np.testing.assert_allclose(hole.min(axis=0)[::-1], expected[0], atol=1.5)
+
+
+def spoil(name: str, content: str) -> Callable[[Path], object]:
+    return lambda folder: (folder / name).write_text(content)
+
+
+SPOILED: dict[str, tuple[Callable[[Path], object], str]] = {
+    "pose of three rows": (spoil("frame-000008.pose.txt", "1 0 0 0\n" * 3), "000008.pose.txt.*16|4, 4"),
+    "pose with words": (spoil("frame-000008.pose.txt", "lost " * 16), "frame-000008.pose.txt"),
+    "pose that scales": (
+        spoil("frame-000008.pose.txt", "2 0 0 0 0 2 0 0 0 0 2 0 0 0 0 1"), "no rotation"
+    ),
+    "calibration": (spoil("camera-intrinsics.txt", "19 8.75\n"), "camera-intrinsics.txt"),
+    "negative": (spoil("camera-intrinsics.txt", "-19 0 8 0 23 7 0 0 1\n"), "focal lengths above 0"),
+    "depth": (spoil("frame-000008.depth.png", "no image"), "000008.depth.png"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", SPOILED)
+def test_broken_sequences_are_explained(sequence: Path, tmp_path: Path, name: str) -> None:
+    calibrate(sequence)
+    change, message = SPOILED[name]
+    change(sequence)
+    with pytest.raises(DigsError, match=message):
+        converted("7scenes", sequence, tmp_path / "capture")
+
+
+def test_other_cameras_need_a_calibration_and_a_scene_has_sequences(sequence: Path) -> None:
+    with pytest.raises(
+        DigsError, match=rf"images of {WIDTH}x{HEIGHT} pixels and no camera-intrinsics"
+    ):
+        read_recording(sequence, "7scenes")
+    with pytest.raises(DigsError, match="name one of its sequences: seq-01"):
+        read_recording(sequence.parent, "7scenes")
+
+
+SIZE = WIDE, HIGH = 120, 80
 K = np.array([[[90, 0, 60.2], [0, 92, 41], [0, 0, 1]], [[88, 0, 58], [0, 91, 38.5], [0, 0, 1]]])
 RADIAL, FISHEYE = "radial-tangential", "equidistant"
 LENSES = {RADIAL: np.array([-0.28, 0.07, 2e-4, 2e-5]), FISHEYE: np.array([0.01, -0.005, 1e-3, 0])}
@@ -49,7 +165,7 @@ def write_euroc(folder: Path, model: str = RADIAL) -> Path:
     undo = cv2.undistortPoints if model == RADIAL else cv2.fisheye.undistortPoints
     for eye in (0, 1):
         flat = undo(pixel_centers(*SIZE).reshape(-1, 1, 2) - 0.5, K[eye], LENSES[model])
-        rays = np.dstack([flat.reshape(HEIGHT, WIDTH, 2), np.ones((HEIGHT, WIDTH))])
+        rays = np.dstack([flat.reshape(HIGH, WIDE, 2), np.ones((HIGH, WIDE))])
         for time in TIMES:
             pose = world_from_body(time) @ EYES[eye]
             pixels = wall(pose[:3, 3], rays @ pose[:3, :3].T).astype(np.uint8)[..., None]
@@ -79,7 +195,7 @@ def test_both_images_are_those_of_rectified_cameras(tmp_path: Path, model: str) 
         for camera, eye, pixels in zip((frame.camera, right), EYES, images, strict=True):
             place = (world_from_body(TIMES[0] + 1e9 * frame.time) @ eye)[:3, 3]
             np.testing.assert_allclose(camera.center_world, place, atol=2e-6)
-            far = camera.unproject(pixel_centers(*SIZE), np.ones((HEIGHT, WIDTH)))
+            far = camera.unproject(pixel_centers(*SIZE), np.ones((HIGH, WIDE)))
             away = (pixels[..., 0] - wall(place, far - place))[8:-8, 8:-8]
             # Half a pixel would show by up to 4 in the steepest places.
             assert abs(away.mean()) < 0.9 and np.abs(away).mean() < 1.2
@@ -98,7 +214,7 @@ def test_what_has_no_partner_no_pose_or_no_right_eye(tmp_path: Path) -> None:
     assert len(alone) == 3 and alone.rig is None and not alone.knows_poses
 
 
-def test_broken_sequences_are_explained(tmp_path: Path) -> None:
+def test_broken_stereo_is_explained(tmp_path: Path) -> None:
     base = write_euroc(tmp_path) / "mav0"
     for name, old, new, message in (
         ("cam1/sensor.yaml", RADIAL, "mirror", "distortion_model 'mirror'"),
@@ -128,7 +244,7 @@ def room(origin: np.ndarray, rays: np.ndarray) -> np.ndarray:
 def test_poses_lenses_and_matched_depth_of_a_moving_sequence_agree(
     tmp_path: Path, monkeypatch
 ) -> None:
-    large = {"WIDTH": 360, "HEIGHT": 240, "SIZE": (360, 240), "K": K * np.array([[3], [3], [1]])}
+    large = {"WIDE": 360, "HIGH": 240, "SIZE": (360, 240), "K": K * np.array([[3], [3], [1]])}
     times = [TIMES[0] + 50_000_000 * n for n in range(12)]
 
     def walk(time: float) -> np.ndarray:
