@@ -34,14 +34,14 @@ FLOORS = {
 }
 # The most lines of a room. A change that needs more says in its message what the weight buys.
 LINE_BUDGETS = {
-    "api": 392,
+    "api": 391,
     "check": 1_672,
-    "commands": 2_980,
+    "commands": 2_974,
     "data": 3_102,
     "device": 856,
     "engines": 969,
     "files at the top": 742,
-    "formats": 5_722,
+    "formats": 5_692,
     "geometry": 630,
     "init": 3_531,
     "losses": 629,
@@ -49,7 +49,7 @@ LINE_BUDGETS = {
     "measure": 1_507,
     "pipeline": 2_254,
     "poses": 4_456,
-    "record": 1_853,
+    "record": 1_844,
     "show": 2_792,
     "sim.camera": 1_342,
     "sim.fit": 1_603,
