@@ -298,10 +298,7 @@ def test_a_file_that_changed_is_read_again(image_path: Path) -> None:
         decoded(image_path, lambda each: np.fromfile(each, np.uint8))
         image_path.write_bytes(b"after!")
         os.utime(image_path, ns=(0, 0))  # as if it were written at another time
-        assert (
-            decoded(image_path, lambda each: np.fromfile(each, np.uint8)).tobytes()
-            == b"after!"
-        )
+        assert decoded(image_path, lambda each: np.fromfile(each, np.uint8)).tobytes() == b"after!"
 
 
 def test_no_more_is_kept_than_there_is_memory(image_path: Path, monkeypatch) -> None:
