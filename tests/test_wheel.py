@@ -18,7 +18,8 @@ pytest.importorskip("setuptools", minversion="77", reason="install it with: pip 
 pytestmark = pytest.mark.long
 
 REPOSITORY = Path(__file__).resolve().parent.parent
-PACKED = ("pyproject.toml", "README.md", "LICENSE", "digs_warp", "sim", "usd", "docs/study")
+FOLDERS = {"digs_warp": "digs_warp", "sim": "digs_warp/sim", "usd": "digs_warp/usd"}
+PACKED = ("pyproject.toml", "README.md", "LICENSE", *FOLDERS, "docs/study")
 
 # Neither this checkout nor the environment of the suite may lend modules to what runs here.
 ENVIRONMENT = {
@@ -28,19 +29,13 @@ ENVIRONMENT = {
 }
 
 
-def run(*command: str | Path, cwd: Path, code: int = 0) -> str:
+def run(*command: str | Path, cwd: Path) -> str:
     """Run a program and return what it prints, both streams."""
+    streams = {"stdin": subprocess.DEVNULL, "stdout": subprocess.PIPE, "stderr": subprocess.STDOUT}
     done = subprocess.run(
-        [*map(str, command)],
-        cwd=cwd,
-        env=ENVIRONMENT,
-        stdin=subprocess.DEVNULL,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.STDOUT,
-        text=True,
-        check=False,
+        [*map(str, command)], cwd=cwd, env=ENVIRONMENT, text=True, check=False, **streams
     )
-    assert done.returncode == code, f"exit code {done.returncode}, expected {code}\n{done.stdout}"
+    assert done.returncode == 0, f"exit code {done.returncode}\n{done.stdout}"
     return done.stdout
 
 
@@ -119,11 +114,7 @@ def test_the_wheel_holds_one_package_with_every_file(wheel: Path) -> None:
     found = {name for name in files_in(wheel) if ".dist-info/" not in name}
     expected = {
         f"{package}/{path.relative_to(REPOSITORY / folder).as_posix()}"
-        for folder, package in (
-            ("digs_warp", "digs_warp"),
-            ("sim", "digs_warp/sim"),
-            ("usd", "digs_warp/usd"),
-        )
+        for folder, package in FOLDERS.items()
         for path in (REPOSITORY / folder).rglob("*")
         if path.is_file() and "__pycache__" not in path.parts
     }

@@ -57,60 +57,52 @@ def hard_cases() -> dict[str, SplatScene]:
     view = camera()
     forward = view.world_from_cam[:3, 2]
 
-    def at_depth(depth: float) -> Gaussians:
-        """The first Gaussian sits at a depth on the optical axis, the others where they were."""
-        means = some.means.copy()
-        means[0] = view.center_world + depth * forward
-        return replace(some, means=means)
+    def with_first(**changes: np.ndarray | float) -> Gaussians:
+        """Some Gaussians, the first of which is another."""
+        arrays = {name: getattr(some, name).copy() for name in changes}
+        for name, value in changes.items():
+            arrays[name][0] = value
+        return replace(some, **arrays)
 
-    wide = some.log_scales.copy()
-    wide[0] = np.log(2.0)
-    zero_quat = some.quats.copy()
-    zero_quat[0] = 0.0
-    logits = some.opacity_logits.copy()
-    logits[:3] = (60.0, -60.0, 12.0)
-    # 20 opaque Gaussians behind one another: pixels stop after three.
-    pile = random_gaussians(20, seed=5, degree=0)
-    behind = replace(pile, means=(np.linspace(-0.2, 0.2, 20)[:, None] * forward).astype(np.float32))
-    opaque = replace(behind, opacity_logits=np.full(20, 20.0, np.float32))
-    # Wide and opaque enough to saturate every pixel of a tile: the rest of its list is skipped.
-    wall = replace(opaque, log_scales=np.full((20, 3), np.log(0.4), np.float32))
+    def at_depth(depth: float, **changes: float) -> Gaussians:
+        """The first sits at a depth on the optical axis."""
+        return with_first(means=view.center_world + depth * forward, **changes)
+
     # A center outside the image and its margin, where the tangents are clamped, and wide enough to be seen.
-    aside = some.means.copy()
-    aside[0] = view.center_world + 0.3 * forward + 0.45 * view.world_from_cam[:3, 0]
-    aside_scales = some.log_scales.copy()
-    aside_scales[0] = np.log(0.15)
-    aside_logits = some.opacity_logits.copy()
-    aside_logits[0] = 1.0
-    long_needle = some.log_scales.copy()
-    long_needle[:] = np.log([0.3, 3e-5, 3e-5])
-    tiny = np.full_like(some.log_scales, np.log(1e-12))
-    # Half of a splat's extent lies before the near plane, half behind it.
-    straddling = at_depth(NEAR * 1.5)
-    straddling_scales = some.log_scales.copy()
-    straddling_scales[0] = np.log(0.04)
-    return {
-        "needles of 10,000 to 1": SplatScene(replace(some, log_scales=long_needle), view),
-        "points": SplatScene(replace(some, log_scales=tiny), view),
-        "straddles the near plane": SplatScene(
-            replace(straddling, log_scales=straddling_scales), view
-        ),
-        "one-column image": SplatScene(some, camera(1, 70, cy=35.0)),
-        "no Gaussian": SplatScene(random_gaussians(0, seed=0), view),
-        "behind the camera": SplatScene(at_depth(-0.3), view),
-        "just before the near plane": SplatScene(at_depth(NEAR * 1.001), view),
-        "covers the whole image": SplatScene(replace(some, log_scales=wide), view),
-        "multiple of the tile size": SplatScene(some, camera(48, 32)),
-        "principal point outside": SplatScene(some, camera(cx=-12.0, cy=50.0)),
-        "zero quaternion": SplatScene(replace(some, quats=zero_quat), view),
-        "long quaternions": SplatScene(replace(some, quats=some.quats * 1e3), view),
-        "opacity 0 and 1": SplatScene(replace(some, opacity_logits=logits), view),
-        "saturated pixels": SplatScene(opaque, view),
-        "saturated tiles": SplatScene(wall, view),
-        "outside the field of view": SplatScene(
-            replace(some, means=aside, log_scales=aside_scales, opacity_logits=aside_logits), view
+    aside = view.center_world + 0.3 * forward + 0.45 * view.world_from_cam[:3, 0]
+    # 20 opaque Gaussians behind one another: pixels stop after three.
+    opaque = replace(
+        random_gaussians(20, seed=5, degree=0),
+        means=(np.linspace(-0.2, 0.2, 20)[:, None] * forward).astype(np.float32),
+        opacity_logits=np.full(20, 20.0, np.float32),
+    )
+    logits = np.concatenate([[60.0, -60.0, 12.0], some.opacity_logits[3:]])
+    gaussians = {
+        "needles of 10,000 to 1": replace(some, log_scales=np.log([[0.3, 3e-5, 3e-5]] * 6)),
+        "points": replace(some, log_scales=np.full((6, 3), np.log(1e-12))),
+        # Half of a splat's extent lies before the near plane, half behind it.
+        "straddles the near plane": at_depth(NEAR * 1.5, log_scales=np.log(0.04)),
+        "no Gaussian": random_gaussians(0, seed=0),
+        "behind the camera": at_depth(-0.3),
+        "just before the near plane": at_depth(NEAR * 1.001),
+        "covers the whole image": with_first(log_scales=np.log(2.0)),
+        "zero quaternion": with_first(quats=0.0),
+        "long quaternions": replace(some, quats=some.quats * 1e3),
+        "opacity 0 and 1": replace(some, opacity_logits=logits),
+        "saturated pixels": opaque,
+        # Wide and opaque enough to saturate every pixel of a tile: the rest of its list is skipped.
+        "saturated tiles": replace(opaque, log_scales=np.full((20, 3), np.log(0.4))),
+        "outside the field of view": with_first(
+            means=aside, log_scales=np.log(0.15), opacity_logits=1.0
         ),
     }
+    cameras = {
+        "one-column image": camera(1, 70, cy=35.0),
+        "multiple of the tile size": camera(48, 32),
+        "principal point outside": camera(cx=-12.0, cy=50.0),
+    }
+    scenes = {name: SplatScene(each, view) for name, each in gaussians.items()}
+    return scenes | {name: SplatScene(some, each) for name, each in cameras.items()}
 
 
 BACKENDS: tuple[RasterBackend, ...] = (VectorizedBackend(), CooperativeBackend())

@@ -34,25 +34,19 @@ def test_every_fault_has_its_place_and_a_test_and_leaves_no_trace() -> None:
         assert [at(place) for place in mutation.places] == before, mutation.name
 
 
-def test_a_function_is_replaced_where_it_was_imported() -> None:
+PLACE = "digs_warp.sim.sensor.error_attribution:"
+
+
+def test_a_function_is_replaced_where_it_was_imported_and_a_place_that_is_gone_is_an_error() -> (
+    None
+):
     from digs_warp.sim.sensor.guided import tier
 
     with pytest.MonkeyPatch.context() as patch:
-        Mutation(
-            "x",
-            "",
-            "",
-            ("digs_warp.sim.sensor.error_attribution:attribute_errors",),
-            lambda old: "new",
-        ).apply(patch)
+        Mutation("x", "", "", (PLACE + "attribute_errors",), lambda old: "new").apply(patch)
         assert tier.attribute_errors == "new"
-
-
-def test_a_place_that_is_gone_is_an_error() -> None:
-    with pytest.MonkeyPatch.context() as patch, pytest.raises(AttributeError, match="gone"):
-        Mutation(
-            "x", "", "", ("digs_warp.sim.sensor.error_attribution:gone",), lambda old: old
-        ).apply(patch)
+        with pytest.raises(AttributeError, match="gone"):
+            Mutation("x", "", "", (PLACE + "gone",), lambda old: old).apply(patch)
     with pytest.raises(ValueError, match=r"mutation 'nose': expected one of noise-1\.3"):
         find_mutation("nose")
 

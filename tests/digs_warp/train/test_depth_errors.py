@@ -1,10 +1,24 @@
-"""Errors of measured depth: found where there are some, and none where there are none."""
+"""The measured depth in the training: its errors, how closely the surface keeps to it, and its weight."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 
+from digs_warp.checks import CaptureError
 from digs_warp.data.capture import Capture
+from digs_warp.data.frame import Frame
+from digs_warp.data.gaussians import FIELDS, Gaussians
 from digs_warp.data.layers import Layer
+from digs_warp.data.rig import CameraMotion, Exposure
+from digs_warp.splat.camera_motion import STILL, RowMotion
+from digs_warp.splat.config import DepthOf, RasterOptions
+from digs_warp.splat.device import DeviceGaussians
+from digs_warp.splat.render import render
+from digs_warp.splat.renderer import SplatRenderer
+from digs_warp.splat.surface_depth import surface_depth
 from digs_warp.train.adherence import adherence, load_measured_views
 from digs_warp.train.config import Stop, TrainConfig
 from digs_warp.train.depth_errors import (
@@ -16,9 +30,11 @@ from digs_warp.train.depth_errors import (
     cells_of,
     depth_samples,
 )
+from digs_warp.train.shutter import MotionPlan, Shutter
 from digs_warp.train.trainer import Trainer
 from digs_warp.train.view_store import open_views
 from reference.tiny_capture import ball, drawn_depth
+from reference.trained_ball import trained
 
 OFFSET = -0.02  # [1/m]: at 1 m, depth is 2 cm too large
 STEPS = 60
@@ -112,3 +128,103 @@ def test_wrong_depth_does_not_pull_the_surface_along(capture: Capture, wrong: st
         moved.append(adherence(trainer.gaussians, load_measured_views(seen)))
     assert moved[0] is not None and moved[1] is not None
     assert moved[0] < 0.7 * moved[1]
+
+
+def measured(frames: tuple[Frame, ...] | list[Frame], gaussians: Gaussians) -> float | None:
+    return adherence(DeviceGaussians.from_numpy(gaussians), load_measured_views(frames))
+
+
+def with_drawn_depth(frame: Frame, depth_of: DepthOf, rows: RowMotion = STILL) -> Frame:
+    k, splats = frame.camera.intrinsics, DeviceGaussians.from_numpy(ball())
+    options = RasterOptions(outputs="depth", depth_of=depth_of)
+    renderer = SplatRenderer(splats, k.width, k.height, options=options)
+    renderer.forward(frame.camera, near=0.01, rows=rows)
+    return frame.with_layer(Layer.DEPTH, surface_depth(renderer.depth.to_numpy()))
+
+
+def test_a_surface_that_slides_off_is_measured(capture: Capture) -> None:
+    for off in (0.0, -0.007, 0.02):
+        frames = [f.with_layer(Layer.DEPTH, drawn_depth(f) + off) for f in capture.frames]
+        assert measured(frames, ball()) == pytest.approx(abs(off), abs=1e-6)
+    assert measured([capture.frames[0], *frames[1:]], ball()) == pytest.approx(0.02, abs=1e-6)
+
+
+def test_rows_are_drawn_from_where_they_were_read(capture: Capture) -> None:
+    gaussians = DeviceGaussians.from_numpy(ball())
+    moving = CameraMotion.of(np.array([0.4, 0.0, 0.0]), np.array([0.0, 1.5, 0.0]))
+    plan = Shutter(MotionPlan(True, "", 0.05))
+    frames = []
+    for frame in capture.frames:
+        frame = replace(frame, exposure=Exposure(moving))
+        frames.append(with_drawn_depth(frame, "skin", plan.rows_of(frame) or STILL))
+    known = adherence(gaussians, load_measured_views(frames, plan))
+    ignored = adherence(gaussians, load_measured_views(frames))
+    assert known is not None and ignored is not None
+    assert known == pytest.approx(0.0, abs=1e-6)
+    assert ignored > 1e-3
+
+
+def test_without_masks_the_centers_lie_on_the_surface(capture: Capture) -> None:
+    frames = [with_drawn_depth(f, "center").without_layer(Layer.MASK) for f in capture.frames]
+    assert measured(frames, ball()) == pytest.approx(0.0, abs=1e-6)
+    config = TrainConfig()
+    for each, place in ((frames, "center"), (capture.frames, "skin")):
+        trainer = Trainer(ball(50), open_views(each, config), config)
+        assert trainer.renderer.middle.options.depth_of == place
+
+
+def test_without_depth_there_is_no_figure(capture: Capture, tmp_path: Path) -> None:
+    unknown = np.full_like(capture.frames[0].load_depth(), np.nan)
+    assert measured([f.with_layer(Layer.DEPTH, unknown) for f in capture.frames], ball()) is None
+    assert measured([], ball()) is None
+    elsewhere = replace(ball(), means=ball().means + 50.0)
+    assert measured(capture.frames, elsewhere) is None
+
+
+SHORT = Stop(iterations=40)
+
+
+def off_by(trainer: Trainer, frames: Sequence[Frame]) -> float:
+    """The median distance [m] between the expected depth of the skins and that of the frames."""
+    gaussians, options = trainer.gaussians.to_numpy(), trainer.renderer.middle.options
+    options = replace(options, outputs="depth")
+    distances = []
+    for frame in frames:
+        drawn = render(gaussians, frame.camera, options=options).depth
+        assert drawn is not None
+        distances.append(np.abs(drawn - frame.load_depth())[frame.load_mask() >= 128])
+    return float(np.nanmedian(np.concatenate(distances)))
+
+
+def test_a_strong_weight_holds_the_surface(capture: Capture) -> None:
+    """At a depth that differs from that of the photographs by less than their errors."""
+    frames = [f.with_layer(Layer.DEPTH, drawn_depth(f) + 0.002) for f in capture.frames]
+    loose, held = (
+        off_by(trained(frames, TrainConfig(stop=SHORT, depth_weight=weight), ball()), frames)
+        for weight in (0.0, 0.3)
+    )
+    assert held < 0.85 * loose
+
+
+def test_some_or_all_frames_may_lack_depth(capture: Capture) -> None:
+    bare = [frame.without_layer(Layer.DEPTH) for frame in capture.frames]
+    without = trained(bare, TrainConfig(stop=SHORT))
+    off = trained(capture.frames, TrainConfig(stop=SHORT, depth_weight=0.0))
+    assert np.array_equal(without.gaussians.means.numpy(), off.gaussians.means.numpy())
+    assert not without.renderer.middle.options.has_depth
+    with pytest.raises(CaptureError, match="no 'depth_file_path'"):
+        trained(bare, TrainConfig(stop=SHORT, depth_weight=0.004))
+    some = trained(
+        [*bare[:3], *capture.frames[3:]], TrainConfig(stop=SHORT)
+    ).gaussians.means.numpy()
+    assert np.isfinite(some).all() and not np.array_equal(some, off.gaussians.means.numpy())
+
+
+@pytest.mark.parametrize("factor", [np.nan, 1e6])
+def test_wrong_depth_leaves_finite_gaussians(capture: Capture, factor: float) -> None:
+    wrong = [
+        frame.with_layer(Layer.DEPTH, np.float32(factor) * frame.load_depth())
+        for frame in capture.frames
+    ]
+    gaussians = trained(wrong, TrainConfig(stop=SHORT, depth_weight=0.02)).gaussians.to_numpy()
+    assert all(np.isfinite(getattr(gaussians, name)).all() for name in FIELDS)
