@@ -93,6 +93,7 @@ EDITED = [
     ("uniform int radiance:sphericalHarmonicsDegree = 3", "", "sh-degree", "warning"),
     ('sortingModeHint = "zDepth"', 'sortingModeHint = "random"', "hints", "error"),
     ('uniform token sortingModeHint = "zDepth"', "", "hints", "warning"),
+    ('projectionModeHint = "perspective"', 'projectionModeHint = "x"', "hints", "error"),
     ('colorSpace:name = "srgb_rec709_display"', 'colorSpace:name = "x"', "color-space", "error"),
     ('uniform token colorSpace:name = "srgb_rec709_display"', "", "color-space", "warning"),
     (

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
-from pxr import Sdf, Usd, UsdGeom, UsdShade, UsdUtils
+from pxr import Sdf, Usd, UsdGeom, UsdUtils
 
 import digs_warp as dw
 from digs_warp.cli import main
@@ -101,23 +101,7 @@ def assembled(tmp_path: Path, arrays: dict[str, np.ndarray]) -> Path:
     return tmp_path / "assembled.usda"
 
 
-def isaac(tmp_path: Path, arrays: dict[str, np.ndarray]) -> Path:
-    """As Isaac Sim saves a scene: an emissive material in MDL is bound to the splats."""
-    stage = new_stage(tmp_path / "scene.usda")
-    prim = author(stage, "/World/splats", arrays)
-    material = UsdShade.Material.Define(stage, "/World/Looks/emissive")
-    shader = UsdShade.Shader.Define(stage, "/World/Looks/emissive/Shader")
-    shader.SetSourceAsset("ParticleFieldEmissive.mdl", "mdl")
-    shader.SetSourceAssetSubIdentifier("ParticleFieldEmissive", "mdl")
-    material.CreateSurfaceOutput("mdl").ConnectToSource(shader.ConnectableAPI(), "out")
-    UsdShade.MaterialBindingAPI.Apply(prim).Bind(material)
-    stage.Save()
-    return tmp_path / "scene.usda"
-
-
-@pytest.mark.parametrize(
-    ("layout", "rounding"), [(isaac, 0.0), (grut, HALF), (fvdb, 0.0), (assembled, 0.0)]
-)
+@pytest.mark.parametrize(("layout", "rounding"), [(grut, HALF), (fvdb, 0.0), (assembled, 0.0)])
 def test_layouts_of_other_exporters_are_read(
     tmp_path: Path, layout: Callable[[Path, dict[str, np.ndarray]], Path], rounding: float
 ):

@@ -49,21 +49,6 @@ def test_stage_is_a_metric_y_up_component_with_one_typed_field(tmp_path: Path):
     assert_array_equal(np.array(recorded)[:3, :3], Y_UP.T)
 
 
-@pytest.mark.parametrize("degree", [0, 3])
-def test_coefficients_carry_degree_element_size_and_interpolation(tmp_path: Path, degree: int):
-    path = tmp_path / "scene.usdc"
-    write_gaussians(path, random_gaussians(7, degree))
-    _stage, field = field_of(path)
-    coefficients = field.GetAttribute("radiance:sphericalHarmonicsCoefficients")
-    assert field.GetAttribute("radiance:sphericalHarmonicsDegree").Get() == degree
-    assert len(coefficients.Get()) == 7 * (degree + 1) ** 2
-    assert coefficients.GetMetadata("elementSize") == (degree + 1) ** 2
-    assert coefficients.GetMetadata("interpolation") == "vertex"
-    for name, hint in (("projectionModeHint", "perspective"), ("sortingModeHint", "zDepth")):
-        assert field.GetAttribute(name).HasAuthoredValue()
-        assert field.GetAttribute(name).Get() == hint
-
-
 @pytest.mark.parametrize(
     ("count", "precision", "half"), [(40_000, "float", ""), (500, "mixed", "h")]
 )

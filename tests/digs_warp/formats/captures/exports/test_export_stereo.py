@@ -22,23 +22,18 @@ STEREO = ("kitti-stereo", "sceneflow", "middlebury")
 
 
 @pytest.fixture(scope="module")
-def capture(tmp_path_factory: pytest.TempPathFactory) -> Capture:
-    return labeled_capture(tmp_path_factory.mktemp("stereo") / "capture")
+def scenes(pairs: Capture, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return exported(pairs, "middlebury", tmp_path_factory.mktemp("middlebury") / "out")
 
 
 @pytest.fixture(scope="module")
-def scenes(capture: Capture, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return exported(capture, "middlebury", tmp_path_factory.mktemp("middlebury") / "out")
+def flying(pairs: Capture, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return exported(pairs, "sceneflow", tmp_path_factory.mktemp("sceneflow") / "out")
 
 
 @pytest.fixture(scope="module")
-def flying(capture: Capture, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return exported(capture, "sceneflow", tmp_path_factory.mktemp("sceneflow") / "out")
-
-
-@pytest.fixture(scope="module")
-def training(capture: Capture, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return exported(capture, "kitti-stereo", tmp_path_factory.mktemp("kitti") / "out") / "training"
+def training(pairs: Capture, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return exported(pairs, "kitti-stereo", tmp_path_factory.mktemp("kitti") / "out") / "training"
 
 
 def read_pfm(path: Path) -> np.ndarray:
@@ -57,8 +52,8 @@ def calibration(path: Path) -> dict[str, str]:
     return dict(line.split("=", 1) for line in path.read_text().splitlines())  # pyright: ignore
 
 
-def test_a_scene_has_the_files_of_2014(capture: Capture, scenes: Path) -> None:
-    for number, frame in enumerate(capture.frames):
+def test_a_scene_has_the_files_of_2014(pairs: Capture, scenes: Path) -> None:
+    for number, frame in enumerate(pairs.frames):
         scene = scenes / f"{number:04d}"
         assert sorted(path.name for path in scene.iterdir()) == [
             *("calib.txt", "disp0.pfm", "disp1.pfm", "im0.png", "im1.png", "mask0nocc.png")
@@ -79,8 +74,8 @@ def test_a_scene_has_the_files_of_2014(capture: Capture, scenes: Path) -> None:
         np.testing.assert_array_equal(mask == 0, ~known)
 
 
-def test_the_calibration_turns_disparity_into_millimetres(capture: Capture, scenes: Path) -> None:
-    for number, frame in enumerate(capture.frames):
+def test_the_calibration_turns_disparity_into_millimetres(pairs: Capture, scenes: Path) -> None:
+    for number, frame in enumerate(pairs.frames):
         found = calibration(scenes / f"{number:04d}/calib.txt")
         numbers = [float(word) for word in found["cam0"].strip("[]").replace(";", " ").split()]
         # The center of the first pixel is (0, 0).
@@ -97,13 +92,13 @@ def test_the_calibration_turns_disparity_into_millimetres(capture: Capture, scen
 
 @pytest.mark.parametrize("form", STEREO)
 def test_a_capture_without_labels_says_how_to_get_them(
-    capture: Capture, form: str, tmp_path: Path
+    pairs: Capture, form: str, tmp_path: Path
 ) -> None:
     for layer in (Layer.OCCLUSION, Layer.DISPARITY_RIGHT, Layer.RIGHT):
         with pytest.raises(CaptureError, match=rf"'0002'.*{layer.value}.*--labels disparity"):
-            export_capture(without(capture, layer), form, tmp_path / "out")
+            export_capture(without(pairs, layer), form, tmp_path / "out")
     with pytest.raises(CaptureError, match="one eye"):
-        export_capture(replace(capture, rig=None), form, tmp_path / "out")
+        export_capture(replace(pairs, rig=None), form, tmp_path / "out")
 
 
 # FlyingThings3D
@@ -113,8 +108,8 @@ DATA = "SceneFlow/FlyingThings3D"
 FUTURE = "TRAIN/A/0000/into_future/left"
 
 
-def test_disparity_flow_and_change_come_back(capture: Capture, flying: Path) -> None:
-    for number, frame in enumerate(capture.frames):
+def test_disparity_flow_and_change_come_back(pairs: Capture, flying: Path) -> None:
+    for number, frame in enumerate(pairs.frames):
         left, right = frame.load(Layer.DISPARITY), frame.load(Layer.DISPARITY_RIGHT)
         for side, true in (("left", np.nan_to_num(left, nan=0.0)), ("right", right)):
             path = flying / DATA / f"disparity/TRAIN/A/0000/{side}/{number:04d}.pfm"
@@ -122,7 +117,7 @@ def test_disparity_flow_and_change_come_back(capture: Capture, flying: Path) -> 
         name = f"OpticalFlowIntoFuture_{number:04d}_L.pfm"
         flow = flying / DATA / "optical_flow" / FUTURE / name
         change = flying / DATA / "disparity_change" / FUTURE / f"{number:04d}.pfm"
-        if number + 1 == len(capture):
+        if number + 1 == len(pairs):
             assert not flow.exists() and not change.exists()
             continue
         known = np.isfinite(frame.load(Layer.FLOW)[..., 2])
@@ -135,11 +130,11 @@ def test_disparity_flow_and_change_come_back(capture: Capture, flying: Path) -> 
         assert (found[~known] > 1e9).all()
 
 
-def test_the_cameras_look_where_they_did(capture: Capture, flying: Path) -> None:
+def test_the_cameras_look_where_they_did(pairs: Capture, flying: Path) -> None:
     text = (flying / DATA / "camera_data/TRAIN/A/0000/camera_data.txt").read_text()
     entries = [entry.splitlines() for entry in text.strip().split("\n\n")]
     assert [entry[0] for entry in entries] == ["Frame 0", "Frame 1", "Frame 2"]
-    for entry, frame in zip(entries, capture.frames, strict=True):
+    for entry, frame in zip(entries, pairs.frames, strict=True):
         left, right = (np.array(line.split()[1:], float).reshape(4, 4) for line in entry[1:])
         seen = Camera(CAMERA, left @ OPENCV_FROM_OPENGL)
         np.testing.assert_allclose(seen.world_from_cam, frame.camera.world_from_cam, atol=1e-7)
@@ -176,8 +171,8 @@ def test_numbers_are_those_of_the_development_kit() -> None:
     assert encoded.dtype == np.uint16 and lost == 1
 
 
-def test_disparity_comes_back(capture: Capture, training: Path) -> None:
-    for number, frame in enumerate(capture.frames[:-1]):
+def test_disparity_comes_back(pairs: Capture, training: Path) -> None:
+    for number, frame in enumerate(pairs.frames[:-1]):
         name, true = f"{number:06d}_10.png", frame.load(Layer.DISPARITY)
         known = np.isfinite(true)
         every, both = (
@@ -194,8 +189,8 @@ def test_disparity_comes_back(capture: Capture, training: Path) -> None:
         assert inside.sum() > 100 and not later[~inside].any()
 
 
-def test_flow_comes_back(capture: Capture, training: Path) -> None:
-    for number, frame in enumerate(capture.frames[:-1]):
+def test_flow_comes_back(pairs: Capture, training: Path) -> None:
+    for number, frame in enumerate(pairs.frames[:-1]):
         name, true = f"{number:06d}_10.png", frame.load(Layer.FLOW)[..., :2]
         flow, known = flow_of(training / "flow_occ" / name)
         np.testing.assert_array_equal(known, np.isfinite(true).all(axis=-1))
@@ -205,14 +200,14 @@ def test_flow_comes_back(capture: Capture, training: Path) -> None:
         np.testing.assert_allclose(flow[seen == 1], true[seen == 1], atol=0.501 / 64)
 
 
-def test_a_scene_is_a_frame_and_the_next_one(capture: Capture, training: Path) -> None:
+def test_a_scene_is_a_frame_and_the_next_one(pairs: Capture, training: Path) -> None:
     for eye, load in (("image_2", "load_image"), ("image_3", "load_right_image")):
         names = sorted(path.name for path in (training / eye).iterdir())
         assert names == [f"00000{scene}_1{moment}.png" for scene in (0, 1) for moment in (0, 1)]
         for number in (0, 1):
             for later in (0, 1):
                 found = read_image(training / eye / f"00000{number}_1{later}.png")
-                expected = getattr(capture.frames[number + later], load)()
+                expected = getattr(pairs.frames[number + later], load)()
                 np.testing.assert_array_equal(found, expected)
 
 
@@ -250,11 +245,11 @@ def test_the_calibration_projects_into_both_eyes(training: Path) -> None:
     assert calib_cam_to_cam(CAMERA, BASELINE).count("\n") == 16
 
 
-def test_values_that_do_not_fit_are_told(capture: Capture, tmp_path: Path, caplog) -> None:
-    exported(capture, "kitti-stereo", tmp_path)
+def test_values_that_do_not_fit_are_told(pairs: Capture, tmp_path: Path, caplog) -> None:
+    exported(pairs, "kitti-stereo", tmp_path)
     lost = sum(
         encode_disparity(frame.load(Layer.DISPARITY) + change)[1]
-        for frame in capture.frames[:-1]
+        for frame in pairs.frames[:-1]
         for change in (0, frame.load(Layer.FLOW)[..., 2])
     )
     assert lost > 2 and f"{lost} values outside are written as unknown" in caplog.text

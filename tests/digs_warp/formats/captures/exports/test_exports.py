@@ -28,7 +28,6 @@ from reference.exported import (
     with_last_frame,
     zoomed,
 )
-from reference.labeled_capture import labeled_capture
 from reference.optional import open3d_or_skip
 from reference.recorded import CAMERA, HEIGHT, WIDTH
 
@@ -146,11 +145,6 @@ def test_open3d_gets_the_points_back(
         np.testing.assert_allclose(np.asarray(cloud.points), expected, atol=tolerance)
         image = np.asarray(o3d.io.read_image(str(color)))
         np.testing.assert_array_equal(image, capture.frames[number].load_image())
-
-
-@pytest.fixture(scope="module")
-def pairs(tmp_path_factory: pytest.TempPathFactory) -> Capture:
-    return labeled_capture(tmp_path_factory.mktemp("pairs") / "capture")
 
 
 def test_h5py_reads_what_blenderproc_would_write(
