@@ -1,5 +1,6 @@
 """What views say about points and in which colors, against plain NumPy; and what no view saw."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -23,8 +24,61 @@ from digs_warp.init.visibility import (
     not_seen_through,
 )
 from reference.ball_capture import RADIUS, ball_view, ball_views, write_capture
-from reference.seen_colors_twin import colors_seen
-from reference.visibility_twin import agreement_by, said_by
+
+
+def colors_seen(points_world: np.ndarray, frame: Frame) -> np.ndarray:
+    """Return the mean sRGB color of 3x3 pixels around each point, (n, 3), NaN where it is not seen."""
+    image = frame.load_image()
+    mask = frame.load_mask() if frame.has(Layer.MASK) else np.full(image.shape[:2], 255, np.uint8)
+    depth = frame.load_depth() if frame.has(Layer.DEPTH) else None
+    height, width = image.shape[:2]
+    found = np.full((len(points_world), 3), np.nan)
+    for i, ((u, v), z) in enumerate(zip(*frame.camera.project(points_world), strict=True)):
+        if not (z > 0 and 1 <= np.floor(u) < width - 1 and 1 <= np.floor(v) < height - 1):
+            continue
+        row, column = int(v), int(u)
+        if depth is not None and not abs(float(depth[row, column]) - z) <= 0.015 * z:
+            continue
+        block = np.s_[row - 1 : row + 2, column - 1 : column + 2]
+        if (mask[block] == 255).all():
+            found[i] = (image[block].reshape(9, 3) / 255.0).mean(axis=0)
+    return found
+
+
+def agreement_by(
+    points_world: np.ndarray, views: Sequence[tuple[Camera, np.ndarray]], voxel_size: float
+) -> np.ndarray:
+    """Return the share of the views that measured the surface near a point and agree with it, (n,)."""
+    measured, own = _compared(points_world, views)
+    agreeing, near = (
+        (np.abs(measured - own) <= limit * voxel_size).sum(axis=0) for limit in (1, 4)
+    )
+    return np.where(near > 0, agreeing / np.maximum(near, 1), 1.0)
+
+
+def said_by(
+    points_world: np.ndarray, views: Sequence[tuple[Camera, np.ndarray]], voxel_size: float
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return how many views confirm, contradict and cannot see each point, (n,) each."""
+    measured, own = _compared(points_world, views)
+    beyond = (measured - own) / (2 * voxel_size + 0.01 * measured)
+    said = np.abs(beyond) <= 1, beyond > 1, np.isnan(own) | (beyond < -1)
+    return said[0].sum(axis=0), said[1].sum(axis=0), said[2].sum(axis=0)
+
+
+def _compared(
+    points_world: np.ndarray, views: Sequence[tuple[Camera, np.ndarray]]
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return what each view measured at each point, and its depth there; NaN outside, (views, n) each."""
+    found = np.full((2, len(views), len(points_world)), np.nan)
+    for i, (camera, depth) in enumerate(views):
+        height, width = depth.shape
+        px, z = camera.resized(width, height).project(points_world)
+        seen = (z > 0) & (px >= 0).all(axis=1) & (px < [width, height]).all(axis=1)
+        columns, rows = px[seen].astype(int).T
+        found[0, i, seen], found[1, i, seen] = depth[rows, columns], z[seen]
+    return found[0], found[1]
+
 
 VOXEL = 0.01
 

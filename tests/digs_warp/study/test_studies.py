@@ -1,25 +1,33 @@
-"""The studies: cases that differ, and one study end to end."""
+"""The studies: cases that differ, one study end to end, and pages that hold the same numbers."""
 
+import csv
+import io
 import json
+import re
 import shlex
 from pathlib import Path
 from typing import Any
 from unittest.mock import MagicMock
 
+import numpy as np
 import pytest
+from PIL import Image
 
 from digs_warp.checks import DigsError
 from digs_warp.cli import main
+from digs_warp.data.images import read_image
 from digs_warp.engines.task import RESULTS
 from digs_warp.pipeline.reconstruct import ReconstructConfig
 from digs_warp.record.files import write_atomically
 from digs_warp.sim.config import SimulateConfig
 from digs_warp.study.catalogue import STUDIES, Study, find_study
+from digs_warp.study.charts import Chart, Curve
 from digs_warp.study.engine import chain
 from digs_warp.study.engine.case import Case, with_settings
 from digs_warp.study.engine.scores import OTHER_SIZES
 from digs_warp.study.engine.store import Store
-from digs_warp.study.page import write_pages
+from digs_warp.study.page import Section, write_pages
+from digs_warp.study.table import Table
 from reference.study_records import record_of
 
 IN_PLACE = "psnr_object_in_place"
@@ -207,3 +215,45 @@ def test_studies_are_listed_and_unknown_ones_and_numbers_refused(
     of_run = (["run", "tradeoff", *flag] for flag in flags)
     for arguments in (["draw"], ["run", "nothing"], ["report", "nothing"], *of_run):
         assert main(["study", *arguments]) == 2, arguments
+
+
+def sections() -> list[Section]:
+    table = Table("psnr", ["strategy", "PSNR [dB]"], [["a|b", "30.1"], ["<fusion>", "31.2"]])
+    curves = [
+        Curve("first", [1, 10, 100], [20, 25, 30], spread=[1, 1, 2]),
+        Curve("second", [1, 10], [22, 21], line=False, notes=["law", "guided"]),
+    ]
+    chart = Chart("course", "Quality along time", curves, "seconds", "PSNR [dB]", log_x=True)
+    return [Section("Quality", "More is better & slower.", [table], [chart])]
+
+
+def test_all_files_are_written(tmp_path: Path) -> None:
+    page = write_pages("A <study>", "What it asks.", sections(), tmp_path)
+    rows = list(csv.reader((tmp_path / "tables" / "psnr.csv").read_text().splitlines()))
+    assert rows == [["strategy", "PSNR [dB]"], ["a|b", "30.1"], ["<fusion>", "31.2"]]
+    markdown = (tmp_path / "report.md").read_text()
+    assert "| a\\|b | 30.1 |" in markdown
+    assert "](plots/course.png)" in markdown
+    html = page.read_text()
+    assert "&lt;fusion&gt;" in html and "<fusion>" not in html and "<study>" not in html
+    assert not re.search(r'(src|href)="(?!data:)', html)
+    assert read_image(tmp_path / "plots" / "course.png").shape[1] == 864
+
+
+def test_the_same_numbers_give_the_same_bytes(tmp_path: Path) -> None:
+    for name in ("one", "two"):
+        write_pages("A study", "What it asks.", sections(), tmp_path / name)
+    for path in (tmp_path / "one").rglob("*.*"):
+        twin = tmp_path / "two" / path.relative_to(tmp_path / "one")
+        assert path.read_bytes() == twin.read_bytes(), path.name
+
+
+def test_a_band_is_as_wide_above_a_curve_as_below() -> None:
+    curve = Curve("flat", [0.0, 1.0], [5.0, 5.0], spread=[1.0, 1.0])
+    data = io.BytesIO(Chart("band", "", [curve], "x", "y").png())
+    picture = np.asarray(Image.open(data).convert("RGB"))
+    column = picture[:, 3 * picture.shape[1] // 5].astype(int)
+    blue = np.flatnonzero(column[:, 2] > column[:, 0] + 20)  # the band; the line is far bluer
+    line = np.flatnonzero(column[:, 2] > column[:, 0] + 100)
+    above, below = line.mean() - blue.min(), blue.max() - line.mean()
+    assert above > 50 and abs(above - below) < 3

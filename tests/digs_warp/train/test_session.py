@@ -1,7 +1,8 @@
-"""A run in a folder: budgets, Ctrl-C from outside, and a training that diverges."""
+"""A run in a folder: budgets and plans of time, Ctrl-C from outside, and a training that diverges."""
 
 import json
 import re
+import shutil
 import signal
 from pathlib import Path
 
@@ -12,17 +13,21 @@ from digs_warp.checks import DigsError
 from digs_warp.cli import main
 from digs_warp.data.capture import Capture
 from digs_warp.data.gaussians import FIELDS, Gaussians
+from digs_warp.init.config import InitConfig
+from digs_warp.pipeline.reconstruct import ReconstructConfig, reconstruct
+from digs_warp.pipeline.reconstruction import Reconstruction
 from digs_warp.record.layout import CHECKPOINT, GAUSSIANS, TRAINING
 from digs_warp.record.run_log import RunLog
 from digs_warp.splat.device import DeviceGaussians
-from digs_warp.train import evaluate
+from digs_warp.train import evaluate, session
 from digs_warp.train.config import Stop, TrainConfig
 from digs_warp.train.evaluate import load_test_views, measure_views
-from digs_warp.train.session import Trained, open_data, train_gaussians
-from digs_warp.train.trainer import Trainer
+from digs_warp.train.session import Trained, open_data, plan_training, train_gaussians
+from digs_warp.train.trainer import Resolved, Trainer
 from digs_warp.train.training import load_snapshots, save_snapshot
 from reference.interrupted_training import STEP, train_until
 from reference.tiny_capture import ball
+from reference.trained_ball import interrupt
 
 
 def run(capture: Capture, folder: Path, config: TrainConfig) -> Trained:
@@ -146,3 +151,60 @@ def test_held_out_views_beyond_the_memory_are_read_when_they_are_asked_for(
     assert measure_views(gaussians, views).scores == measure_views(gaussians, kept).scores
     assert [view.camera for view in moved] == [view.camera for view in kept[::-1]]
     assert len(moved[1:3]) == 2 and moved[-1].name == frames[-1].name
+
+
+@pytest.mark.parametrize("pace", [0.5, 3.0])
+def test_steps_of_any_pace_end_with_the_time_and_the_progress(
+    pace: float, capture: Capture
+) -> None:
+    config = TrainConfig(stop=Stop(iterations=100, time_budget=10.0))
+    views = session.open_data(capture.frames, config, capture.folder).views
+    trainer = Trainer(ball(10), views, config, Resolved(most_steps=500))
+    while not trainer.ended_by:
+        trainer.optimizer.step += 1
+        trainer.seconds += 0.1 * pace * (1.5 if trainer.seconds > 5 else 1.0)
+    assert trainer.seconds == pytest.approx(10.0, rel=0.05) and trainer.ended_by == "time budget"
+    assert trainer.progress == 1.0
+    trainer.most_steps = trainer.optimizer.step  # the steps end before the time
+    assert trainer.ended_by == "iterations"
+
+
+CONFIG = ReconstructConfig(
+    init=InitConfig(voxel_size=0.02),
+    train=TrainConfig(stop=Stop(iterations=40, time_budget=100.0), sh_degree=0),
+)
+
+
+def test_the_plan_is_recorded_and_kept_by_a_resumed_run(
+    capture: Capture, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(session, "PLANNING_SHARE", 0.0)
+    interrupt(lambda: reconstruct(capture, CONFIG, tmp_path / "out"), 17, monkeypatch)
+    before = Path(shutil.copytree(tmp_path / "out", tmp_path / "before"))
+
+    def refused(*_: object) -> None:
+        raise AssertionError("planned again")
+
+    monkeypatch.setattr("digs_warp.pipeline.optimize.plan_training", refused)
+    result = reconstruct(capture, CONFIG, tmp_path / "out", resume=True)
+    plan = result.training.plan
+    assert plan is not None and plan.iterations == result.training.iterations == 40
+    assert result.training.stopped_by == "iterations"
+    assert Reconstruction.load(tmp_path / "out").training.plan == plan
+    assert str(plan.step_seconds) in (before / "run.json").read_text()
+
+
+def test_planning_times_steps_of_a_copy(capture: Capture, monkeypatch: pytest.MonkeyPatch) -> None:
+    step = Trainer.step
+
+    def slow_step(trainer: Trainer) -> None:
+        before = trainer.seconds
+        step(trainer)
+        trainer.seconds = before + 0.1
+
+    monkeypatch.setattr(Trainer, "step", slow_step)
+    config = TrainConfig(stop=Stop(iterations=400, time_budget=10.05))
+    data = session.open_data(capture.frames, config, capture.folder)
+    plan = plan_training(ball(300), data, config)
+    assert plan.step_seconds == pytest.approx(0.1) and plan.iterations == 100
+    assert plan.budget == 10.05
