@@ -66,7 +66,7 @@ class SplatOptions:
 
 @dataclass(frozen=True)
 class Group:
-    """Commands that share a first word, such as `usd info` and `usd validate`.
+    """Commands that share a first word, such as `study run` and `study list`.
 
     Attributes:
         about: what they do, for the help.
