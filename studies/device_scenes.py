@@ -19,7 +19,6 @@ from digs_warp.sim.scene.scene import Material, Scene
 from digs_warp.sim.sensor.color.recorded import recorded_images
 from digs_warp.sim.sensor.facts import measure_facts
 from digs_warp.sim.sensor.frame import FrameTruth
-from digs_warp.sim.sensor.infrared.pair import in_three_channels, one_channel
 from digs_warp.sim.sensor.tiers import depth_of, sense
 
 WHITE = Material("white", np.full(3, 0.8), roughness=1.0)
@@ -109,12 +108,8 @@ class Still:
         plan = plan_for_facts(measure_facts([self.truth], self.rig), self.rig, self.session.config)
         for number in range(frames):
             frame = replace(self.truth, number=number)
-            pair = recorded_images(frame, plan.pixel_effects)
-            if self.rig.has_color_camera:
-                pair = (
-                    in_three_channels(one_channel(pair[0])),
-                    in_three_channels(one_channel(pair[1])),
-                )
+            is_gray = self.rig.has_color_camera
+            pair = recorded_images(frame, plan.pixel_effects, is_gray=is_gray)
             depth = depth_of(sense(frame, tier, plan.depth, recorded=pair), frame)
             yield np.where(np.isfinite(depth), depth, np.float32(np.nan))
 

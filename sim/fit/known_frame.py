@@ -17,7 +17,7 @@ from digs_warp.sim.sensor.effects.disparity_errors import Speckle
 from digs_warp.sim.sensor.effects.protocol import Choice
 from digs_warp.sim.sensor.filters import sampled
 from digs_warp.sim.sensor.frame import FrameTruth, Motion, Sensed
-from digs_warp.sim.sensor.infrared.pair import in_three_channels, one_channel
+from digs_warp.sim.sensor.infrared.pair import in_three_channels
 from digs_warp.sim.sensor.tiers import sense
 
 
@@ -51,9 +51,9 @@ def sense_frame(
         gray: the eyes see no color, as those of an infrared pair: the noise of a pixel is one value. Three
             independent ones have a third less on their brightness, which is matched.
     """
-    recorded = recorded_images(frame, ON_IMAGES, seed)
+    recorded = recorded_images(frame, ON_IMAGES, seed, is_gray=gray)
     if gray:
-        left, right = (in_three_channels(one_channel(image)) for image in recorded)
+        left, right = map(in_three_channels, recorded)
         recorded = left, right
     choices = [Choice(name, True, "", "", "") for name in ON_DEPTH]
     return recorded, sense(frame, tier, choices, seed, recorded=recorded)

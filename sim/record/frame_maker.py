@@ -19,7 +19,6 @@ from digs_warp.sim.record.session import ObjectPixels, Session, prepare_session
 from digs_warp.sim.sensor.color.adaptation import Adaptation
 from digs_warp.sim.sensor.color.recorded import recorded_images
 from digs_warp.sim.sensor.frame import FrameTruth, Sensed
-from digs_warp.sim.sensor.infrared.pair import in_three_channels, one_channel
 from digs_warp.sim.sensor.infrared.registration import ColorView, Registered, registered
 from digs_warp.sim.sensor.tiers import depth_of, sense
 
@@ -159,11 +158,10 @@ class FrameMaker:
         tells = config.plans_effects
         with timed(seconds, "color"):
             image = self._recorded_color(truth, view)
-            left, right = (one_channel(eye) for eye in self._recorded(truth))
+            left, right = self._recorded(truth)
         with timed(seconds, "sense"):
             if tells and config.strength > 0:
-                pair = (in_three_channels(left), in_three_channels(right))
-                measured = registered(self._sensed(truth, pair), truth, view)
+                measured = registered(self._sensed(truth, (left, right)), truth, view)
             else:  # exact, or a law on exact depth: there is nothing to register
                 measured = Registered.of(self._sensed(view.as_truth(truth)), view.as_truth(truth))
         return FrameImages(
@@ -178,12 +176,10 @@ class FrameMaker:
         )
 
     def _recorded(self, truth: FrameTruth) -> tuple[np.ndarray, np.ndarray]:
-        """Return the images of the two eyes after the effects on them."""
+        """Return the images of the two eyes after the effects on them; of an infrared pair, one channel."""
         config, adapted = self.session.config, self._adapted(truth.number)
-        if truth.rig.has_color_camera:  # infrared has no color
-            adapted = replace(adapted, red=0.0, blue=0.0)
-        effects = self.plan.pixel_effects
-        return recorded_images(truth, effects, config.seed, config.strength, adapted)
+        effects, is_infrared = self.plan.pixel_effects, truth.rig.has_color_camera
+        return recorded_images(truth, effects, config.seed, config.strength, adapted, is_infrared)
 
     def _recorded_color(self, truth: FrameTruth, view: ColorView) -> np.ndarray:
         """Return the color camera's image after the effects on it; its noise is not that of the eyes."""

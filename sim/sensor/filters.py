@@ -7,10 +7,12 @@ import numpy as np
 
 
 def gray_of(image: np.ndarray) -> np.ndarray:
-    """Return the luma of an sRGB image (height, width, 3), uint8, as (height, width), uint8."""
+    """Return the luma of an sRGB image, (height, width, 3), uint8, (height, width); of a gray one itself."""
     import cv2
 
-    return cv2.cvtColor(np.ascontiguousarray(image), cv2.COLOR_RGB2GRAY)
+    return (
+        image if image.ndim == 2 else cv2.cvtColor(np.ascontiguousarray(image), cv2.COLOR_RGB2GRAY)
+    )
 
 
 def table_values(table: np.ndarray, image: np.ndarray) -> np.ndarray:
@@ -40,7 +42,9 @@ def blurred(image: np.ndarray, sigma: float) -> np.ndarray:
     """Return an image after a Gaussian of ``sigma`` pixels, same shape and type; mirrored at the borders."""
     import cv2
 
-    return cv2.GaussianBlur(image, (0, 0), sigma, borderType=cv2.BORDER_REFLECT_101)
+    return cv2.GaussianBlur(image, (0, 0), sigma, borderType=cv2.BORDER_REFLECT_101).reshape(
+        image.shape
+    )
 
 
 def separable(

@@ -91,7 +91,7 @@ def worse_images(
     """Return two recorded images after the named effects, both (height, width, 3), uint8, sRGB.
 
     Args:
-        left: as recorded.
+        left: as recorded; (height, width, 1) of an infrared eye.
         right: the same of the other eye.
         rig: the camera that took them, at their size.
         names: out of `EFFECTS_ON_RECORDINGS`; those on depth change nothing here.

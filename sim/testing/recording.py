@@ -24,7 +24,6 @@ from digs_warp.sim.camera.profiles import DEFAULT_PROFILE, RIG_FIGURES, load_pro
 from digs_warp.sim.camera.rig import StereoRig
 from digs_warp.sim.record.frame_maker import COLOR_SEED
 from digs_warp.sim.record.sensor_plan import ALL_EFFECT_NAMES
-from digs_warp.sim.sensor.infrared.pair import in_three_channels, one_channel
 from digs_warp.sim.sensor.on_recordings import EFFECTS_ON_RECORDINGS, worse_depth, worse_images
 from digs_warp.sim.sensor.planner import wanted_effects
 
@@ -251,8 +250,8 @@ def _noisy_infrared(
     """Return the infrared pair; nothing where it is not recorded."""
     if not (frame.has(Layer.INFRARED_LEFT) and frame.has(Layer.INFRARED_RIGHT)):
         return None, None
-    left, right = (in_three_channels(eye) for eye in frame.load_infrared())
+    left, right = (eye[..., None] for eye in frame.load_infrared())
     rig = recording.depth_rig(frame.camera.intrinsics)
     seed = recording.seed
     left, right = worse_images(left, right, rig, recording.effects, seed, number, strength)
-    return one_channel(left), one_channel(right)
+    return left[..., 0], right[..., 0]

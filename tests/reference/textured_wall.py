@@ -20,7 +20,6 @@ from digs_warp.sim.record.recorded_facts import rig_record
 from digs_warp.sim.sensor.color.recorded import recorded_images
 from digs_warp.sim.sensor.drift import NO_DRIFT, Drift
 from digs_warp.sim.sensor.frame import FrameTruth
-from digs_warp.sim.sensor.infrared.pair import one_channel
 from digs_warp.sim.sensor.infrared.registration import sources_of
 from digs_warp.sim.sensor.tiers import depth_of
 
@@ -83,8 +82,8 @@ def record_wall(
                     recorded_images(replace(color, number=number), ON_IMAGES, seed + COLOR_SEED)[0],
                     np.where(source < 0, np.float32(np.nan), depth.reshape(-1)[source]),
                     depth_true=color.depth,
-                    infrared_left=one_channel(left),
-                    infrared_right=one_channel(right),
+                    infrared_left=left[..., 0],
+                    infrared_right=right[..., 0],
                 )
             writer.write_frame(number, images)
             writer.add_pose(number, np.eye(4), float(number))

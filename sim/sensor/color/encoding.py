@@ -25,8 +25,9 @@ def amplified(eyes: EyeImages, gain: ByChannel, electronic: ByChannel) -> EyeIma
 
 
 def along_a_row(factors: ByChannel, image: np.ndarray) -> np.ndarray:
-    """Return ``factors`` for the pixels of a row, (width, 3), float32: four times as fast to multiply by."""
-    return np.tile(np.array(factors, np.float32), (image.shape[1], 1))
+    """Return ``factors`` for the pixels of a row, (width, channels), float32: four times as fast."""
+    channels = factors if image.shape[2] > 1 else factors[1:2]  # white balance leaves green alone
+    return np.tile(np.array(channels, np.float32), (image.shape[1], 1))
 
 
 def _times_gain(linear: np.ndarray, gain: ByChannel, clipped: float) -> np.ndarray:

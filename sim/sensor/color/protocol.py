@@ -19,7 +19,7 @@ class EyeImages:
 
     Attributes:
         intrinsics: of either eye.
-        left, right: shape (height, width, 3), float32.
+        left, right: shape (height, width, 3), float32; (height, width, 1) of infrared eyes.
         adaptation: what exposure and white balance are set to.
         electronic_gain: by which the electronics have multiplied the signal so far, and its noise.
         is_clipped: whether light above white is lost; if not, values exceed 1 until a gain clips them.

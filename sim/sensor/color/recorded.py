@@ -20,6 +20,7 @@ def recorded_images(
     seed: int = 0,
     strength: float = 1.0,
     adaptation: Adaptation = NOT_ADAPTED,
+    is_gray: bool = False,
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return left and right image, sRGB, (height, width, 3), uint8; unchanged if there are no effects.
 
@@ -29,7 +30,13 @@ def recorded_images(
         seed: of the recording, >= 0.
         strength: factor on all effects, >= 0.
         adaptation: what exposure and white balance are set to at this moment, at strength 1.
+        is_gray: infrared eyes, whose channels are equal: the result is one, (height, width).
     """
+    if is_gray:
+        left, right = (np.ascontiguousarray(eye[..., :1]) for eye in (truth.image, truth.right))
+        truth = replace(truth, image=left, right=right)
+        left, right = recorded_images(truth, effects, seed, strength, adaptation)
+        return left[..., 0], right[..., 0]
     if not effects or strength == 0:
         return truth.image, truth.right
     eyes = _eyes(truth, effects, adaptation)
@@ -44,7 +51,7 @@ def after_effects(
     number: int = 0,
     strength: float = 1.0,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return the two images after the effects, sRGB, (height, width, 3), uint8.
+    """Return the two images after the effects, sRGB, in the shape of those of the eyes, uint8.
 
     Args:
         eyes: the light on the two sensors.

@@ -60,16 +60,16 @@ class Vignetting(PixelEffect):
         self, eyes: EyeImages, rig: StereoRig, rng: np.random.Generator, strength: float = 1.0
     ) -> EyeImages:
         """Multiply both images by the lens's transmission."""
-        gain = _transmission(eyes.intrinsics, strength * rig.vignetting)
+        gain = _transmission(eyes.intrinsics, strength * rig.vignetting, eyes.left.shape[2])
         return eyes.with_images(eyes.left * gain, eyes.right * gain)
 
 
 @lru_cache(maxsize=2)  # the eyes, and a color camera beside them
-def _transmission(k: Intrinsics, lost: float) -> np.ndarray:
-    """Return the share of the light that is left, (height, width, 3), float32; ``lost``: in the corners."""
+def _transmission(k: Intrinsics, lost: float, channels: int) -> np.ndarray:
+    """Return the share of light that is left, (height, width, channels), float32; ``lost``: in corners."""
     tangents = (pixel_centers(k.width, k.height) - [k.cx, k.cy]) / [k.fx, k.fy]
     loss = 1 - 1 / (1 + (tangents**2).sum(axis=-1, keepdims=True)) ** 2  # cos^4
     # A single pixel on the axis loses nothing.
     falloff = (loss / max(loss.max(), 1e-12)).astype(np.float32)
     # Repeated for each channel: four times as fast as broadcasting.
-    return np.repeat(1 - np.float32(lost) * falloff, 3, axis=2)
+    return np.repeat(1 - np.float32(lost) * falloff, channels, axis=2)

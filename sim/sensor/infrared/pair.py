@@ -131,11 +131,3 @@ def stands_out(infrared: np.ndarray, peak: np.ndarray, rig: StereoRig) -> np.nda
 def in_three_channels(gray: np.ndarray) -> np.ndarray:
     """Return a gray image, (height, width), as the effects on images expect it, (height, width, 3)."""
     return np.repeat(gray[..., None], 3, axis=2)
-
-
-def one_channel(image: np.ndarray) -> np.ndarray:
-    """Return the gray image, (height, width), that the effects on images made of one with equal channels.
-
-    Noise differs between the channels: an infrared eye has one.
-    """
-    return np.ascontiguousarray(image[..., 0])

@@ -20,8 +20,6 @@ from digs_warp.sim.sensor.infrared.pair import (
     DENSITY,
     FIELD_DEG,
     LEAST_DISTANCE,
-    in_three_channels,
-    one_channel,
     with_dots,
 )
 from digs_warp.sim.sensor.infrared.registration import ColorView, registered, sources_of
@@ -110,9 +108,8 @@ def sensed_wall(
     """What the pair measures of a scene, with image noise."""
     session = still_session(scene, RIG, radiance)
     truth, _ = session.truth(0, Shutter(), projects=projects)
-    noisy = recorded_images(truth, PIXEL_EFFECTS, seed=4)
-    left, right = (in_three_channels(one_channel(image)) for image in noisy)
-    return sense(truth, tier, recorded=(left, right)), truth
+    noisy = recorded_images(truth, PIXEL_EFFECTS, seed=4, is_gray=True)
+    return sense(truth, tier, recorded=noisy), truth
 
 
 def filled(sensed: Sensed, truth: FrameTruth) -> float:
