@@ -15,9 +15,9 @@ from digs_warp.data.gaussians import FIELDS, Gaussians
 from digs_warp.record.files import write_atomically
 from digs_warp.record.layout import GAUSSIANS, UNFINISHED
 from digs_warp.record.run_log import RunLog
-from reference.interrupted_training import train_until
 from reference.output_folders import SMALL, names, our_folder, state, write
 from reference.tiny_capture import write_tiny_capture
+from reference.trained_ball import train_until
 
 
 def test_a_new_and_an_empty_folder_are_fine(tmp_path: Path) -> None:

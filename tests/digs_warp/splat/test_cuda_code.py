@@ -10,12 +10,7 @@ import warp as wp
 from digs_warp.device.parallel import launch_parallel, packed
 from digs_warp.losses import depth, target
 from digs_warp.measure import ssim_pixels
-from digs_warp.splat import (
-    bin_tiles,
-    blur_renderer,
-    project,
-    shape_gradient,
-)
+from digs_warp.splat import bin_tiles, blur_renderer, project, shape_gradient
 from digs_warp.splat.backend import CooperativeBackend, backend_for
 from digs_warp.splat.cooperative import (
     BATCH,

@@ -54,9 +54,7 @@ def test_outputs_without_an_adjoint_count_nothing() -> None:
     adjoint = np.ones((27, 33))
     alone = view.backward(adj_alpha=adjoint)
     beside = view.backward(
-        adj_image=np.zeros((27, 33, 3)),
-        adj_alpha=adjoint,
-        adj_depth=np.zeros((27, 33)),
+        adj_image=np.zeros((27, 33, 3)), adj_alpha=adjoint, adj_depth=np.zeros((27, 33))
     )
     check_same(alone, beside)
     nothing = view.backward()

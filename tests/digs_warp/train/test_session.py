@@ -25,9 +25,8 @@ from digs_warp.train.evaluate import load_test_views, measure_views
 from digs_warp.train.session import Trained, open_data, plan_training, train_gaussians
 from digs_warp.train.trainer import Resolved, Trainer
 from digs_warp.train.training import load_snapshots, save_snapshot
-from reference.interrupted_training import STEP, train_until
 from reference.tiny_capture import ball
-from reference.trained_ball import interrupt
+from reference.trained_ball import STEP, interrupt, train_until
 
 
 def run(capture: Capture, folder: Path, config: TrainConfig) -> Trained:
