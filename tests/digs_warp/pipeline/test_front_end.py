@@ -8,16 +8,21 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from digs_warp.checks import DigsError
 from digs_warp.data.capture import Capture, read_capture
+from digs_warp.data.frame import Frame
 from digs_warp.data.layers import Layer
 from digs_warp.data.posed_frames import PosedFrames
+from digs_warp.geometry.camera import Camera, Intrinsics
+from digs_warp.geometry.rigid import look_at
 from digs_warp.init.config import InitConfig
 from digs_warp.masks.config import SegmentConfig
-from digs_warp.pipeline.config import FrontEndConfig
+from digs_warp.pipeline.config import FrontEndConfig, SubjectChoice, subject_of
 from digs_warp.pipeline.front_end import FrontEnd, front_end, load_front_end
 from digs_warp.poses.from_images.config import SfmConfig
 from digs_warp.poses.refine.photometric_alignment import in_place
-from digs_warp.record.run_log import RunLog
+from digs_warp.record.run_log import RunLog, RunRecord
+from reference.ball_capture import WALL_RADIUS, ball_views, write_capture
 from reference.perturbed_poses import perturbed_capture
 from reference.sfm_views import arc, record
 from reference.wrong_captures import other_focal
@@ -145,3 +150,79 @@ def test_perturbed_poses_are_refined_and_written(capture: Capture, tmp_path: Pat
     loaded = (*again.poses.posed.training, *again.poses.posed.held_out)
     for frame, kept in zip(every, loaded, strict=True):
         assert (frame.camera.world_from_cam == kept.camera.world_from_cam).all()
+
+
+QUARTER = FrontEndConfig(init=InitConfig(edge_filter=False), test_every=4)
+
+
+@pytest.fixture(scope="module")
+def masked(tmp_path_factory: pytest.TempPathFactory) -> Capture:
+    return write_capture(tmp_path_factory.mktemp("ball"), ball_views())
+
+
+@pytest.fixture(scope="module")
+def unmasked(masked: Capture) -> Capture:
+    return replace(masked, frames=tuple(f.without_layer(Layer.MASK) for f in masked.frames))
+
+
+def prepared(capture: Capture, folder: Path, choice: SubjectChoice = "auto") -> FrontEnd:
+    config = replace(QUARTER, subject=choice)
+    return front_end(capture, config, folder, RunLog("test", config))
+
+
+def farthest(result: FrontEnd) -> float:
+    return float(np.linalg.norm(result.start.points.points_world, axis=1).max())
+
+
+def test_masks_decide(masked: Capture, unmasked: Capture) -> None:
+    from_depth = SegmentConfig(masks="depth")
+    assert subject_of(masked, "auto", SegmentConfig()) == "object"
+    assert subject_of(unmasked, "auto", SegmentConfig()) == "scene"
+    assert subject_of(unmasked, "auto", from_depth) == "object"
+    assert subject_of(masked, "scene", SegmentConfig()) == "scene"
+    assert subject_of(unmasked, "object", SegmentConfig()) == "object"
+    with pytest.raises(
+        DigsError, match="--subject scene: no masks are used; leave out --masks depth"
+    ):
+        subject_of(unmasked, "scene", from_depth)
+
+
+def test_without_masks_everything_in_view_is_reconstructed_and_the_log_says_so(
+    unmasked: Capture, tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    with caplog.at_level(logging.INFO):
+        result = prepared(unmasked, tmp_path)
+    assert result.poses.subject == "scene"
+    assert farthest(result) > 0.9 * WALL_RADIUS
+    assert "no masks, so everything in view is reconstructed (--subject scene)" in caplog.text
+    assert "add --masks depth" in caplog.text
+
+
+def test_a_scene_leaves_the_masks_of_the_recording_alone(masked: Capture, tmp_path: Path) -> None:
+    result = prepared(masked, tmp_path, "scene")
+    assert farthest(result) > 0.9 * WALL_RADIUS
+    every = (*result.poses.posed.training, *result.poses.posed.held_out)
+    assert not any(frame.has(Layer.MASK) for frame in every)
+    record = RunRecord.find(tmp_path)
+    assert record is not None and record.results["poses"]["subject"] == "scene"
+    # What is read again, for a report or to continue, has no masks either.
+    again = load_front_end(masked, tmp_path)
+    assert again.poses.subject == "scene"
+    assert not any(frame.has(Layer.MASK) for frame in again.poses.posed.training)
+
+
+def test_a_smear_is_refused_before_any_work(tmp_path: Path) -> None:
+    k, rng = Intrinsics.from_fov(160, 120, 50.0), np.random.default_rng(0)
+    surroundings, frames = rng.integers(0, 256, (30, 40, 3)), []
+    for number in range(8):
+        small = surroundings.copy()
+        small[10:20, 15:25] = rng.integers(0, 256, (10, 10, 3))  # the object has turned
+        image = small.repeat(4, axis=0).repeat(4, axis=1).astype(np.uint8)
+        angle = 2 * np.pi * number / 8
+        eye = np.array([np.cos(angle), np.sin(angle), 0.3])
+        camera = Camera(k, look_at(eye, np.zeros(3), np.array([0.0, 0.0, 1.0])))
+        layers = {Layer.IMAGE: image, Layer.DEPTH: np.ones((120, 160), np.float32)}
+        frames.append(Frame(f"{number:04d}", camera, float(number), layers))
+    capture = Capture(None, tuple(frames), None)
+    with pytest.raises(DigsError, match=r"stands still.*masks.*--poses auto.*--ignore-mask"):
+        front_end(capture, FrontEndConfig(), tmp_path, RunLog("test", {}))

@@ -1,5 +1,6 @@
 """--poses rgbd: an object in an almost white room, whose poses nobody knows."""
 
+import logging
 from dataclasses import replace
 from pathlib import Path
 
@@ -10,7 +11,7 @@ import digs_warp as dw
 from digs_warp.data.capture import Capture
 from digs_warp.data.images import write_image
 from digs_warp.pipeline.config import FrontEndConfig
-from digs_warp.pipeline.front_end import front_end
+from digs_warp.pipeline.front_end import FrontEnd, front_end
 from digs_warp.pipeline.records import Poses, stored
 from digs_warp.poses.from_images.config import SfmConfig
 from digs_warp.poses.refine.photometric_alignment import in_place
@@ -41,6 +42,17 @@ def unknown(capture: Capture) -> Capture:
     return replace(capture, frames=tuple(lost), about=about)
 
 
+def placed(prepared: FrontEnd, capture: Capture) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Poses of all frames, held-out ones included, and how far off they are together [mm, degree]."""
+    by_time = [frame for frame, _ in prepared.poses.posed.by_time]
+    assert len(by_time) == len(capture)
+    found = np.stack([frame.camera.world_from_cam for frame in by_time])
+    true = np.stack([frame.camera.world_from_cam for frame in capture.frames])
+    off = in_place(found, true, 0.6) - true
+    turns = np.degrees(np.linalg.norm(off[:, :3, :3], axis=(1, 2)) / np.sqrt(2.0))
+    return found, 1000 * np.linalg.norm(off[:, :3, 3], axis=1), turns
+
+
 def test_hidden_poses_are_found_and_the_record_says_how_well_they_fit(
     capture: Capture, tmp_path: Path
 ) -> None:
@@ -50,14 +62,8 @@ def test_hidden_poses_are_found_and_the_record_says_how_well_they_fit(
     config = replace(CONFIG, sfm=few)
     prepared = front_end(unknown(capture), config, tmp_path, RunLog("test", {}))
     assert prepared.poses.sfm is None
-    by_time = [frame for frame, _ in prepared.poses.posed.by_time]
-    assert len(by_time) == len(capture)  # held-out ones are placed with the others
-    found = np.stack([frame.camera.world_from_cam for frame in by_time])
-    true = np.stack([frame.camera.world_from_cam for frame in capture.frames])
-    moved = in_place(found, true, 0.6)
-    apart = 1000 * np.linalg.norm((moved - true)[:, :3, 3], axis=1)
+    found, apart, turns = placed(prepared, capture)
     assert np.median(apart) < CENTERS_MM[0] and apart.max() < CENTERS_MM[1]
-    turns = np.degrees(np.linalg.norm((moved - true)[:, :3, :3], axis=(1, 2)) / np.sqrt(2.0))
     assert np.median(turns) < TURNS_DEG[0] and turns.max() < TURNS_DEG[1]
     # z is up in the images; the origin is in the middle of what is seen.
     assert (found[:, 2, 1] < -0.5).all()
@@ -70,3 +76,33 @@ def test_hidden_poses_are_found_and_the_record_says_how_well_they_fit(
     record = RunRecord.find(tmp_path)
     assert record is not None
     assert stored(Poses, record, tmp_path).tracking == prepared.poses.tracking
+
+
+# Tiles side by side all round.
+REPEATS = 16
+
+
+@pytest.fixture(scope="module")
+def repeating(tmp_path_factory: pytest.TempPathFactory) -> Capture:
+    """An arc around the built-in object; steps are about as wide as the tiles of the wall behind it."""
+    wall = tmp_path_factory.mktemp("wall") / "wall.png"
+    tile = np.random.default_rng(1).uniform(40, 230, (16, 16, 3)).repeat(4, 0).repeat(4, 1)
+    write_image(wall, np.tile(tile, (8, REPEATS, 1)).astype(np.uint8))
+    settings = {"environment": wall, "width": 320, "tier": "law", "camera_path": "arc", "seed": 3}
+    whole = dw.simulate(profile="bare-matcher", frames=20, elevations=(20.0,), **settings)
+    return replace(whole, frames=whole.frames[:7])
+
+
+def test_auto_takes_color_and_depth_where_images_mislead(
+    repeating: Capture, tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    open3d_or_skip()
+    config = FrontEndConfig(sfm=SfmConfig(poses="auto"), test_every=4)
+    with caplog.at_level(logging.WARNING):
+        prepared = front_end(unknown(repeating), config, tmp_path, RunLog("test", {}))
+    # What misleads them, a pattern that repeats or cameras in a line, depends on the sparse points found.
+    assert "structure from motion: " in caplog.text
+    assert "; trying color and depth (--poses rgbd)" in caplog.text
+    assert prepared.poses.tracking is not None and prepared.poses.sfm is None
+    _, apart, turns = placed(prepared, repeating)
+    assert apart.max() < 5.0 and turns.max() < 0.3

@@ -82,12 +82,6 @@ def test_a_model_of_colmap_gives_the_points(from_colmap: Capture, tmp_path: Path
     assert loaded.start.because == "the sparse points of the recording, which has no depth"
 
 
-def test_a_start_that_was_asked_for_is_taken(from_colmap: Capture) -> None:
-    result = dw.reconstruct(from_colmap, strategy="random", target_points=500, **QUICK)
-    assert result.start is not None and result.start.sources["random"] == 500
-    assert result.poses.sfm is None  # nothing was matched
-
-
 def test_images_that_hardly_match_start_from_random_points(
     photographs: Capture, caplog: pytest.LogCaptureFixture
 ) -> None:

@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -18,21 +19,14 @@ from digs_warp.poses.views import load_pictures
 from reference.perturbed_poses import perturbed_capture
 
 WRONG = 3
+SETTINGS: dict[str, Any] = {"profile": "bare-matcher", "width": 320, "tier": "law", "seed": 3}
 
 
 @pytest.fixture(scope="module")
 def capture(tmp_path_factory: pytest.TempPathFactory) -> Capture:
     """Half a turn around the built-in object."""
-    settings = {
-        "profile": "bare-matcher",
-        "width": 320,
-        "tier": "law",
-        "camera_path": "arc",
-        "seed": 3,
-    }
-    return dw.simulate(
-        frames=12, elevations=(20.0,), out=tmp_path_factory.mktemp("arc") / "capture", **settings
-    )
+    out = tmp_path_factory.mktemp("arc") / "capture"
+    return dw.simulate(frames=12, camera_path="arc", elevations=(20.0,), out=out, **SETTINGS)
 
 
 def poses_of(frames: Sequence[Frame]) -> np.ndarray:
@@ -74,14 +68,7 @@ def test_good_frames_of_any_exposure_stay(capture: Capture, light: float) -> Non
 
 def test_right_frames_stay_where_all_poses_are_off(tmp_path: Path) -> None:
     """Around the object in wide steps: one agrees with no other before all are aligned."""
-    settings = {
-        "profile": "bare-matcher",
-        "width": 320,
-        "tier": "law",
-        "camera_path": "orbits",
-        "seed": 3,
-    }
-    capture = dw.simulate(frames=16, out=tmp_path / "orbits", **settings)
+    capture = dw.simulate(frames=16, camera_path="orbits", out=tmp_path / "orbits", **SETTINGS)
     frames, refinement = refine(perturbed_capture(capture, 1.0, 0.01, 2).frames, 0.0, needed=True)
     assert refinement.refined
     assert len(frames) == 16
