@@ -31,9 +31,15 @@ ENVIRONMENT = {
 
 def run(*command: str | Path, cwd: Path) -> str:
     """Run a program and return what it prints, both streams."""
-    streams = {"stdin": subprocess.DEVNULL, "stdout": subprocess.PIPE, "stderr": subprocess.STDOUT}
     done = subprocess.run(
-        [*map(str, command)], cwd=cwd, env=ENVIRONMENT, text=True, check=False, **streams
+        [*map(str, command)],
+        cwd=cwd,
+        env=ENVIRONMENT,
+        stdin=subprocess.DEVNULL,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+        check=False,
     )
     assert done.returncode == 0, f"exit code {done.returncode}\n{done.stdout}"
     return done.stdout

@@ -152,7 +152,8 @@ def _cases() -> dict[str, tuple[Content, Read]]:
     aliases = "a: &a [x, x]\n" + "".join(
         f"{new}: &{new} [*{old}, *{old}]\n" for old, new in pairwise(letters)
     )
-    return {name: (data, load_scene) for name, data in MESHES.items()} | {
+    meshes: dict[str, tuple[Content, Read]] = {n: (data, load_scene) for n, data in MESHES.items()}
+    return meshes | {
         "bomb.spz": (spz(10_000_000), read_spz),
         "texture.glb": (textured_glb, load_scene),
         "environment.png": (huge, load_environment),

@@ -40,7 +40,9 @@ class Layer:
 
     @property
     def alpha(self) -> np.ndarray:
-        return np.where(self.drawn, np.where(self.raw.real > MAX_ALPHA, MAX_ALPHA, self.raw), 0.0)
+        return np.where(
+            self.drawn, np.where(np.real(self.raw) > MAX_ALPHA, MAX_ALPHA, self.raw), 0.0
+        )
 
     def over(self, behind: np.ndarray, through: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Features and transmittance of this layer before others."""
@@ -78,7 +80,9 @@ class Adjoints:
 def _outputs(sums: np.ndarray, transmittance: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Image and expected depth."""
     drawn = 1 - transmittance
-    depth = np.divide(sums[..., 3], drawn, out=np.zeros_like(sums[..., 3]), where=drawn.real > 0)
+    depth = np.divide(
+        sums[..., 3], drawn, out=np.zeros_like(sums[..., 3]), where=np.real(drawn) > 0
+    )
     return sums[..., :3] + transmittance[..., None] * BACKGROUND, depth
 
 
@@ -141,7 +145,9 @@ def layer_of(
     half = JACOBIAN_MARGIN * 0.5 * size
     tangents = np.stack([x / z, y / z], axis=-1)
     low, high = -(center + half) / focal, (size - center + half) / focal
-    clamped = np.where(tangents.real < low, low, np.where(tangents.real > high, high, tangents))
+    clamped = np.where(
+        np.real(tangents) < low, low, np.where(np.real(tangents) > high, high, tangents)
+    )
     axes = np.swapaxes(row_pose[..., :3, :3], -1, -2) @ _rotation(p["quats"])
     m0, m1 = (
         (focal[i] / z)[..., None]
@@ -225,7 +231,8 @@ def twin_gradients(
             """Of the loss along the imaginary steps in variants of this splat before the rest."""
             features, left = layer_of(splat, scene, options, own.drawn, shift).over(*behind[-1])
             features = sums + through[..., None] * features
-            return adjoints.loss_per_pixel(features, through * left).imag.sum(axis=(-1, -2)) / STEP
+            loss = adjoints.loss_per_pixel(features, through * left)
+            return np.imag(loss).sum(axis=(-1, -2)) / STEP
 
         for name, value in splats[i].items():
             steps = 1j * STEP * np.eye(value.size).reshape(-1, *value.shape)

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+import warp as wp
 
 from digs_warp.data.gaussians import FIELDS
 from digs_warp.splat.config import RasterOptions
@@ -91,7 +92,7 @@ def check_against_twin(
         check_images(renderer, twin, STIFF_TOLERANCE if stiff else IMAGE_TOLERANCE)
         tolerance = DEPTH_TOLERANCE if options.has_depth else GRADIENT_TOLERANCE
         tolerance = STIFF_TOLERANCE if stiff else tolerance
-        found = dict(zip(FIELDS, renderer.gradients.arrays, strict=True))
+        found: dict[str, wp.array] = dict(zip(FIELDS, renderer.gradients.arrays, strict=True))
         assert renderer.statistics is not None
         found["gradient sums"] = renderer.statistics.gradient_sums
         for name, array in found.items():
