@@ -155,7 +155,8 @@ class _Render(torch.autograd.Function):
             ctx.camera = moved_camera(ctx.camera, ctx.pose)
         arrays = (tensor.detach().cpu().float().numpy() for tensor in parameters)
         ctx.gaussians = Gaussians(*arrays)
-        ctx.view = view = render_numpy(ctx.gaussians, **settings | {"camera": ctx.camera})
+        moved: dict[str, Any] = settings | {"camera": ctx.camera}
+        ctx.view = view = render_numpy(ctx.gaussians, **moved)
         outputs = view.image, view.alpha, view.depth
         return tuple(None if pixels is None else _like(parameters[0], pixels) for pixels in outputs)
 

@@ -1,5 +1,8 @@
 """Shading against closed forms: spots, highlights, mirrors, glass, textures, and the tables behind them."""
 
+# Warp's stubs do not type device code.
+# pyright: reportArgumentType=false, reportGeneralTypeIssues=false, reportIndexIssue=false
+
 from dataclasses import replace
 
 import numpy as np

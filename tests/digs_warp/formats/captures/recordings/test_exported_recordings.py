@@ -41,7 +41,7 @@ def test_masks_and_cameras_of_bop_come_back(capture: Capture, tmp_path: Path) ->
     export_capture(replace(capture, frames=(*capture.frames[:2], last)), "bop", tmp_path / "bop")
     found = converted("bop", tmp_path / "bop", tmp_path / "capture")
     assert [frame.camera.intrinsics.fx for frame in found.frames] == [19.0, 19.0, 30.0]
-    mask, true = (each.frames[1].load_mask() > 127 for each in (found, capture))
+    mask, true = [each.frames[1].load_mask() > 127 for each in (found, capture)]
     np.testing.assert_array_equal(mask, true)
 
 
