@@ -43,7 +43,7 @@ JOBS = {
     },
     "pxr,cv2": {
         "--help": None,
-        "info {folder}/capture": None,
+        "info {folder}/capture": "opencv-python-headless",
         "info {folder}/gaussians.npz": None,
         "usd validate {folder}/a.usda": "usd-core",
         f"{SMALL} --tier matcher": "opencv-python-headless",
