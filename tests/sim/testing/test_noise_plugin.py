@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from digs_warp.checks import DigsError
-from digs_warp.sim.testing.marker import read_marker
+from digs_warp.sim.testing.marker import each, read_marker
 
 
 def run_pytest(folder: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
@@ -96,7 +96,8 @@ WRONG = [
 
 def test_a_wrong_marker_stops_the_collection_in_one_line() -> None:
     for arguments, reason in WRONG:
-        marker = eval(f"pytest.mark.sensor_noise({arguments})").mark
+        names = {"pytest": pytest, "each": each}
+        marker = eval(f"pytest.mark.sensor_noise({arguments})", names).mark
         with pytest.raises(DigsError, match=re.escape(reason)):
             read_marker(marker)
 
