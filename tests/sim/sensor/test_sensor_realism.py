@@ -152,7 +152,7 @@ def trust(scenes: Sequence[RecordedScene | Scene]) -> tuple[np.ndarray, np.ndarr
         sensed, true = scene.sense("guided"), scene.truth.disparity
         known = sensed.known & np.isfinite(true)
         confidence.append(sensed.confidence[known])
-        right.append(np.abs(sensed.disparity - true)[known] <= 1)
+        right.append((np.abs(sensed.disparity - true)[known] <= 1).astype(float))
     said = np.concatenate(confidence)
     counts, of_right, of_said = (
         np.histogram(said, TRUSTED, weights=weights)[0]
