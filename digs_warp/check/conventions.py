@@ -11,7 +11,8 @@ from typing import Any
 import numpy as np
 
 from digs_warp.check import thresholds as limits
-from digs_warp.check.evidence import Agreement, Evidence, agreement, spread
+from digs_warp.check.evidence import Agreement, Evidence, agreement
+from digs_warp.data.viewpoints import spread
 from digs_warp.geometry.camera import Camera, Intrinsics, pixel_centers
 from digs_warp.geometry.rigid import OPENCV_FROM_OPENGL, invert_rigid
 from digs_warp.measure.thumbnails import WIDTH, SmallFrame, front_points, green_means, thumbnails

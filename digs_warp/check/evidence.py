@@ -13,6 +13,7 @@ import numpy as np
 from digs_warp.check import thresholds as limits
 from digs_warp.data.capture import Capture
 from digs_warp.data.frame import Frame
+from digs_warp.data.viewpoints import spread
 from digs_warp.geometry.reproject import FINE, SAME_SURFACE, DepthTolerance, compare_depth
 from digs_warp.measure.thumbnails import SmallFrame, pixels_showing, small_frames
 
@@ -118,11 +119,6 @@ class Evidence:
     def agreement(self) -> Agreement | None:
         """How well the pairs agree; None without poses or depth."""
         return agreement(self.compared, self.pairs) if self.pairs else None
-
-
-def spread(count: int, most: int) -> list[int]:
-    """Return at most ``most`` numbers below ``count``, evenly spread, the first and the last among them."""
-    return np.unique(np.linspace(0, count - 1, min(most, count)).round().astype(int)).tolist()
 
 
 def neighbors(frames: Sequence[Frame]) -> list[tuple[int, int]]:

@@ -17,8 +17,9 @@ from typing import Any
 import numpy as np
 
 from digs_warp.check import thresholds as limits
-from digs_warp.check.evidence import Evidence, same_depth_share, shared_points, spread
+from digs_warp.check.evidence import Evidence, same_depth_share, shared_points
 from digs_warp.data.layers import Layer
+from digs_warp.data.viewpoints import spread
 from digs_warp.measure.thumbnails import SmallFrame, small_frames
 from digs_warp.poses.photo_matches import agreeing_shares
 from digs_warp.poses.thresholds import USUAL_MATCH_SHARE

@@ -8,13 +8,13 @@ from typing import Any
 import numpy as np
 
 from digs_warp.check import thresholds as limits
-from digs_warp.check.evidence import Evidence, brightness_ratio, exposure_change, ratio_of, spread
+from digs_warp.check.evidence import Evidence, brightness_ratio, exposure_change, ratio_of
 from digs_warp.checks import DigsError
 from digs_warp.data.capture import Capture
 from digs_warp.data.frame import Frame
 from digs_warp.data.images import write_image
 from digs_warp.data.layers import Layer
-from digs_warp.data.viewpoints import evenly
+from digs_warp.data.viewpoints import evenly, spread
 from digs_warp.geometry.rigid import turn_degrees
 from digs_warp.masks.no_scene import black_border
 from digs_warp.measure.thumbnails import green_means, small_frames, thumbnail_step, thumbnails

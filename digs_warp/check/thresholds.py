@@ -52,7 +52,7 @@ FEWEST_MOVED_POINTS = 500
 # Outliers: two frames that look at this much in common can contradict each other; they agree above this share
 # of the median agreement of neighbors. Where that is below the last one, single frames are lost in noise.
 OUTLIER_OVERLAP, AGREEING_SHARE, LEAST_TYPICAL_AGREEMENT = 0.1, 0.75, 0.4
-# Two masks are compared on at least so many points that either of them marks.
+# Masks that mark fewer points than this between them are not compared.
 FEWEST_MARKED = 30
 
 # Repeated frames: thumbnails that differ by less [of 255] show the same.

@@ -17,6 +17,11 @@ def evenly(items: Sequence[Item], count: int) -> list[Item]:
     return [items[int(i * step)] for i in range(min(count, len(items)))]
 
 
+def spread(count: int, most: int) -> list[int]:
+    """Return at most ``most`` numbers below ``count``, evenly spread, the first and the last among them."""
+    return np.unique(np.linspace(0, count - 1, min(most, count)).round().astype(int)).tolist()
+
+
 def looked_at(cameras: Sequence[Camera]) -> np.ndarray:
     """Return the point with the smallest summed squared distance to all optical axes [m], shape (3,).
 

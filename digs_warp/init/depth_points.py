@@ -46,7 +46,7 @@ logger = logging.getLogger(__name__)
 THINNED = 4
 # It is thinned from at most so many times as many points as are wanted: it leaves a half to a third of them.
 SPARE = 3.0
-# So many views are compared at most, evenly spread: each place is in many of them.
+# Points are compared with at most this many views, evenly spread: each place is in many of them.
 COMPARED = 60
 # If so many large views fill as many voxels already, all are put on coarser grids at once.
 FEW_VIEWS = 8
@@ -134,9 +134,8 @@ def _coarser_at_once(
     for view in map_frames(some, partial(work, levels=levels)):
         sums.add(view.measured)
     grids, stride = sums.grids, 1
-    if (
-        levels.pixels is None
-    ):  # of an object, so many voxels are thinned to about as many as are wanted
+    # An object starts from SPARE times as many voxels as are wanted, so fewer pixels do for them.
+    if levels.pixels is None:
         stride = round(within(grids, most / SPARE)[0])
     return replace(levels, finest=within(grids, most)[0] * levels.finest, stride=stride)
 

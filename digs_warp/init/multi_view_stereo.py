@@ -115,9 +115,9 @@ def _neighbors(seen: np.ndarray, centers: np.ndarray, points: np.ndarray, index:
     cosines = np.clip(np.einsum("nmk,mk->nm", rays, rays[index]), -1.0, 1.0)
     angles = np.degrees(np.arccos(cosines))
     width = np.where(angles < BEST_ANGLE, BELOW, ABOVE)
-    told = np.exp(-0.5 * ((angles - BEST_ANGLE) / width) ** 2)
-    told[~seen[:, mine] | (angles < LEAST_ANGLE) | (angles > MOST_ANGLE)] = 0.0
-    scores = told.sum(axis=1)
+    weights = np.exp(-0.5 * ((angles - BEST_ANGLE) / width) ** 2)
+    weights[~seen[:, mine] | (angles < LEAST_ANGLE) | (angles > MOST_ANGLE)] = 0.0
+    scores = weights.sum(axis=1)
     scores[index] = 0.0
     order = np.argsort(-scores, kind="stable")[:ASKED]
     return order[scores[order] > 0]

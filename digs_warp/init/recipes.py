@@ -29,7 +29,7 @@ logger = logging.getLogger(__name__)
 
 # Photographs whose matching tells the depth of fewer pixels [share] are started from something else.
 LEAST_MATCHED = 0.15
-# So many random points a scene starts from where nothing else tells of it.
+# Random points where neither photographs nor depth give a start.
 RANDOM_POINTS = 20_000
 # A stage that keeps a smaller share of pixels or voxels is said, for something is wrong there.
 LEAST_KEPT = 0.2
@@ -95,7 +95,7 @@ def _from_photographs(
         said = f"matching the photographs tells the depth of {matched.share:.0%} of their pixels"
         if matched.share >= LEAST_MATCHED:
             logger.info(said)
-            # Other views have agreed already; and beside gaps, the filter would find edges everywhere.
+            # The views have been compared already, and the gaps would count as edges.
             return _from_depth(matched.frames, replace(config, edge_filter=False), sfm, subject)
     logger.warning(
         "%s, too little to start from: they show little texture, or their poses are wrong; starting from %s",

@@ -195,7 +195,7 @@ def count_views(
         points_world: points [m], shape (n, 3).
         views: all of them.
         voxel_size: of the points' grid [m].
-        share: of the depth, by which depths of one surface may differ beside `TOLERANCE_VOXELS`.
+        share: of the depth, added to the tolerance of `TOLERANCE_VOXELS`.
     """
     found = wp.empty((len(points_world), 5), dtype=int, device="cpu")
     inputs = [*_inputs(points_world, views, voxel_size), wp.float64(share), found]

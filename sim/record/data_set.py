@@ -13,6 +13,7 @@ from digs_warp.checks import DigsError
 from digs_warp.data.about import RecordedObject
 from digs_warp.data.capture import Capture
 from digs_warp.data.frame import Frame
+from digs_warp.data.viewpoints import spread
 from digs_warp.engines.config import EngineConfig
 from digs_warp.engines.engine import Needs
 from digs_warp.engines.run import run_tasks
@@ -163,7 +164,7 @@ def judge_depth(capture: Capture) -> tuple[float | None, float | None]:
 
     Either is None where no frame that is looked at shows the object, or none of it has depth.
     """
-    chosen = np.linspace(0, len(capture) - 1, min(JUDGED_FRAMES, len(capture))).round().astype(int)
+    chosen = spread(len(capture), JUDGED_FRAMES)
     errors = np.concatenate([_errors_on_object(capture.frames[i]) for i in chosen])
     if len(errors) == 0:
         return None, None

@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 
 from digs_warp.checks import DigsError
+from digs_warp.data.viewpoints import spread
 from digs_warp.sim.camera.metering import meter_walk
 from digs_warp.sim.camera.rig import StereoRig
 from digs_warp.sim.camera.shutter import Shutter
@@ -143,8 +144,7 @@ def make_plan(session: Session) -> SensorPlan:
 def look_around(session: Session) -> SceneFacts:
     """Return the facts of a recording, from a few small frames of it."""
     config = session.config
-    count = min(LOOKS, config.frame_count)
-    numbers = np.linspace(0, config.frame_count - 1, count).round().astype(int).tolist()
+    numbers = spread(config.frame_count, LOOKS)
     small = session.small()
     # The facts are those of the left eye.
     looks = [small.truth(number, Shutter(), both_eyes=False)[0] for number in numbers]

@@ -15,6 +15,7 @@ from digs_warp.data.capture import FRAME_RATE
 from digs_warp.data.file_names import folder_named, masks_in
 from digs_warp.data.images import MM_PER_METRE, image_size
 from digs_warp.data.point_cloud import PointCloud
+from digs_warp.data.viewpoints import spread
 from digs_warp.formats.captures.lens import PinholeView
 from digs_warp.formats.table import RECORDINGS
 from digs_warp.geometry.camera import Intrinsics
@@ -195,7 +196,7 @@ class Recording:
 
     def thinned(self, count: int) -> "Recording":
         """Return the recording with at most ``count`` frames, evenly spread from the first to the last."""
-        kept = np.unique(np.linspace(0, len(self.frames) - 1, count).round().astype(int))
+        kept = spread(len(self.frames), count)
         return replace(self, frames=tuple(self.frames[number] for number in kept))
 
     def with_field_of_view(self, degrees: float) -> "Recording":

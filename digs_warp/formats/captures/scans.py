@@ -43,6 +43,7 @@ import numpy as np
 from digs_warp.checks import CaptureError, require_file, require_folder
 from digs_warp.data.capture import FRAME_RATE
 from digs_warp.data.images import MM_PER_METRE, image_size, write_image
+from digs_warp.data.viewpoints import spread
 from digs_warp.formats.captures.recording import (
     IMAGE_SUFFIXES,
     DepthCamera,
@@ -106,7 +107,7 @@ def read_r3d(path: Path, scratch: Path, count: int) -> Recording:
                 for name in archive.namelist()
                 if re.fullmatch(r"rgbd/\d+\.jpg", name)
             )
-            for number in np.unique(np.linspace(0, len(numbers) - 1, count).round().astype(int)):
+            for number in spread(len(numbers), count):
                 name = numbers[number]
                 image = archive.read(f"rgbd/{name}.jpg")
                 write_atomically(scratch / f"rgb/{name}.jpg", image)

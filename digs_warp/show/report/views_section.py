@@ -5,6 +5,7 @@ import numpy as np
 from digs_warp.checks import DigsError
 from digs_warp.data.capture import Capture
 from digs_warp.data.layers import Layer
+from digs_warp.data.viewpoints import spread
 from digs_warp.measure.scores import Score
 from digs_warp.pipeline.reconstruction import Reconstruction
 from digs_warp.show.report.markup import (
@@ -46,7 +47,7 @@ def views_section(capture: Capture, result: Reconstruction) -> str:
     ranked = sorted(views, key=lambda view: np.nan_to_num(getattr(view, f"psnr_{what}")))
     if not ranked:
         return section("Held-out views", "No view was held out.", name="views")
-    chosen = np.linspace(0, len(ranked) - 1, min(MAX_VIEWS, len(ranked))).round().astype(int)
+    chosen = spread(len(ranked), MAX_VIEWS)
     rows = [
         ("{}\n{}\nSSIM {}".format(view.name, *words(view)), _cells(capture, result, view.name))
         for view in (ranked[i] for i in chosen)
