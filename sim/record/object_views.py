@@ -16,6 +16,9 @@ from digs_warp.sim.render.upload import DeviceScene, upload_scene
 from digs_warp.sim.scene.join import only_object
 from digs_warp.sim.scene.scene import SceneObject
 
+# Pixels beyond the projected corners: an object that stays this far from the border is not cut by it.
+MARGIN = 2
+
 
 @dataclass(frozen=True, eq=False)
 class ObjectViews:
@@ -23,13 +26,15 @@ class ObjectViews:
 
     maker: FrameMaker
     alone: tuple[DeviceScene, ...]
+    corners: tuple[np.ndarray, ...]
 
     @staticmethod
     def of(maker: FrameMaker) -> "ObjectViews":
         """Prepare the scenes of single objects."""
         scene = maker.session.scene
         scenes = [only_object(scene, i + 1) for i in range(len(scene.objects))]
-        return ObjectViews(maker, tuple(map(upload_scene, scenes)))
+        corners = tuple(each.vertices.astype(np.float64) for each in scenes)
+        return ObjectViews(maker, tuple(map(upload_scene, scenes)), corners)
 
     def in_frame(self, number: int) -> tuple[ObjectView, ...]:
         """Return the view of each object in a frame."""
@@ -44,7 +49,10 @@ class ObjectViews:
         views = []
         for i, each in enumerate(session.scene.objects):
             visible = seen == i + 1
-            whole = self._alone(i, canvas)
+            if is_inside(camera, self.corners[i]):
+                whole = np.zeros((3 * height, 3 * width), bool)
+            else:
+                whole = self._alone(i, canvas)
             whole[image] = np.concatenate([self._alone(i, band) for band in bands]) | visible
             views.append(
                 ObjectView(
@@ -72,6 +80,13 @@ def cam_from_object(camera: Camera, placed: SceneObject) -> np.ndarray:
     world_from_object = placed.world_from_mesh.copy()
     world_from_object[:3, :3] /= np.cbrt(np.linalg.det(world_from_object[:3, :3]))
     return camera.cam_from_world @ world_from_object
+
+
+def is_inside(camera: Camera, corners: np.ndarray) -> bool:
+    """Whether the border of the image cuts nothing off a hull; ``corners``: in the world [m], (n, 3)."""
+    px, z = camera.project(corners)
+    size = np.array([camera.intrinsics.width, camera.intrinsics.height])
+    return bool((z > 0).all() and ((px >= MARGIN) & (px <= size - MARGIN)).all())
 
 
 def wider(k: Intrinsics) -> Intrinsics:
