@@ -25,12 +25,25 @@ def put(array: wp.array, values: np.ndarray | tuple[float, ...]) -> None:
     """Set all values of a small contiguous array.
 
     A step of the training sets a dozen, and the arrays that `wp.array.assign` makes each time take longer
-    than the rest of it on a CPU.
+    than the rest of it.
     """
-    written = array.numpy()
-    written[...] = values
-    if str(array.device) != "cpu":
-        array.assign(written)
+    if str(array.device) == "cpu":
+        array.numpy()[...] = values
+        return
+    with _copying:
+        on_host, written = _kept_on_host(array.dtype, array.shape)
+        written[...] = values
+        wp.copy(array, on_host)  # has read it when it returns, for this memory is not pinned
+
+
+_copying = Lock()
+
+
+@cache
+def _kept_on_host(dtype: Any, shape: tuple[int, ...]) -> tuple[wp.array, np.ndarray]:
+    """Return an array on the host, and its memory as NumPy sees it."""
+    array = wp.zeros(shape, dtype=dtype, device="cpu")
+    return array, array.numpy()
 
 
 start_warp()
@@ -49,9 +62,9 @@ def _pool(threads: int) -> ThreadPoolExecutor:
 
 def _start_anew() -> None:
     """Forget the threads, of which a forked process has none, and the locks that they may have held."""
-    global _recording
+    global _recording, _copying
     _pool.cache_clear()
-    _recording = Lock()
+    _recording, _copying = Lock(), Lock()
 
 
 if hasattr(os, "register_at_fork"):  # a data loader of PyTorch forks its workers

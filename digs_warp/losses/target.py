@@ -185,27 +185,24 @@ class Target:
         self._compose.set_param(_TAKES_GAIN, int(self._has_gain))
 
 
-def accept(unknown: np.ndarray, image: ImagePlanes, target: ImagePlanes) -> None:
-    """Take what is rendered for the target; call it between target and terms.
-
-    ``unknown``: rows and columns of the pixels, (2, n).
-    """
-    _put(unknown, target, image.data.numpy()[_places(unknown, image)])
+def accept(places: np.ndarray, image: ImagePlanes, target: ImagePlanes) -> None:
+    """Take what is rendered for the target at `places`; call it between target and terms."""
+    _put(places, target, image.data.numpy()[places])
 
 
-def erase(unknown: np.ndarray, adj_image: ImagePlanes) -> None:
+def erase(places: np.ndarray, adj_image: ImagePlanes) -> None:
     """Erase the gradient with respect to the image; call it after the terms."""
-    _put(unknown, adj_image, 0.0)
+    _put(places, adj_image, 0.0)
 
 
-def _places(unknown: np.ndarray, planes: ImagePlanes) -> np.ndarray:
-    """Return the indices of the pixels in three planes, (3, n)."""
+def places_of(unknown: np.ndarray, planes: ImagePlanes) -> np.ndarray:
+    """Return the indices of pixels, rows and columns (2, n), in three planes, (3, n)."""
     first = planes.origin + unknown[0] * planes.pitch + unknown[1]
     return first + planes.plane * np.arange(3)[:, None]
 
 
-def _put(unknown: np.ndarray, planes: ImagePlanes, values: np.ndarray | float) -> None:
+def _put(places: np.ndarray, planes: ImagePlanes, values: np.ndarray | float) -> None:
     data = planes.data.numpy()  # on a CPU no copy
-    data[_places(unknown, planes)] = values
+    data[places] = values
     if str(planes.data.device) != "cpu":
         planes.data.assign(data)

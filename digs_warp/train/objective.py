@@ -15,7 +15,7 @@ from digs_warp.geometry.rigid import PixelBox
 from digs_warp.losses.depth import DepthLoss
 from digs_warp.losses.photometric import PhotometricLoss
 from digs_warp.losses.regions import loss_blocks, read_region, union
-from digs_warp.losses.target import Target, accept, erase
+from digs_warp.losses.target import Target, accept, erase, places_of
 from digs_warp.measure.color_gain import ColorGain
 from digs_warp.splat.bin_tiles import pixels_of
 from digs_warp.splat.blur_renderer import BlurRenderer
@@ -77,8 +77,10 @@ class Objective:
             gain,
             renderer.image,
         )
-        if view.unknown is not None:
-            accept(view.unknown, renderer.image, self._target.image)
+        # Rendered image, target and gradient have the same layout.
+        unknown = None if view.unknown is None else places_of(view.unknown, renderer.image)
+        if unknown is not None:
+            accept(unknown, renderer.image, self._target.image)
         self._photometric.run(view.size, blocks)
         if self._depth is not None and view.depth is None:
             self._depth.skip()
@@ -86,8 +88,8 @@ class Objective:
             boxes = view.box, pixels_of(drawn, *view.size)
             errors = depth_errors.offset, depth_errors.trust
             self._depth.run(view.depth, *boxes, *errors, slope_factor=renderer.moments)
-        if view.unknown is not None:
-            erase(view.unknown, renderer.adj_image)
+        if unknown is not None:
+            erase(unknown, renderer.adj_image)
 
     def add(self, loss: OwnLoss, frame: Frame, view: View, background: np.ndarray) -> None:
         """Add a term of the user's for the last rendered image; call it after `compare`.

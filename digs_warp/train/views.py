@@ -119,7 +119,9 @@ def packed_view(
     inside = (slice(box[1], box[3]), slice(box[0], box[2]))
     pixels = wp.array(pack_view(image[inside], mask[inside]), dtype=wp.uint8, device=device)
     samples = color_samples(image, mask)
-    hidden = None if unknown is None or not unknown.any() else np.argwhere(unknown).T
+    hidden = (
+        None if unknown is None or not unknown.any() else np.argwhere(unknown).T.astype(np.int32)
+    )
     return View(name, camera, pixels, box, tiles_of(mask), samples, unknown=hidden)
 
 
