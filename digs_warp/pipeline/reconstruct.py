@@ -43,9 +43,10 @@ from digs_warp.record.run_log import RunLog, RunRecord
 from digs_warp.splat.device import DeviceGaussians
 from digs_warp.surface.rendered import surface_error
 from digs_warp.surface.true_surface import read_true_surface
-from digs_warp.train.evaluate import measure_views, unseen_part
+from digs_warp.train.evaluate import measure_views
 from digs_warp.train.other_sizes import measure_other_sizes
 from digs_warp.train.session import NO_HOOKS, Hooks
+from digs_warp.train.unseen_part import unseen_part
 
 logger = logging.getLogger(__name__)
 

@@ -14,17 +14,13 @@ import numpy as np
 
 from digs_warp.data.frame import Frame
 from digs_warp.data.images import to_uint8
-from digs_warp.data.layers import Layer
-from digs_warp.data.posed_frames import PosedFrames
 from digs_warp.device.threads import default_threads
 from digs_warp.geometry.camera import Camera
-from digs_warp.geometry.reproject import unproject_pixels
-from digs_warp.geometry.rigid import mask_box, transform_points
+from digs_warp.geometry.rigid import mask_box
 from digs_warp.init.config import MASK_THRESHOLD
 from digs_warp.measure.color_gain import OFFSET, ColorGain, fit_color_gain
 from digs_warp.measure.metrics import mean_over, psnr, ssim_map
-from digs_warp.measure.scores import UnseenPart, ViewScore
-from digs_warp.measure.thumbnails import SmallDepth, pixels_showing, small_depths
+from digs_warp.measure.scores import ViewScore
 from digs_warp.poses.in_training import filled_depth, motion_between, moved
 from digs_warp.splat.blur_renderer import BlurRenderer
 from digs_warp.splat.camera_motion import Blur, RowMotion
@@ -158,11 +154,9 @@ class Rendering:
         return np.clip(self.light, 0.0, 1.0)
 
 
-def render_views(
-    gaussians: DeviceGaussians, views: Sequence[TestView], with_depth: bool = False
-) -> list[Rendering]:
+def render_views(gaussians: DeviceGaussians, views: Sequence[TestView]) -> list[Rendering]:
     """Render the Gaussians in each view over white."""
-    return list(drawn_views(gaussians, views, with_depth=with_depth))
+    return list(drawn_views(gaussians, views))
 
 
 def drawn_views(
@@ -194,17 +188,13 @@ class MeasuredViews:
     """Held-out views as Gaussians show them."""
 
     images: Sequence[np.ndarray]  # sRGB, (height, width, 3), uint8
-    depths: Sequence[np.ndarray]  # of every `UNSEEN_STEP`-th pixel in both directions [m], float32
+    depths: Sequence[np.ndarray]  # of every `COARSE_STEP`-th pixel in both directions [m], float32
     scores: Sequence[ViewScore]  # beside the photographs
 
 
-# Pixels are asked whether training views see them at this distance from each other [px]. A view with depth
-# sees a point unless it measured something nearer by this share.
-UNSEEN_STEP, NEARER = 4, 0.1
-# A smaller share of unseen pixels is not worth a word.
-LEAST_UNSEEN = 0.005
-
-_COARSE = (slice(None, None, UNSEEN_STEP), slice(None, None, UNSEEN_STEP))
+# Depth is kept of pixels this far from each other [px].
+COARSE_STEP = 4
+COARSE = (slice(None, None, COARSE_STEP), slice(None, None, COARSE_STEP))
 _Measured: TypeAlias = tuple[np.ndarray, np.ndarray, ViewScore]
 
 
@@ -213,7 +203,7 @@ def measure_views(gaussians: DeviceGaussians, views: Sequence[TestView]) -> Meas
 
     def measured(rendering: Rendering, view: TestView) -> _Measured:
         assert rendering.depth is not None
-        depth = rendering.depth[_COARSE].astype(np.float32)
+        depth = rendering.depth[COARSE].astype(np.float32)
         return to_uint8(rendering.image), depth, score_view(rendering, view)
 
     waiting: deque[Future[_Measured]] = deque()
@@ -226,56 +216,6 @@ def measure_views(gaussians: DeviceGaussians, views: Sequence[TestView]) -> Meas
                 found.append(waiting.popleft().result())
         found += [each.result() for each in waiting]
     return MeasuredViews(*([each[part] for each in found] for part in range(3)))  # pyright: ignore
-
-
-def unseen_part(
-    measured: MeasuredViews, frames: PosedFrames, views: Sequence[TestView]
-) -> UnseenPart | None:
-    """Return what held-out views show that no training view sees; None: next to nothing.
-
-    Args:
-        measured: the held-out views; the Gaussians tell the depth of photographs without depth.
-        frames: held-out and training ones; where these have depth, what is hidden counts as unseen.
-        views: the held-out ones.
-    """
-    seen = [*small_depths(frames.training, range(len(frames.training))).values()]
-    cameras = [f.camera for f in frames.training if not f.has(Layer.DEPTH)]
-    shares, unseen, others = [], [], []
-    each = frames.held_out, views, measured.images, measured.depths
-    for frame, view, image, rendered in zip(*each, strict=True):
-        depth = frame.load_depth()[_COARSE] if frame.has(Layer.DEPTH) else rendered
-        hidden = _unseen(view.camera, depth, seen, cameras) & view.object_pixels
-        values = image.astype(np.float32) / 255.0
-        shares.append(np.count_nonzero(hidden) / max(np.count_nonzero(view.object_pixels), 1))
-        unseen.append(psnr(values, view.target, hidden))
-        others.append(psnr(values, view.target, view.object_pixels & ~hidden))
-    if not shares or np.mean(shares) < LEAST_UNSEEN:
-        return None
-    means = [float(np.mean(dB)) for each in (unseen, others) if (dB := [v for v in each if v == v])]
-    return UnseenPart(float(np.mean(shares)), *means)
-
-
-def _unseen(
-    camera: Camera, depth: np.ndarray, seen: Sequence[SmallDepth], cameras: Sequence[Camera]
-) -> np.ndarray:
-    """Return which pixels show what none of the views sees, (height, width), bool; ``depth`` is coarse."""
-    k = camera.intrinsics
-    rows, columns = UNSEEN_STEP * np.indices(depth.shape).reshape(2, -1)
-    z = depth.reshape(-1).astype(np.float64)
-    points = unproject_pixels(rows, columns, z, camera.intrinsics)
-    points = transform_points(camera.world_from_cam, points)
-    # The nearest views come first: they see most, and what they see needs no other.
-    views = sorted(
-        [*((each.camera, each.depth.reshape(-1)) for each in seen), *((c, None) for c in cameras)],
-        key=lambda view: float(np.linalg.norm(view[0].center_world - camera.center_world)),
-    )
-    left = np.flatnonzero(z > 0)
-    for other, measured in views:
-        pixel, there = pixels_showing(other, points[left])
-        hidden = measured is not None and measured[pixel] < (1 - NEARER) * there
-        left = left[(pixel < 0) | hidden]
-    unseen = np.isin(np.arange(len(z)), left).reshape(depth.shape)
-    return unseen[np.arange(k.height)[:, None] // UNSEEN_STEP, np.arange(k.width) // UNSEEN_STEP]
 
 
 def color_aligned(rendering: Rendering, view: TestView) -> np.ndarray:

@@ -10,7 +10,8 @@ from digs_warp.data.frame import Frame
 from digs_warp.data.layers import Layer
 from digs_warp.data.posed_frames import PosedFrames
 from digs_warp.geometry.rigid import rigid
-from digs_warp.train.evaluate import MeasuredViews, load_test_views, unseen_part
+from digs_warp.train.evaluate import MeasuredViews, load_test_views
+from digs_warp.train.unseen_part import unseen_part
 from reference.tiny_capture import HEIGHT, WIDTH, write_tiny_capture
 
 
