@@ -22,14 +22,11 @@ class Stopwatch:
 def best_ms(
     function: Callable[[], object],
     repeats: int,
-    before: Callable[[], object] | None = None,
     clock: Callable[[], float] = time.perf_counter,
 ) -> float:
-    """Return the shortest of ``repeats`` calls [ms]; ``before`` runs ahead of each and does not count."""
+    """Return the shortest of ``repeats`` calls [ms]."""
     seconds = []
     for _ in range(repeats):
-        if before is not None:
-            before()
         start = clock()
         function()
         seconds.append(clock() - start)

@@ -38,13 +38,13 @@ LINE_BUDGETS = {
     "check": 1_670,
     "commands": 2_974,
     "data": 3_107,
-    "device": 856,
+    "device": 869,
     "engines": 969,
     "files at the top": 742,
     "formats": 5_694,
     "geometry": 630,
     "init": 3_530,
-    "losses": 629,
+    "losses": 626,
     "masks": 625,
     "measure": 1_507,
     "pipeline": 2_254,
@@ -52,9 +52,9 @@ LINE_BUDGETS = {
     "record": 1_844,
     "show": 2_793,
     "sim.camera": 1_342,
-    "sim.fit": 1_603,
-    "sim.record": 1_940,
-    "sim.render": 4_255,
+    "sim.fit": 1_609,
+    "sim.record": 1_955,
+    "sim.render": 4_253,
     "sim.scene": 3_545,
     "sim.sensor": 4_416,
     "sim.testing": 851,
@@ -62,10 +62,10 @@ LINE_BUDGETS = {
     "study": 1_480,
     "surface": 558,
     "torch": 180,
-    "train": 3_594,
+    "train": 3_608,
     "usd": 2_370,
 }
-MOST_FILES = 469  # of the product; 65,000 lines in 500 files are the goal
+MOST_FILES = 470  # of the product; 65,000 lines in 500 files are the goal
 # A shorter file with a single client in its folder belongs into that client.
 CRUMB = 60
 

@@ -191,7 +191,7 @@ def _poses_and_start(
         frames = registered(frames, model)
         if config.sfm.poses == "sfm" and capture.has_depth:
             with log.stage("compare with depth"):
-                finding = depth_contradiction(capture, frames, config.sfm)
+                finding = depth_contradiction(frames, config.sfm)
             if finding:
                 logger.warning("%s: %s; --poses rgbd uses the depth", capture, finding)
                 findings += (finding,)

@@ -58,7 +58,7 @@ def chosen_way(
     try:
         sparse = match_images(capture, by_images, workspace)
         model = in_metres(sparse, capture, split, init)
-        reason = depth_contradiction(capture, registered(split, model), sfm)
+        reason = depth_contradiction(registered(split, model), sfm)
     except MissingLibraryError:
         raise
     except DigsError as error:
@@ -180,15 +180,14 @@ def tracked(capture: Capture, config: SfmConfig) -> tuple[Capture, Tracking]:
     return replace(capture, frames=frames, about=about), found.tracking
 
 
-def depth_contradiction(capture: Capture, frames: PosedFrames, sfm: SfmConfig) -> str:
+def depth_contradiction(frames: PosedFrames, sfm: SfmConfig) -> str:
     """Return why poses from images are doubtful: depth shows other motions between neighbors; or "".
 
     Images can agree on wrong poses, as before a wall whose pattern repeats. Without Open3D or depth nothing
     is measured.
 
     Args:
-        capture: the recording.
-        frames: with its poses, in metres.
+        frames: with poses of the images, in metres.
         sfm: the settings.
     """
     from digs_warp.poses.from_depth.estimate import contradicted_steps

@@ -25,11 +25,11 @@ LEAST_OPACITY = 0.5 / 255
 HALF_TURN = np.diag([-1.0, -1.0, 1.0])
 
 
-def random_splats(count: int, degree: int = 3) -> Gaussians:
-    """Return splats all over a cubic metre, of every shape, with colors that change with the direction."""
+def random_splats(count: int) -> Gaussians:
+    """Return splats of every shape all over a cubic metre, with colors of degree 3."""
     rng = np.random.default_rng(0)
     size = count ** (-1 / 3)  # about as large as they are apart
-    sh = rng.normal(0.0, 0.1, (count, (degree + 1) ** 2, 3))
+    sh = rng.normal(0.0, 0.1, (count, 16, 3))
     sh[:, 0] = rng.normal(0.0, 0.8, (count, 3))
     return Gaussians(
         means=rng.uniform(-0.5, 0.5, (count, 3)),

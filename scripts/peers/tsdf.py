@@ -20,7 +20,7 @@ from digs_warp.data.capture import Capture
 from digs_warp.data.frame import Frame
 from digs_warp.data.triangle_mesh import TriangleMesh
 from digs_warp.device.libraries import import_open3d
-from digs_warp.geometry.camera import Camera
+from digs_warp.geometry.camera import Camera, pixel_centers
 from digs_warp.init.config import InitConfig
 from digs_warp.pipeline.reconstruct import ReconstructConfig, reconstruct
 from digs_warp.poses.from_images.config import SfmConfig
@@ -79,9 +79,7 @@ def draw(mesh: TriangleMesh, camera: Camera) -> Rendering:
     open3d, k = import_open3d(), camera.intrinsics
     scene = open3d.t.geometry.RaycastingScene()  # pyright: ignore[reportAttributeAccessIssue]
     scene.add_triangles(mesh.points_world.astype(np.float32), mesh.triangles.astype(np.uint32))
-    u, v = np.meshgrid(np.arange(k.width) + 0.5, np.arange(k.height) + 0.5)
-    pixels = np.stack([u, v], axis=-1)
-    ends = camera.unproject(pixels, np.ones(u.shape))
+    ends = camera.unproject(pixel_centers(k.width, k.height), np.ones((k.height, k.width)))
     rays = np.concatenate(
         [np.broadcast_to(camera.center_world, ends.shape), ends - camera.center_world], -1
     )

@@ -50,7 +50,7 @@ def fit_wall(wall: Wall, base: StereoRig, distances: Sequence[float] | None = No
         DigsError: distances that do not fit the poses.
     """
     _check(wall, distances)
-    own = noise(wall)
+    own = _figures_of(wall)
     images = image_noise([pose.images for pose in wall.poses])
     biased = bias(wall, distances)
     figures = [
@@ -70,7 +70,7 @@ def fit_wall(wall: Wall, base: StereoRig, distances: Sequence[float] | None = No
         about=describe(wall),
         figures=figures,
         kept=_kept(wall, figures) | poor | imprecise,
-        comparisons=_comparisons(wall, simulated, images, biased),
+        comparisons=_comparisons(wall, own, simulated, images, biased),
         doubts=tuple(_doubts(wall, images)),
     )
 
@@ -105,7 +105,7 @@ def _reporting(wall: Wall, base: StereoRig, own: dict[str, Estimate]) -> list[Fi
     found = [Fitted("disparity_step", step, "all values are multiples of it")] * step.is_known
     sigma = _law_sigma(own, step)
     found.append(Fitted("disparity_sigma", sigma, "all noise but the static field"))
-    correlation = correlation_of([each.value for each in _roughness(wall).values()])
+    correlation = correlation_of([own[f"window {size}"].value for size in WINDOWS])
     if np.isfinite(correlation):
         how = "growth of the rest to a plane with the window"
         found.append(Fitted("disparity_correlation", Estimate(correlation, np.nan), how))
@@ -113,7 +113,7 @@ def _reporting(wall: Wall, base: StereoRig, own: dict[str, Estimate]) -> list[Fi
         found.append(
             Fitted("temporal_share", _share(own["temporal"], sigma), "temporal part of it")
         )
-    missing = wall_holes(wall)["holes"]
+    missing = own["holes"]
     if missing.is_known:
         found.append(Fitted("hole_share", missing, "share without depth"))
     for name, seen, is_wider in (
@@ -193,8 +193,10 @@ def _simulated(pose: Pose, rig: StereoRig, drift: Drift, number: int, gray: bool
     return make_pose("simulated wall", np.stack(measured), np.stack(images), pose.looked)
 
 
-def _comparisons(wall: Wall, simulated: Wall, images: ImageNoise, biased: Bias) -> list[Comparison]:
-    own, other = (noise(each) | wall_holes(each) | _roughness(each) for each in (wall, simulated))
+def _comparisons(
+    wall: Wall, own: dict[str, Estimate], simulated: Wall, images: ImageNoise, biased: Bias
+) -> list[Comparison]:
+    own, other = dict(own), _figures_of(simulated)
     own["image"] = images.temporal
     other["image"] = image_noise([pose.images for pose in simulated.poses]).temporal
     # The planes of the recording are the truth of the simulation.
@@ -220,6 +222,10 @@ def _comparisons(wall: Wall, simulated: Wall, images: ImageNoise, biased: Bias) 
         for place, a, b in zip(places, wall.poses, simulated.poses, strict=True)
     ]
     return [*(Comparison(names[name], own[name], other[name]) for name in names), *by_distance]
+
+
+def _figures_of(wall: Wall) -> dict[str, Estimate]:
+    return noise(wall) | wall_holes(wall) | _roughness(wall)
 
 
 def _roughness(wall: Wall) -> dict[str, Estimate]:

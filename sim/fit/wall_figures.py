@@ -177,6 +177,6 @@ def _shares(part: np.ndarray, whole: np.ndarray, blocks: np.ndarray) -> np.ndarr
 def _mean(values: list[float]) -> Estimate:
     known = np.array([value for value in values if np.isfinite(value)])
     if len(known) == 0:
-        return Estimate(np.nan, np.nan)
+        return UNKNOWN
     error = known.std(ddof=1) / np.sqrt(len(known)) if len(known) > 1 else np.nan
     return Estimate(float(known.mean()), float(error))
