@@ -84,7 +84,7 @@ def depth_points(
     resolved = chosen_levels(frames, config, subject)
     work = partial(view_points, config=config, subject=subject)
     levels = _coarser_at_once(frames, resolved, work, at_first)
-    measured, guessed, seen = LevelSums(), LevelSums(), []
+    measured, guessed, seen, beside = LevelSums(), LevelSums(), [], []
     for view in map_frames(frames, partial(work, levels=levels)):
         if is_object and not any(view.pixels.values()):
             logger.warning("frame '%s': no mask pixel above %d, skipped", view.name, MASK_THRESHOLD)
@@ -92,7 +92,8 @@ def depth_points(
         guessed.add(view.guessed)
         report.add(view)
         seen.append((view.camera, view.thinned_depth))
-    views = DepthViews.of(evenly(seen, COMPARED))
+        beside.append(view.beside)
+    views = DepthViews.of(evenly(seen, COMPARED), evenly(beside, COMPARED))
     factor, surfaces = within(measured.grids, at_first)
     if not surfaces:
         raise _no_points_error(len(frames), report.pixels)

@@ -78,6 +78,7 @@ class ViewPoints:
         guessed: of a scene: sums over pixels without depth, placed at that of the nearest pixel with depth.
         pixels: how many remained after each of `FILTERS`.
         thinned_depth: for the visibility check; of an object see `thinned_object_depth`.
+        beside: depth beside the image [m], likewise; 0: unknown.
     """
 
     name: str
@@ -86,6 +87,7 @@ class ViewPoints:
     guessed: Sums
     pixels: dict[str, int]
     thinned_depth: np.ndarray
+    beside: float
 
 
 def view_points(frame: Frame, config: InitConfig, levels: Levels, subject: Subject) -> ViewPoints:
@@ -117,16 +119,17 @@ def view_points(frame: Frame, config: InitConfig, levels: Levels, subject: Subje
         unmeasured = ~known if unknown is None else ~(known | unknown)
         places = nearest_known(depth)
         guessed = _on_levels(frame.camera, image, places, unmeasured, levels, GUESS_COARSER)
-        kept = thinned(depth)
+        kept, beside = thinned(depth), 0.0
     else:
         votes = depth if unknown is None else np.where(unknown, np.float32(np.nan), depth)
         nearest, farthest = foreground_range(votes, in_mask)
         keep &= (depth[box] >= nearest) & (depth[box] <= farthest)
         pixels[FILTERS[3]] = int(np.count_nonzero(keep))
         kept = thinned_object_depth(depth, in_mask, unknown)
+        beside = NOTHING if shows_whole(in_mask, unknown) else 0.0
     near = frame.camera.cropped(*box)
     measured = _on_levels(near, image[box], depth[box], keep, levels, 0)
-    return ViewPoints(frame.name, frame.camera, measured, guessed, pixels, kept)
+    return ViewPoints(frame.name, frame.camera, measured, guessed, pixels, kept, beside)
 
 
 def _on_levels(
@@ -187,6 +190,15 @@ def thinned_object_depth(
     if unknown is not None:
         known |= thinned(unknown)
     return np.where(known, kept, np.where(np.isnan(kept), np.float32(NOTHING), BEYOND * kept))
+
+
+def shows_whole(in_mask: np.ndarray, unknown: np.ndarray | None = None) -> bool:
+    """Whether neither the border of the image nor another object cuts the object; arguments as above."""
+    height, width = in_mask.shape
+    margin = MASK_MARGIN * width
+    x0, y0, x1, y1 = mask_box(in_mask)
+    inside = margin < min(x0, y0) and x1 < width - margin and y1 < height - margin
+    return inside and (unknown is None or not np.any(grown(in_mask, margin) & unknown))
 
 
 def box_of(in_mask: np.ndarray) -> Box:

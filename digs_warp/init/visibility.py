@@ -47,14 +47,15 @@ _STAYS = wp.constant(wp.float64(STAYS))
 
 
 @wp.func
-def depths_at(eye: Eye, depth: wp.array[float], point: wp.vec3d):
+def depths_at(eye: Eye, depth: wp.array[float], beside: float, point: wp.vec3d):
     """Depth [m] measured at the pixel of a point, and the point's own.
 
-    A point outside of the image is as if infinitely far behind what was measured: it is hidden, too.
+    A point outside of the image is as if infinitely far behind what was measured, that is, hidden, too; but
+    seen through if ``beside`` is above 0.
     """
     seen = pixel_seen(eye, point)
-    measured = wp.float64(0.0)
-    own = wp.float64(wp.inf)
+    measured = wp.float64(beside)
+    own = wp.where(beside > 0.0, wp.float64(0.0), wp.float64(wp.inf))
     if shows(eye, seen):
         measured = wp.float64(depth[place_of(eye, seen)])
         own = seen[2]
@@ -67,6 +68,7 @@ def count_views_kernel(
     points: wp.array[wp.vec3d],  # [n] in the world [m]
     eyes: wp.array[Eye],
     depth: wp.array[float],  # depth maps of all eyes [m], NaN: unknown
+    beside: wp.array[float],  # [eyes] as of `DepthViews`
     voxel_size: wp.float64,  # [m]
     share: wp.float64,  # of the depth
     # output
@@ -80,7 +82,7 @@ def count_views_kernel(
     agreeing = int(0)
     near = int(0)
     for e in range(eyes.shape[0]):
-        measured, own = depths_at(eyes[e], depth, points[i])
+        measured, own = depths_at(eyes[e], depth, beside[e], points[i])
         nearer = measured - own
         tolerance = _VOXELS * voxel_size + share * measured
         # Comparisons with NaN, where nothing was measured, are False.
@@ -114,6 +116,7 @@ def onto_surface_kernel(
     points: wp.array[wp.vec3d],  # [n] in the world [m]
     eyes: wp.array[Eye],
     depth: wp.array[float],  # depth maps of all eyes [m], NaN: unknown
+    beside: wp.array[float],  # [eyes] as of `DepthViews`
     voxel_size: wp.float64,  # [m]
     # output
     moved: wp.array[wp.vec3d],  # [n]
@@ -124,7 +127,7 @@ def onto_surface_kernel(
     reach = _NEAR * voxel_size
     middle = wp.vec3d()
     for e in range(eyes.shape[0]):
-        measured, own = depths_at(eyes[e], depth, point)
+        measured, own = depths_at(eyes[e], depth, beside[e], point)
         # Comparisons with NaN, where nothing was measured, are False.
         if wp.abs(measured - own) < reach:
             middle += wp.normalize(ray_to(eyes[e], point, own))
@@ -133,7 +136,7 @@ def onto_surface_kernel(
     distance = wp.float64(0.0)
     ray = wp.vec3d()
     for e in range(eyes.shape[0]):
-        measured, own = depths_at(eyes[e], depth, point)
+        measured, own = depths_at(eyes[e], depth, beside[e], point)
         apart = measured - own
         if wp.abs(apart) < reach:
             toward = ray_to(eyes[e], point, own)
@@ -149,21 +152,28 @@ def onto_surface_kernel(
 
 @dataclass(frozen=True, eq=False)
 class DepthViews:
-    """Views as the kernels look them up: cameras, and depth maps [m] one after the other."""
+    """Views as the kernels look them up: cameras, and depth maps [m] one after the other.
+
+    ``beside`` is the depth beside the image [m]: 0 hides what is there, more is seen through.
+    """
 
     eyes: wp.array
     depth: wp.array
+    beside: wp.array
 
     def __len__(self) -> int:
         return self.eyes.size
 
     @staticmethod
-    def of(views: Sequence[tuple[Camera, np.ndarray]]) -> "DepthViews":
+    def of(
+        views: Sequence[tuple[Camera, np.ndarray]], beside: Sequence[float] = ()
+    ) -> "DepthViews":
         """Pack cameras and their depth maps, (height, width) each, at the image's size or a reduced one."""
         flat = np.concatenate([np.zeros(0, np.float32), *(depth.reshape(-1) for _, depth in views)])
         return DepthViews(
             eyes_of([camera for camera, _ in views], [depth.shape for _, depth in views]),
             wp.array(flat.astype(np.float32, copy=False), dtype=float, device="cpu", copy=False),
+            wp.array(beside or [0.0] * len(views), dtype=float, device="cpu"),
         )
 
 
@@ -242,7 +252,7 @@ def onto_surface(points_world: np.ndarray, views: DepthViews, voxel_size: float)
 def _inputs(points_world: np.ndarray, views: DepthViews, voxel_size: float) -> list[Any]:
     """Return what both kernels read."""
     points = wp.array(np.asarray(points_world, np.float64), dtype=wp.vec3d, device="cpu")
-    return [points, views.eyes, views.depth, wp.float64(voxel_size)]
+    return [points, views.eyes, views.depth, views.beside, wp.float64(voxel_size)]
 
 
 # Points with fewer than this many within this many times the distance between points, themselves included,

@@ -57,12 +57,19 @@ def agreement_by(
 
 
 def said_by(
-    points_world: np.ndarray, views: Sequence[tuple[Camera, np.ndarray]], voxel_size: float
+    points_world: np.ndarray,
+    views: Sequence[tuple[Camera, np.ndarray]],
+    voxel_size: float,
+    whole: Sequence[bool],
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return how many views confirm, contradict and cannot see each point, (n,) each."""
+    """Return how many views confirm, contradict and cannot see each point, (n,) each.
+
+    What lies beside the image of a view that shows all of the object is seen through.
+    """
     measured, own = _compared(points_world, views)
     beyond = (measured - own) / (2 * voxel_size + 0.01 * measured)
-    said = np.abs(beyond) <= 1, beyond > 1, np.isnan(own) | (beyond < -1)
+    through = np.isnan(own) & np.array(whole)[:, None]
+    said = np.abs(beyond) <= 1, (beyond > 1) | through, (np.isnan(own) & ~through) | (beyond < -1)
     return said[0].sum(axis=0), said[1].sum(axis=0), said[2].sum(axis=0)
 
 
@@ -107,11 +114,12 @@ def points_around(count: int, farthest: float = 6.0) -> np.ndarray:
     )
 
 
-def test_views_say_what_the_twin_says() -> None:
+@pytest.mark.parametrize("whole", [(False,) * 5, (True, False, True, False, True)])
+def test_views_say_what_the_twin_says(whole: tuple[bool, ...]) -> None:
     points, views = points_around(400), views_with_holes(5)
     found, expected = (
-        count_views(points, DepthViews.of(views), VOXEL),
-        said_by(points, views, VOXEL),
+        count_views(points, DepthViews.of(views, [1e6 * each for each in whole]), VOXEL),
+        said_by(points, views, VOXEL, whole),
     )
     for name, counts in zip(found._fields, expected, strict=False):
         np.testing.assert_array_equal(getattr(found, name), counts, err_msg=name)
@@ -157,6 +165,22 @@ def test_floaters_before_the_object_are_removed(tmp_path: Path) -> None:
     capture = write_capture(tmp_path, views)
     points = initialize(capture.frames, InitConfig(edge_filter=False)).points.points_world
     assert np.linalg.norm(points, axis=1).max() < RADIUS + 0.005
+    assert len(points) > 1000
+
+
+@pytest.mark.parametrize("cut", [False, True])
+def test_a_wall_that_views_took_for_the_object_is_not_where_whole_silhouettes_are(
+    tmp_path: Path, cut: bool
+) -> None:
+    """Two neighbors measured the wall inside of their masks, as behind thin rods; others look elsewhere."""
+    views = ball_views(12)
+    for _, images in views[:2]:
+        images.depth[images.mask > 0] = 3.0
+    if cut:
+        for _, images in views:
+            images.mask[:, 0] = 255
+    points = initialize(write_capture(tmp_path, views).frames, InitConfig()).points.points_world
+    assert (np.linalg.norm(points, axis=1).max() > 1.0) == cut
     assert len(points) > 1000
 
 
