@@ -10,6 +10,7 @@ number of threads.
 import os
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
+from copy import copy
 from functools import cache
 from threading import Lock
 from typing import Any
@@ -87,6 +88,15 @@ def launch_here(kernel: Any, dim: int, inputs: list[Any]) -> None:
     recorded(kernel, dim, inputs).launch()
 
 
+def _part(whole: Any, first: int, count: int) -> Any:
+    """Return a recorded launch of ``count`` of the indices; to record it anew takes several times as long."""
+    part = copy(whole)
+    part.params = list(whole.params)
+    part.set_dim(count)
+    part.set_param_at_index(0, first)
+    return part
+
+
 class ParallelLaunch:
     """A recorded launch of ``kernel`` over indices 0..dim-1, split over CPU threads.
 
@@ -110,10 +120,10 @@ class ParallelLaunch:
         pieces = self.threads * per_thread if device == "cpu" and self.threads > 1 else 1
         size = max(1, -(-dim // pieces))
         self._inputs = list(inputs)  # keeps the arrays alive: a recorded launch holds raw addresses
-        self.chunks: list[Any] = [
-            recorded(kernel, min(size, dim - first), [first, *inputs], device)
-            for first in range(0, dim, size)
-        ]
+        self.chunks: list[Any] = [recorded(kernel, dim, [0, *inputs], device)] if dim > 0 else []
+        if size < dim:
+            firsts = range(0, dim, size)
+            self.chunks = [_part(self.chunks[0], i, min(size, dim - i)) for i in firsts]
 
     def set_param(self, index: int, value: Any) -> None:
         """Change argument ``index`` of ``inputs`` for the next runs; an unchanged number or array is free."""

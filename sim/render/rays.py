@@ -9,7 +9,7 @@ from digs_warp.data.layers import Occlusion
 from digs_warp.device.kernel_options import exact_vector_module_options
 from digs_warp.device.parallel import launch_parallel
 from digs_warp.geometry.camera import Camera
-from digs_warp.sim.render.reprojection import follow
+from digs_warp.sim.render.reprojection import follow_some
 from digs_warp.sim.render.surface import ANY_SURFACE, OPAQUE, Surface, trace, viewer_side_normal
 from digs_warp.sim.render.surround import boundary_distance
 from digs_warp.sim.render.upload import DeviceScene
@@ -110,9 +110,11 @@ class SurfaceRays:
         """
         eyes = (self._camera, self._camera.shifted_right(self._baseline))
         source, target = map(CameraTrack.still, eyes)
-        asked = np.where(where, depth, np.float32(np.nan))
-        found = follow(self._scene, source, asked, target, self._threads)
-        return found.occlusion != Occlusion.HIDDEN
+        asked = where & (depth > 0)  # NaN is not
+        states = follow_some(self._scene, source, depth, asked, target, self._threads)[2]
+        visible = np.ones(where.shape, bool)
+        visible[asked] = states != Occlusion.HIDDEN
+        return visible
 
     def reflection_distance(self, where: np.ndarray) -> np.ndarray:
         """Distance from the surface to what it reflects [m], (height, width), float32.

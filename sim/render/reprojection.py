@@ -116,24 +116,24 @@ def follow_kernel(
     source: Eye,
     target: Eye,
     surface: Surface,
+    pixels: wp.array[int],
     depth: wp.array[float],  # [height * width] planar z of what the source sees [m]
     cone: float,  # spread of a pixel [rad]
     # outputs
-    shifts: wp.array[wp.vec2],  # [height * width] to the right and down [px]
-    depths: wp.array[float],  # [height * width] planar z in the target [m]
-    states: wp.array[wp.uint8],  # [height * width] `Occlusion`
+    shifts: wp.array[wp.vec2],  # [pixels] to the right and down [px]
+    depths: wp.array[float],  # [pixels] planar z in the target [m]
+    states: wp.array[wp.uint8],  # [pixels] `Occlusion`
 ):
     """Follow the point at a pixel center into the target."""
-    pixel = first + wp.tid()
+    index = first + wp.tid()
+    pixel = pixels[index]
     column = pixel % source.width
     row = pixel // source.width
     nothing = wp.float32(wp.nan)
-    shifts[pixel] = wp.vec2(nothing, nothing)
-    depths[pixel] = nothing
-    states[pixel] = OUTSIDE
+    shifts[index] = wp.vec2(nothing, nothing)
+    depths[index] = nothing
+    states[index] = OUTSIDE
     z = wp.float64(depth[pixel])
-    if not z > wp.float64(0.0):  # NaN is not
-        return
     from_band = source.bands[row]
     origin = source.centers[from_band]
     point = origin + source.rotations[from_band] * (z * ray_of_pixel(source, column, row))
@@ -153,8 +153,8 @@ def follow_kernel(
     half = wp.float64(0.5)
     right = place[0] - wp.float64(column) - half
     down = place[1] - wp.float64(row) - half
-    shifts[pixel] = wp.vec2(float(right), float(down))
-    depths[pixel] = float(place[2])
+    shifts[index] = wp.vec2(float(right), float(down))
+    depths[index] = float(place[2])
     if is_inside(place[0], place[1], place[2], target.width, target.height):
         away = target.centers[band]
         sight = Sight()
@@ -164,7 +164,7 @@ def follow_kernel(
         toward = wp.vec3(wp.normalize(point - away))
         reach = float(wp.length(point - away))
         clear = is_clear(surface, sight, wp.vec3(away), toward, reach, cone)
-        states[pixel] = wp.where(clear, SEEN, HIDDEN)
+        states[index] = wp.where(clear, SEEN, HIDDEN)
 
 
 def follow(
@@ -176,21 +176,35 @@ def follow(
 ) -> Followed:
     """Follow all points of an image into another eye; see `RaycastRenderer.follow`."""
     shape = depth.shape
-    pixels = depth.size
-    shifts = wp.empty(pixels, dtype=wp.vec2, device="cpu")
-    depths = wp.empty(pixels, dtype=float, device="cpu")
-    states = wp.empty(pixels, dtype=wp.uint8, device="cpu")
-    seen = np.ascontiguousarray(depth, np.float32).reshape(-1)
-    known = wp.from_numpy(seen, dtype=float, device="cpu")
-    cone = 1.0 / min(source.intrinsics.fx, source.intrinsics.fy)
-    eyes = _eye(source), _eye(target)
-    inputs = [*eyes, scene.surface, known, cone, shifts, depths, states]
-    launch_parallel(follow_kernel, pixels, inputs, threads=threads)
-    return Followed(
-        shifts.numpy().reshape(*shape, 2),
-        depths.numpy().reshape(shape),
-        states.numpy().reshape(shape),
+    shifts = np.full((*shape, 2), np.nan, np.float32)
+    depths = np.full(shape, np.nan, np.float32)
+    states = np.full(shape, Occlusion.OUTSIDE, np.uint8)
+    known = depth > 0  # NaN is not
+    shifts[known], depths[known], states[known] = follow_some(
+        scene, source, depth, known, target, threads
     )
+    return Followed(shifts, depths, states)
+
+
+def follow_some(
+    scene: DeviceScene,
+    source: CameraTrack,
+    depth: np.ndarray,
+    where: np.ndarray,
+    target: CameraTrack,
+    threads: int = 0,
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Follow the points at ``where``; return their shifts, depths and states, as `Followed` has them."""
+    pixels = np.flatnonzero(where).astype(np.int32)
+    count = len(pixels)
+    found = [wp.empty(count, dtype=kind, device="cpu") for kind in (wp.vec2, float, wp.uint8)]
+    seen = np.ascontiguousarray(depth, np.float32).reshape(-1)
+    images = [wp.array(each, device="cpu", copy=False) for each in (pixels, seen)]
+    cone = 1.0 / min(source.intrinsics.fx, source.intrinsics.fy)
+    inputs = [_eye(source), _eye(target), scene.surface, *images, cone, *found]
+    launch_parallel(follow_kernel, count, inputs, threads=threads)
+    shifts, depths, states = (each.numpy() for each in found)
+    return shifts, depths, states
 
 
 def _eye(track: CameraTrack) -> Any:

@@ -15,9 +15,8 @@ import numpy as np
 import warp as wp
 
 from digs_warp.device.kernel_options import vector_module_options
-from digs_warp.device.parallel import launch_parallel
 from digs_warp.device.warp_start import start_warp
-from digs_warp.sim.sensor.arrays import shared
+from digs_warp.sim.sensor.arrays import launch_rows, shared
 
 start_warp()
 wp.set_module_options(vector_module_options())
@@ -49,8 +48,8 @@ def _classify_kernel(
     nearest: wp.array[float],  # the row of the right image
     state: wp.array[wp.uint8],
 ):
-    """Process one row. The rows of a launch share the scratch memory of the first one."""
-    begin, shown = (first + wp.tid()) * width, first * width
+    """Process one row. The rows of a launch share the row of the right image."""
+    begin = (first + wp.tid()) * width
     # From right to left: a point that lands right of one further right in the left image may be hidden by it.
     leftmost = float(_NOWHERE)  # where points have landed so far
     least = float(_NOWHERE)  # disparity of those that may be hidden
@@ -71,15 +70,15 @@ def _classify_kernel(
     # The nearest opaque point that lands at each place of the right image. Of points that land together, the
     # rightmost one is the nearest, and is written last. What can hide none is left out.
     for i in range(width):
-        nearest[shown + i] = wp.nan
+        nearest[i] = wp.nan
     for i in range(width):
         own = opaque[begin + i]
         if own > least + _NEARER and own <= float(i):
-            nearest[shown + int(float(i) - own)] = own
+            nearest[int(float(i) - own)] = own
     for i in range(width):
         if state[begin + i] == wp.uint8(UNSURE):
             own = disparity[begin + i]
-            middle = shown + wp.clamp(int(float(i) - own), 1, width - 2)
+            middle = wp.clamp(int(float(i) - own), 1, width - 2)
             left, here, right = nearest[middle - 1], nearest[middle], nearest[middle + 1]
             # Nearer on both sides, without a step between: no gap to look through.
             closed = wp.abs(left - here) < _NEARER and wp.abs(right - here) < _NEARER
@@ -104,7 +103,7 @@ def classify(disparity: np.ndarray, opaque: np.ndarray, where: np.ndarray) -> np
     height, width = disparity.shape
     images = [shared(np.asarray(image, np.float32)) for image in (disparity, opaque)]
     images.append(shared(np.ascontiguousarray(where).view(np.uint8)))
-    scratch = wp.empty(height * width, dtype=float, device="cpu")
+    scratch = wp.empty(width, dtype=float, device="cpu")
     state = np.empty((height, width), np.uint8)
-    launch_parallel(_classify_kernel, height, [width, *images, scratch, shared(state)])
+    launch_rows(_classify_kernel, height, [width, *images, scratch, shared(state)])
     return state

@@ -13,8 +13,7 @@ import numpy as np
 import warp as wp
 
 from digs_warp.device.kernel_options import vector_module_options
-from digs_warp.device.parallel import launch_parallel
-from digs_warp.sim.sensor.arrays import shared
+from digs_warp.sim.sensor.arrays import launch_rows, shared
 
 wp.set_module_options(vector_module_options())
 
@@ -197,7 +196,7 @@ def choose_blocks(
     images = [surface, cv2.dilate(surface, around), cv2.erode(surface, around)]
     images.append(surface if second is None else np.ascontiguousarray(second, np.float32))
     blocks = wp.empty(surface.shape, dtype=int, device="cpu")
-    launch_parallel(
+    launch_rows(
         blocks_kernel,
         height,
         [

@@ -23,26 +23,24 @@ _TILE_COSTS = r"""
 typedef unsigned char Bytes __attribute__((ext_vector_type(64), aligned(1)));
 typedef short Shorts __attribute__((ext_vector_type(64), aligned(2)));
 typedef short Block __attribute__((ext_vector_type(8), aligned(2)));
-typedef int Ints __attribute__((ext_vector_type(16), aligned(4)));
-typedef bool Mask __attribute__((ext_vector_type(16)));
+typedef short Quads __attribute__((ext_vector_type(32), aligned(2)));
 const int plane = height * pitch;
 const int side = 2 * reach + 1;
 const int last_x = x0 + TILE_COLUMNS < width ? x0 + TILE_COLUMNS : width;
 const int last_lane = width - 1 - x0 + reach;  // of the image; it may lie beyond the vector
 
-// The blocks of the tile's pixels, and which of them any pixel tries.
-int tile_blocks[TILE_ROWS][64] __attribute__((aligned(64)));
+// In the rows of the tile: runs of pixels with the same blocks, one bit a pixel; the blocks that any tries.
+struct Run { int blocks; unsigned long long pixels; };
+Run runs[TILE_ROWS][TILE_COLUMNS];
+int run_counts[TILE_ROWS] = {};
 unsigned long long needed[2] = {0, 0};
-for (int r = 0, last = -1; r < TILE_ROWS && y0 + r < height; ++r) {
-    const int* row = blocks.data + (y0 + r) * width;
-    for (int i = 0; i < 64; ++i)
-        tile_blocks[r][i] = row[x0 + i < last_x ? x0 + i : last_x - 1];
-    for (int i = 0; i < last_x - x0; ++i) {
-        const int all = tile_blocks[r][i];
-        if (all == last)  // as mostly among neighbors
-            continue;
-        last = all;
-        for (int bits = all, slot = 0; slot < 4; ++slot, bits >>= 7)
+for (int r = 0; r < TILE_ROWS && y0 + r < height; ++r) {
+    const int* row = blocks.data + (y0 + r) * width + x0;
+    for (int first = 0, end; first < last_x - x0; first = end) {
+        for (end = first + 1; end < last_x - x0 && row[end] == row[first];)
+            ++end;
+        runs[r][run_counts[r]++] = {row[first], ((1ull << (end - first)) - 1) << first};
+        for (int bits = row[first], slot = 0; slot < 4; ++slot, bits >>= 7)
             needed[(bits & 127) >> 6] |= 1ull << (bits & 63);
     }
 }
@@ -59,18 +57,14 @@ auto distance = [&](const Row& u, const Row& v) -> Bytes {
     return __builtin_elementwise_min(of_left, of_right);
 };
 
-// Which pixels of a row of the tile try a block in one of their slots, one bit each.
-auto pixels_with = [&](const int* row_blocks, int block, int slot) -> unsigned long long {
-    unsigned long long pixels = 0;
-    for (int part = 0; part < 4; ++part) {
-        const Ints bits = *(const Ints*)(row_blocks + 16 * part);
-        const Ints same = ((bits >> (7 * slot)) & 127) == block;
-        const Mask here = __builtin_convertvector(same, Mask);
-        unsigned short found;
-        __builtin_memcpy(&found, &here, 2);
-        pixels |= (unsigned long long)found << (16 * part);
-    }
-    return pixels & ((1ull << (last_x - x0)) - 1);
+// Halves of two vectors by turns, within each four quarters of them: a step of a transposition.
+auto low_halves = [](Quads a, Quads b) -> Quads {
+    return __builtin_shufflevector(a, b, 0, 32, 1, 33, 2, 34, 3, 35, 8, 40, 9, 41, 10, 42, 11, 43, 16, 48, 17,
+        49, 18, 50, 19, 51, 24, 56, 25, 57, 26, 58, 27, 59);
+};
+auto high_halves = [](Quads a, Quads b) -> Quads {
+    return __builtin_shufflevector(a, b, 4, 36, 5, 37, 6, 38, 7, 39, 12, 44, 13, 45, 14, 46, 15, 47, 20, 52,
+        21, 53, 22, 54, 23, 55, 28, 60, 29, 61, 30, 62, 31, 63);
 };
 
 Bytes single[8][TILE_ROWS + LARGEST_WINDOW - 1];
@@ -116,37 +110,42 @@ for (int block = 0; block < 128; ++block) {
     }
     for (int r = 0; r < TILE_ROWS && y0 + r < height; ++r) {
         short* row_costs = costs.data + first_cost + (r * width + x0) * 32;
-        unsigned long long with[4];
-        for (int slot = 0; slot < 4; ++slot)
-            with[slot] = pixels_with(tile_blocks[r], block, slot);
-        const unsigned long long any = with[0] | with[1] | with[2] | with[3];
-        for (int x = 0; x < last_x - x0; x += 8) {
-            if (((any >> x) & 255) == 0)
+        unsigned long long with[4] = {}, any = 0;  // of each slot, which pixels try the block in it
+        for (int run = 0; run < run_counts[r]; ++run)
+            for (int slot = 0; slot < 4; ++slot)
+                if (((runs[r][run].blocks >> (7 * slot)) & 127) == block)
+                    any |= runs[r][run].pixels, with[slot] |= runs[r][run].pixels;
+        for (int x = 0; x < last_x - x0; x += 32) {
+            if ((unsigned)(any >> x) == 0)
                 continue;
-            // Eight disparities of eight pixels, transposed: each pixel stores its own together.
-            Block a[8], b[8];
+            // Eight disparities of 32 pixels, transposed: each pixel stores its own together.
+            Quads a[8], b[8];
             for (int i = 0; i < 8; ++i)
-                a[i] = *(const Block*)&sums[i][r][x];
+                a[i] = *(const Quads*)&sums[i][r][x];
             for (int stage = 0; stage < 3; ++stage) {
                 for (int i = 0; i < 4; ++i) {
-                    b[2 * i] = __builtin_shufflevector(a[i], a[i + 4], 0, 8, 1, 9, 2, 10, 3, 11);
-                    b[2 * i + 1] = __builtin_shufflevector(a[i], a[i + 4], 4, 12, 5, 13, 6, 14, 7, 15);
+                    b[2 * i] = low_halves(a[i], a[i + 4]);
+                    b[2 * i + 1] = high_halves(a[i], a[i + 4]);
                 }
                 for (int i = 0; i < 8; ++i)
                     a[i] = b[i];
             }
-            for (int slot = 0; slot < 4; ++slot) {
-                unsigned here = (with[slot] >> x) & 255;
-                short* target = row_costs + x * 32 + slot * 8;
-                if (here == 255)  // the usual case
-                    for (int i = 0; i < 8; ++i)
-                        *(Block*)(target + i * 32) = a[i];
-                else
-                    for (; here; here &= here - 1) {
-                        const int i = __builtin_ctz(here);
-                        *(Block*)(target + i * 32) = a[i];
-                    }
-            }
+            short of_pixels[8][32] __attribute__((aligned(64)));
+            for (int i = 0; i < 8; ++i)
+                *(Quads*)of_pixels[i] = a[i];
+            for (int part = 0; part < 32; part += 8)
+                for (int slot = 0; slot < 4; ++slot) {
+                    unsigned here = (with[slot] >> (x + part)) & 255;
+                    short* target = row_costs + (x + part) * 32 + slot * 8;
+                    if (here == 255)  // the usual case
+                        for (int i = 0; i < 8; ++i)
+                            *(Block*)(target + i * 32) = *(const Block*)&of_pixels[i][part];
+                    else
+                        for (; here; here &= here - 1) {
+                            const int i = __builtin_ctz(here);
+                            *(Block*)(target + i * 32) = *(const Block*)&of_pixels[i][part];
+                        }
+                }
         }
     }
 }

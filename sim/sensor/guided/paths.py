@@ -56,22 +56,21 @@ auto least_of = [&](Costs costs) -> Costs {
     return costs - costs + __builtin_reduce_min(costs);
 #endif
 };
-// What a pixel inherits from one with the same blocks, whose least cost is ``most`` - large_step.
-auto relaxed = [&](Costs before, int mine, Costs most) -> Costs {
-    Costs lower_step, upper_step;
-    const short* step = steps.data + ((mine >> 28) & 7) * 64;
-    load(lower_step, step);
-    load(upper_step, step + 32);
-    const Costs step_down = one_below(before) + lower_step, step_up = one_above(before) + upper_step;
-    return min(min(before, most), min(step_down, step_up));
+// What a step to the next lower and upper lane costs a pixel with these blocks.
+struct Steps { Costs lower, upper; };
+auto steps_of = [&](int mine) -> Steps {
+    Steps step;
+    load(step.lower, steps.data + ((mine >> 28) & 7) * 64);
+    load(step.upper, steps.data + ((mine >> 28) & 7) * 64 + 32);
+    return step;
 };
-// What a pixel (blocks: mine) inherits from another one (blocks: its), whose costs are minus their least.
-auto inherit = [&](const short* before, int its, int mine) -> Costs {
-    Costs result;
-    if (its == mine) {
-        load(result, before);
-        return relaxed(result, mine, (Costs)(short)large_step);
-    }
+// What a pixel inherits from one with the same blocks without a large step.
+auto relaxed = [&](Costs before, const Steps& step) -> Costs {
+    return min(before, min(one_below(before) + step.lower, one_above(before) + step.upper));
+};
+// What it inherits from one with other blocks (its), whose costs are minus their least. Called so rarely
+// that it must not cost the others registers.
+auto matched = [&](const short* before, int its, int mine) __attribute__((noinline)) -> Costs {
     short costs[32];
     for (int slot = 0; slot < 4; ++slot) {
         int block = (mine >> (7 * slot)) & 127;
@@ -90,8 +89,23 @@ auto inherit = [&](const short* before, int its, int mine) -> Costs {
         Block step = min(lower, upper) + (Block)(short)small_step;
         *(Block*)(costs + slot * 8) = min(min(same, (Block)(short)large_step), step);
     }
+    Costs result;
     load(result, costs);
     return result;
+};
+auto inherit = [&](const short* before, int its, int mine, const Steps& step) -> Costs {
+    if (__builtin_expect(its != mine, 0))
+        return matched(before, its, mine);
+    Costs costs;
+    load(costs, before);
+    return min(relaxed(costs, step), (Costs)(short)large_step);
+};
+// Go on along a row: ``path`` is above zero by its ``least``. The least of what follows is known before the
+// large step is in it: this chain of dependent steps is the longest.
+auto go_on = [&](Costs& path, Costs& least, Costs alone, const Steps& step) {
+    const Costs near = alone + relaxed(path, step), most = least + (short)large_step;
+    path = min(near, alone + most) - least;
+    least = min(least_of(near), least_of(alone) + most) - least;
 };
 """
 
@@ -108,23 +122,24 @@ for (int begin = 0, end; begin < width; begin = end) {
     const int bits = mine[begin];  // of pixels with the same blocks
     for (end = begin + 1; end < width && mine[end] == bits;)
         ++end;
+    const Steps step = steps_of(bits);
     Costs from_left = 0, least = 0;
     for (int x = begin; x < end; ++x) {
         Costs alone;
         load(alone, own + x * 32);
-        // The longest chain of dependent steps: it does not wait for the subtraction of the least.
-        if (x > begin)
-            from_left = alone + (relaxed(from_left, bits, least + (short)large_step) - least);
-        else
-            from_left = x > 0 ? alone + inherit(left, mine[x - 1], bits) : alone;
-        least = least_of(from_left);
+        if (x > begin) {
+            go_on(from_left, least, alone, step);
+        } else {
+            from_left = x > 0 ? alone + inherit(left, mine[x - 1], bits, step) : alone;
+            least = least_of(from_left);
+        }
         Costs a = alone, b = alone, c = alone;
         if (!is_first) {
             if (x > 0)
-                a += inherit(before + (x - 1) * 32, upper_row[x - 1], bits);
-            b += inherit(before + size + x * 32, upper_row[x], bits);
+                a += inherit(before + (x - 1) * 32, upper_row[x - 1], bits, step);
+            b += inherit(before + size + x * 32, upper_row[x], bits, step);
             if (x < width - 1)
-                c += inherit(before + 2 * size + (x + 1) * 32, upper_row[x + 1], bits);
+                c += inherit(before + 2 * size + (x + 1) * 32, upper_row[x + 1], bits, step);
         }
         store(sums.data + first_sum + x * 32, from_left + a + b + c);
         store(after + x * 32, a - least_of(a));
@@ -137,8 +152,6 @@ for (int begin = 0, end; begin < width; begin = end) {
 
 _CHOOSE = r"""
 typedef bool Lanes __attribute__((ext_vector_type(32)));
-const Costs LANE = {0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15,
-    16, 17, 18, 19, 20, 21, 22, 23, 24, 25, 26, 27, 28, 29, 30, 31};
 const int* mine = blocks.data + row * width;
 const short* own = costs.data + first_cost;
 // Of each column of the right eye: the least cost of a match, and its disparity.
@@ -153,7 +166,7 @@ for (int i = 0; i < width + searched; ++i) {
     right_found[i] = -1;
 }
 short from_right[32] __attribute__((aligned(64)));
-short total[32] __attribute__((aligned(64)));
+short total[34] = {};  // one more at either end
 // Which lanes of a vector of true and false are true, one bit each.
 auto bits_of = [](Costs is_true) {
     const Lanes lanes = __builtin_convertvector(is_true, Lanes);
@@ -161,10 +174,16 @@ auto bits_of = [](Costs is_true) {
     __builtin_memcpy(&bits, &lanes, 4);
     return bits;
 };
+auto lanes_of = [](unsigned bits) -> Costs {
+    Lanes lanes;
+    __builtin_memcpy(&lanes, &bits, 4);
+    return -__builtin_convertvector(lanes, Costs);
+};
 for (int end = width, begin; end > 0; end = begin) {
     const int bits = mine[end - 1];  // of pixels with the same blocks
     for (begin = end - 1; begin > 0 && mine[begin - 1] == bits;)
         --begin;
+    const Steps step = steps_of(bits);
     // Whether the disparity above that of a lane is in the next lane: always within a block.
     const unsigned together = bits >> 28;
     const unsigned steps_up = 0x7f7f7f7f | (together & 1) << 7 | (together & 2) << 14 | (together & 4) << 21;
@@ -172,36 +191,42 @@ for (int end = width, begin; end > 0; end = begin) {
     for (int x = end - 1; x >= begin; --x) {
         Costs alone, sum;
         load(alone, own + x * 32);
-        if (x < end - 1)
-            path = alone + (relaxed(path, bits, least_path + (short)large_step) - least_path);
-        else
-            path = x < width - 1 ? alone + inherit(from_right, mine[x + 1], bits) : alone;
-        least_path = least_of(path);
+        if (x < end - 1) {
+            go_on(path, least_path, alone, step);
+        } else {
+            path = x < width - 1 ? alone + inherit(from_right, mine[x + 1], bits, step) : alone;
+            least_path = least_of(path);
+        }
         load(sum, sums.data + first_sum + x * 32);
         sum += path;
-        store(total, sum);
-        const short least = __builtin_reduce_min(sum);
+        store(total + 1, sum);
+        const Costs least = least_of(sum);
         const int best = __builtin_ctz(bits_of(sum == least));
-        const int slot = best >> 3;
-        const int found = ((bits >> (7 * slot)) & 127) * 8 + (best & 7);
-        const int has_upper = steps_up >> best & 1, has_lower = (steps_up << 1) >> best & 1;
-        const bool has_both = has_lower & has_upper;
-        lower_cost[x] = has_both ? total[best - has_lower] : least;
-        upper_cost[x] = has_both ? total[best + has_upper] : least;
+        const unsigned bit = 1u << best, upper = (bit & steps_up) << 1, lower = (bit & steps_up << 1) >> 1;
+        const int below = total[best] - least[0], above = total[best + 2] - least[0];
+        const int has_both = -(int)((steps_up & steps_up << 1) >> best & 1);
+        lower_cost[x] = least[0] + (below & has_both);
+        upper_cost[x] = least[0] + (above & has_both);
         // The best rival is not next to the best.
-        const Costs away = LANE - (short)best;
-        const Costs is_near = (away >= (short)-has_lower) & (away <= (short)has_upper);
-        const int rival = __builtin_reduce_min(sum | (is_near & 32767));
-        const bool is_unique = rival * (100 - uniqueness) >= least * 100;
-        const int column = x + searched - found;
-        const bool is_better = is_unique && right_cost[column] > least;
-        right_cost[column] = is_better ? least : right_cost[column];
-        right_found[column] = is_better ? found : right_found[column];
-        result[x] = is_unique ? found : -1;
-        cost.data[row * width + x] = least;
-        second.data[row * width + x] = rival;
+        const Costs rival = least_of(sum | (lanes_of(lower | bit | upper) & 32767));
+        result[x] = best;
+        cost.data[row * width + x] = least[0];
+        second.data[row * width + x] = rival[0];
     }
     store(from_right, path - least_path);
+}
+for (int x = 0; x < width; ++x) {
+    const int best = result[x], least = cost.data[row * width + x], rival = second.data[row * width + x];
+    const int found = ((mine[x] >> (7 * (best >> 3))) & 127) * 8 + (best & 7);
+    result[x] = rival * (100 - uniqueness) >= least * 100 ? found : -1;
+}
+// Of several pixels with the same partner, the best has it, or the first from the right.
+for (int x = width - 1; x >= 0; --x) {
+    const int column = x + searched - result[x], least = cost.data[row * width + x];
+    if (result[x] >= 0 && least < right_cost[column]) {
+        right_cost[column] = least;
+        right_found[column] = result[x];
+    }
 }
 // A parabola through the three costs; the quotient is exact, because both numbers are below 2^24.
 for (int x = 0; x < width; ++x) {
@@ -212,18 +237,11 @@ for (int x = 0; x < width; ++x) {
 }
 // A pixel whose partner in the right eye found something else has no match; both roundings have to disagree.
 for (int x = 0; x < width; ++x) {
-    const int found = result[x];
-    if (found < 0)
-        continue;
-    bool agrees = false;
-    for (int up = 0; up < 2; ++up) {
-        const int rounded = (found + 15 * up) >> 4;
-        const int partner = right_found[x + searched - rounded];
-        const int difference = partner - rounded;
-        agrees = agrees || partner < 0 || (difference <= left_right && difference >= -left_right);
-    }
-    if (!agrees)
-        result[x] = NOT_FOUND;
+    const int found = result[x], down = found >> 4, up = (found + 15) >> 4;
+    const int partner = right_found[x + searched - down], other = right_found[x + searched - up];
+    const bool agrees = (partner < 0) | (other < 0) | (__builtin_abs(partner - down) <= left_right)
+        | (__builtin_abs(other - up) <= left_right);
+    result[x] = agrees ? found : NOT_FOUND;
 }
 """
 _CONSTANTS = f"constexpr short MISSING = {MISSING}, NOT_FOUND = {NOT_FOUND};"

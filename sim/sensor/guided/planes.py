@@ -15,8 +15,8 @@ import numpy as np
 import warp as wp
 
 from digs_warp.device.kernel_options import vector_module_options
-from digs_warp.device.parallel import launch_parallel
 from digs_warp.device.warp_start import start_warp
+from digs_warp.sim.sensor.arrays import launch_rows
 
 start_warp()
 wp.set_module_options(vector_module_options())
@@ -134,5 +134,5 @@ def _planes(gray: np.ndarray, disparities: int, pitch: int) -> wp.array:
     padded = cv2.copyMakeBorder(gray, 0, 0, disparities, SLACK, cv2.BORDER_CONSTANT)
     planes = wp.empty(PLANES * height * pitch, dtype=wp.uint8, device="cpu")
     inputs = [wp.array(padded.reshape(-1), dtype=wp.uint8, device="cpu", copy=False)]
-    launch_parallel(planes_kernel, height, [*inputs, disparities + width, height, pitch, planes])
+    launch_rows(planes_kernel, height, [*inputs, disparities + width, height, pitch, planes])
     return planes

@@ -79,6 +79,8 @@ WARM_UP = 16
 # for the rivals that are not tried: as many pixels are then missing.
 UNIQUENESS = 13
 
+PATHS = 5  # along which costs are smooth
+
 _LANES = wp.constant(BLOCKS * BLOCK)
 _TILE_ROWS = wp.constant(TILE_ROWS)
 _TILE_COLUMNS = wp.constant(TILE_COLUMNS)
@@ -160,7 +162,7 @@ class Found:
 
     Attributes:
         disparity: [px], (height, width), float32, NaN where a check failed.
-        cost: of the best disparity, mean per path and pixel of the window, (height, width), float32.
+        cost: of the best disparity, sum over the paths and the window, (height, width), int16.
         rival: the same of the best disparity that is not next to it.
     """
 
@@ -203,9 +205,7 @@ def search(
     coarse = coarse_half_blocks(left, right, count, window)
     blocks = choose_blocks(true, coarse, count, second)
     raw, cost, rival = search_blocks(eyes, blocks, window, uniqueness, smoothness)
-    disparity = _without_islands(raw)
-    scale = np.float32(1 / (5 * window * window))
-    return Found(disparity, cost * scale, rival * scale)
+    return Found(_without_islands(raw), cost, rival)
 
 
 def known_disparity(surface: np.ndarray, disparities: int) -> np.ndarray:

@@ -75,7 +75,7 @@ def test_confidence_is_high_on_texture_and_lower_without() -> None:
     assert bottom[known[130:230, 40:]].mean() < 0.75
     wrong = sense_by_matching(make_frame(33.0, image=image), recorded)
     np.testing.assert_array_equal(wrong.confidence, sensed.confidence)
-    ones = np.ones((120, 320), np.float32)
+    ones = np.ones((120, 320), np.int16)
     assert not confidence_of(gray_of(gray), 20 * ones, 0 * ones, ones).any()
 
 
