@@ -121,18 +121,19 @@ def _fits(
 ) -> np.ndarray:
     """Return the mean correlation of edges for each size and shift of the depth, (sizes, down, right)."""
     import cv2
+    from scipy.fft import irfft2, rfft2
 
     height, width = edges[0][0].shape[1:]
     padded = (height + 2 * reach, width + 2 * reach)
     middle = np.array([(width - 1) / 2, (height - 1) / 2])
     found = np.zeros((len(sizes), 2 * reach + 1, 2 * reach + 1))
     for image, depth in edges:
-        there = np.fft.rfft2(image, padded)
+        there = np.asarray(rfft2(image, padded))
         for number, size in enumerate(sizes):
             turn = np.column_stack([size * np.eye(2), (1 - size) * middle]).astype(np.float32)
             scaled = np.stack([cv2.warpAffine(plane, turn, (width, height)) for plane in depth])
-            product = there * np.conj(np.fft.rfft2(scaled, padded))
-            fit = np.fft.irfft2(product.sum(axis=0), padded)
+            product = there * np.conj(np.asarray(rfft2(scaled, padded)))
+            fit = np.asarray(irfft2(product.sum(axis=0), padded))
             fit = np.roll(fit, (reach, reach), (0, 1))[: 2 * reach + 1, : 2 * reach + 1]
             found[number] += fit / np.sqrt(np.sum(image**2) * np.sum(scaled**2) + 1e-9)
     return found / len(edges)

@@ -17,7 +17,6 @@ from digs_warp.commands.reconstruction_options import (
     ReconstructionOptions,
     reconstruction_words,
 )
-from digs_warp.device.libraries import loading
 from digs_warp.engines.config import EngineConfig
 from digs_warp.record import layout
 from digs_warp.record.run_log import RunLog
@@ -107,10 +106,7 @@ class Reconstruct(ReconstructionOptions, _Output):
         )
 
     def _reconstruct(self, capture: "Capture", source: Path) -> "Reconstruction":
-        with loading():
-            import scipy.spatial  # noqa: F401  # needed later, and the frames are being decoded now
-
-            from digs_warp.pipeline.reconstruct import check_machine, reconstruct
+        from digs_warp.pipeline.reconstruct import check_machine, reconstruct
 
         config = self.reconstruct_config(self.seed, capture)
         check_machine(config)  # a wrong flag is named first

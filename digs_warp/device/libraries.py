@@ -3,13 +3,10 @@
 Each function imports on first call, and says what to install if the import fails.
 """
 
-import gc
 import importlib
 import os
 import signal
 import threading
-from collections.abc import Iterator
-from contextlib import contextmanager
 from types import ModuleType
 
 from digs_warp.checks import DigsError
@@ -27,18 +24,6 @@ PACKAGES = {
 
 class MissingLibraryError(DigsError):
     """A library cannot be loaded; the message has the command that installs what it needs."""
-
-
-@contextmanager
-def loading() -> Iterator[None]:
-    """Import libraries in the block without looking for garbage, a tenth of the time: all stays."""
-    collects = gc.isenabled()
-    gc.disable()
-    try:
-        yield
-    finally:
-        if collects:
-            gc.enable()
 
 
 def missing_library(error: ImportError) -> MissingLibraryError | None:

@@ -31,10 +31,6 @@ TOLERANCE_SHARE = 0.01
 # measured it within the second disagrees.
 AGREES_VOXELS, NEAR_VOXELS = 1.0, 4.0
 
-# Power of the cosine to the middle ray of the views that a view counts with: near a silhouette the pixels
-# beside a point lie behind it or before it, and those behind are out of reach.
-FACING = 4.0
-
 # A point this near to the surface stays [voxels]: its mean of many measurements is better than the nearest
 # pixels of the views, and a cloud of one voxel is one layer.
 STAYS = 0.4
@@ -42,7 +38,6 @@ STAYS = 0.4
 _AGREES = wp.constant(wp.float64(AGREES_VOXELS))
 _NEAR = wp.constant(wp.float64(NEAR_VOXELS))
 _VOXELS = wp.constant(wp.float64(TOLERANCE_VOXELS))
-_FACING = wp.constant(wp.float64(FACING))
 _STAYS = wp.constant(wp.float64(STAYS))
 
 
@@ -126,22 +121,29 @@ def onto_surface_kernel(
     point = points[i]
     reach = _NEAR * voxel_size
     middle = wp.vec3d()
+    near = wp.int64(0)  # a bit for each of the first 63 eyes, and one for the others
     for e in range(eyes.shape[0]):
         measured, own = depths_at(eyes[e], depth, beside[e], point)
         # Comparisons with NaN, where nothing was measured, are False.
         if wp.abs(measured - own) < reach:
             middle += wp.normalize(ray_to(eyes[e], point, own))
+            near |= wp.int64(1) << wp.int64(wp.min(e, 63))
     middle = wp.normalize(middle)
     weights = wp.float64(0.0)
     distance = wp.float64(0.0)
     ray = wp.vec3d()
     for e in range(eyes.shape[0]):
+        if (near >> wp.int64(wp.min(e, 63))) & wp.int64(1) == wp.int64(0):
+            continue
         measured, own = depths_at(eyes[e], depth, beside[e], point)
         apart = measured - own
         if wp.abs(apart) < reach:
             toward = ray_to(eyes[e], point, own)
             facing = wp.max(wp.dot(wp.normalize(toward), middle), wp.float64(0.0))
-            share = (wp.float64(1.0) - wp.abs(apart) / reach) * wp.pow(facing, _FACING)
+            # The fourth power: near a silhouette the pixels beside a point lie behind it or before it, and
+            # those behind are out of reach.
+            square = facing * facing
+            share = (wp.float64(1.0) - wp.abs(apart) / reach) * (square * square)
             weights += share
             distance += share * apart
             ray += share * toward

@@ -23,8 +23,9 @@ WIDTH = 160
 def green_means(image: np.ndarray, step: int) -> np.ndarray:
     """Return the means of the green channel over squares of ``step`` pixels, (height, width), float32."""
     height, width = image.shape[0] // step, image.shape[1] // step
-    blocks = image[: height * step, : width * step, 1].reshape(height, step, width, step)
-    return blocks.mean(axis=(1, 3), dtype=np.float32)
+    green = image[: height * step, : width * step, 1].astype(np.float32)
+    rows = sum((green[row::step] for row in range(1, step)), green[::step])
+    return sum((rows[:, column::step] for column in range(1, step)), rows[:, ::step]) / step**2
 
 
 def thumbnails(

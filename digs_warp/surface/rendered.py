@@ -17,7 +17,8 @@ from digs_warp.measure.surface_metrics import (
     sample_with_normals,
     visible_places,
 )
-from digs_warp.surface.depth_views import depth_views
+from digs_warp.splat.device import DeviceGaussians
+from digs_warp.splat.surface_depth import drawn_surfaces, surface_depth
 from digs_warp.surface.extract import depth_within
 
 # Of all around the object; the figures hardly change with more views, or more points for the accuracy.
@@ -41,10 +42,11 @@ def surface_error(
     """
     chosen = evenly(frames, VIEWS)
     cameras = [frame.camera for frame in chosen]
-    views = depth_views(gaussians, cameras, gaussians.means.mean(axis=0), device)
+    on_device = DeviceGaussians.from_numpy(gaussians, device)
+    drawn = drawn_surfaces(on_device, cameras, gaussians.means.mean(axis=0), is_object=True)
     with ThreadPoolExecutor(1) as beside:  # while the next view is rendered
-        pairs = zip(chosen, views, strict=True)
-        shown = [beside.submit(_points, frame, view.depth) for frame, view in pairs]
+        pairs = zip(chosen, drawn, strict=True)
+        shown = [beside.submit(_points, frame, view.depth.to_numpy()) for frame, view in pairs]
     points = np.concatenate([each.result() for each in shown])
     if not len(points) or not len(truth):
         return None
@@ -68,8 +70,9 @@ def _nearest(points: np.ndarray, places: np.ndarray) -> np.ndarray:
     return KDTree(points, balanced_tree=False, compact_nodes=False).query(places, workers=-1)[0]
 
 
-def _points(frame: Frame, depth: np.ndarray) -> np.ndarray:
+def _points(frame: Frame, drawn: np.ndarray) -> np.ndarray:
     """Return the points of the surface that a frame sees, in the world [m], shape (n, 3)."""
+    depth = surface_depth(drawn)
     if frame.has(Layer.MASK):
         depth = depth_within(depth, frame.load_mask())
     rows, columns = np.nonzero(np.isfinite(depth))
