@@ -35,13 +35,13 @@ FLOORS = {
 # The most lines of a room. A change that needs more says in its message what the weight buys.
 LINE_BUDGETS = {
     "api": 391,
-    "check": 1_671,
+    "check": 1_689,
     "commands": 2_970,
-    "data": 3_107,
+    "data": 3_143,
     "device": 864,
     "engines": 969,
     "files at the top": 744,
-    "formats": 5_694,
+    "formats": 5_660,
     "geometry": 630,
     "init": 3_555,
     "losses": 626,
@@ -49,8 +49,8 @@ LINE_BUDGETS = {
     "measure": 1_508,
     "pipeline": 2_254,
     "poses": 4_456,
-    "record": 1_844,
-    "show": 2_793,
+    "record": 1_851,
+    "show": 2_788,
     "sim.camera": 1_342,
     "sim.fit": 1_609,
     "sim.record": 1_955,
@@ -63,7 +63,7 @@ LINE_BUDGETS = {
     "surface": 561,
     "torch": 180,
     "train": 3_608,
-    "usd": 2_370,
+    "usd": 2_348,
 }
 MOST_FILES = 470  # of the product; 65,000 lines in 500 files are the goal
 # A shorter file with a single client in its folder belongs into that client.

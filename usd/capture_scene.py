@@ -1,14 +1,6 @@
 """One package per capture: its Gaussians in levels of detail as variants, the camera rig, the meshes.
 
-::
-
-    scene.usdz
-      default.usdc                /Asset with the variant set lod, and below it:
-        /Asset/Gaussians          ParticleField3DGaussianSplat, the payload of the selected variant
-        /Asset/Rig/left, right    UsdGeomCamera; time code i is view i
-        /Asset/Source/...         meshes, purpose guide
-        /Render/...               RenderProduct of each camera: the image size
-      splats_<lod>.usdc           one payload per level
+docs/usd.md has its layout: the root has the variant set lod, whose variants have a payload each.
 """
 
 from dataclasses import dataclass, field

@@ -5,7 +5,7 @@ Attributes that are missing or too short get the schema's default; of animated o
 """
 
 import logging
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from math import isqrt
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -17,35 +17,13 @@ from digs_warp.data.images import srgb_from_linear
 from digs_warp.geometry.sh import MAX_DEGREE, coefficient_count, sh_from_rgb
 from digs_warp.usd import names
 from digs_warp.usd.convert import SplatArrays
-from digs_warp.usd.files import HINT
-from digs_warp.usd.walk import select_variant, variant_sets
+from digs_warp.usd.files import HINT, reason
 from digs_warp.words import cut, first_few
 
 if TYPE_CHECKING:
     from pxr import Gf, Usd
 
 _log = logging.getLogger(__name__)
-
-
-def select_variants(stage: "Usd.Stage", chosen: Mapping[str, str], path: Path) -> None:
-    """Choose variants by the names of their sets, on every prim that has such a set.
-
-    Sets inside other variants are found once those are chosen: the order of ``chosen`` counts.
-
-    Raises:
-        UsdError: there is no such set or no such variant; lists all of them.
-    """
-    for name, variant in chosen.items():
-        found = {key: each for key, each in variant_sets(stage).items() if key[1] == name}
-        if not any(variant in each for each in found.values()):
-            sets = variant_sets(stage).items()
-            there = "; ".join(f"{cut(s)}: {first_few([*map(cut, v)])}" for (_, s), v in sets)
-            raise UsdError(
-                f"USD scene '{path}': no variant '{variant}' of '{name}'; there is {there or 'none'}"
-            )
-        for (prim, _), variants in found.items():
-            if variant in variants:
-                select_variant(stage, prim, name, variant)
 
 
 def find_fields(stage: "Usd.Stage") -> list["Usd.Prim"]:
@@ -75,13 +53,17 @@ def find_field(stage: "Usd.Stage", path: Path, prim_path: str | None = None) -> 
             )
         return prim
     if not fields:
-        raise UsdError(f"USD scene '{path}': holds no Gaussian splats. {HINT}")
+        lost = [reason(RuntimeError(each)) for each in stage.GetCompositionErrors()[:1]]
+        why = f" ({lost[0]})" if lost else ""
+        raise UsdError(f"USD scene '{path}': holds no Gaussian splats{why}. {HINT}")
     shown = [prim for prim in fields if is_shown(prim)] or fields
     if len(shown) > 1:
         raise UsdError(
             f"USD scene '{path}': expected one field of Gaussian splats, found {len(fields)}: {found}; "
             "choose one with --prim"
         )
+    if not is_shown(shown[0]):
+        _log.warning("USD scene '%s': %s is invisible, and read all the same", path, found)
     if len(fields) > 1:
         _log.warning("USD scene '%s': of %s, only %s is visible", path, found, shown[0].GetPath())
     return shown[0]
@@ -118,8 +100,8 @@ def color_space(prim: "Usd.Prim") -> tuple[str, "Gf.ColorSpace | None"]:
     from pxr import Gf, Usd
 
     line = list(with_ancestors(prim))
-    own = (prim.GetAttribute(names.SH_COEFFICIENTS + half) for half in ("", names.HALF_SUFFIX))
-    authored = [str(each.GetColorSpace()) for each in own if each and each.HasColorSpace()]
+    own = stored(prim, names.SH_COEFFICIENTS)
+    authored = [str(own[0].GetColorSpace())] if own and own[0].HasColorSpace() else []
     authored += [name for each in line if (name := token_of(each, "colorSpace:name"))]
     name = next(iter(authored), "")
     prefix = "ColorSpaceDefinitionAPI:"
@@ -265,6 +247,12 @@ def array_of(prim: "Usd.Prim", name: str) -> np.ndarray | None:
 
 def value_of(prim: "Usd.Prim", name: str) -> Any:
     """Return the array of an attribute, else of its half-precision twin; None when both are empty."""
+    found = stored(prim, name)
+    return None if found is None else found[1]
+
+
+def stored(prim: "Usd.Prim", name: str) -> "tuple[Usd.Attribute, Any] | None":
+    """Return the attribute that holds an array, it or its half-precision twin, and the array."""
     from pxr import Usd
 
     for twin in (name, name + names.HALF_SUFFIX):
@@ -273,7 +261,7 @@ def value_of(prim: "Usd.Prim", name: str) -> Any:
             continue
         value = attribute.Get(Usd.TimeCode.EarliestTime())
         if hasattr(value, "__len__") and len(value):  # a broken file may hold anything
-            return value
+            return attribute, value
     return None
 
 

@@ -1,7 +1,6 @@
 """Reads Gaussians, or facts about them, from a USD scene, ours or another program's, into our world."""
 
 import logging
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -26,11 +25,10 @@ from digs_warp.usd.field import (
     extent_of,
     find_field,
     read_arrays,
-    select_variants,
     splat_count,
+    stored,
     stored_sh_degree,
     value_of,
-    variant_sets,
 )
 from digs_warp.usd.files import opened_stage
 from digs_warp.usd.frames import (
@@ -40,6 +38,7 @@ from digs_warp.usd.frames import (
     world_from_prim,
 )
 from digs_warp.usd.metadata import filter_of, read_metadata
+from digs_warp.usd.walk import variant_sets
 from digs_warp.words import quoted
 
 if TYPE_CHECKING:
@@ -47,8 +46,8 @@ if TYPE_CHECKING:
 
 _log = logging.getLogger(__name__)
 
-# As the scene or as the display: one curve.
-_SRGB, _LINEAR = "srgb_rec709", "lin_rec709"
+# Beginnings of the names of color spaces: as the scene or as the display, one curve.
+_SRGB, _LINEAR, _OURS = "srgb", "lin_", ("lin_rec709", "lin_srgb")
 
 # Splats that tell where a scene lies.
 SAMPLED = 65536
@@ -74,9 +73,7 @@ def read_gaussians(path: Path, prim_path: str | None = None) -> Gaussians:
     return read_scene(path, prim_path).gaussians
 
 
-def read_scene(
-    path: Path, prim_path: str | None = None, variants: Mapping[str, str] | None = None
-) -> UsdScene:
+def read_scene(path: Path, prim_path: str | None = None) -> UsdScene:
     """Read the Gaussians and the metadata of a ``.usda``, ``.usdc`` or ``.usdz`` file.
 
     The prim's transform, the stage's ``upAxis`` and ``metersPerUnit`` are applied to positions,
@@ -90,15 +87,13 @@ def read_scene(
     Args:
         path: the scene.
         prim_path: which splats to read where a scene holds several fields.
-        variants: variant set -> variant; others keep the scene's own choice.
 
     Raises:
         UsdError: the file is missing, truncated or not USD; it holds no splats, or several fields and no
-            ``prim_path`` is given; there is no such variant; values are NaN, infinite or not activated;
-            the transform is not a similarity.
+            ``prim_path`` is given; values are NaN, infinite or not activated; the transform is not a
+            similarity.
     """
     with opened_stage(path) as stage:
-        select_variants(stage, variants or {}, path)
         return _read(stage, find_field(stage, path, prim_path), path)
 
 
@@ -123,7 +118,11 @@ def _read_gaussians(prim: "Usd.Prim", what: str) -> Gaussians:
     if offset is None and len(some) and (far := far_offset(some)) is not None:
         world_from_local[:3, 3] -= far
         x, y, z = offset = tuple(far.tolist())
-        _log.warning("%s: (%g, %g, %g) m are taken off, and kept as world_offset", what, x, y, z)
+        step = metres_per_unit(prim.GetStage(), what) * np.spacing(np.abs(arrays.positions).max())
+        _log.warning(
+            "%s: (%g, %g, %g) m are taken off, and kept as world_offset; its positions have steps of %.2g m",
+            *(what, x, y, z, step),
+        )
     similarity = similarity_from_matrix(world_from_local, what)
     count = len(arrays)
     read = Gaussians(
@@ -161,11 +160,11 @@ def _has_linear_colors(prim: "Usd.Prim", what: str) -> bool:
     name, _ = color_space(prim)
     if name.startswith(_LINEAR):
         _log.warning(
-            "%s: its colors are in '%s'; converted to sRGB. Where splats overlap, they blend otherwise",
-            *(what, name),
+            "%s: its colors are in %s; converted to sRGB%s. Where splats overlap, they blend otherwise",
+            *(what, quoted(name), "" if name.startswith(_OURS) else " as if it was lin_rec709"),
         )
         return True
-    if name and name not in ("raw", "data") and not name.startswith(_SRGB):
+    if name and name not in ("raw", "data") and not name.lower().startswith(_SRGB):
         _log.warning("%s: colors in %s are taken for sRGB", what, quoted(name))
     return False
 
@@ -197,8 +196,8 @@ def _facts(stage: "Usd.Stage", path: Path, prim_path: str | None) -> dict[str, A
     prim = find_field(stage, path, prim_path)
     count = splat_count(prim)
     extent = extent_of(prim)
-    twins = {name: prim.GetAttribute(name + names.HALF_SUFFIX) for name in names.WIDTHS}
-    halves = [name for name, twin in twins.items() if twin and twin.HasAuthoredValue()]
+    held = {name: stored(prim, name) for name in names.WIDTHS}
+    halves = [name for name, own in held.items() if own and own[0].GetName() != name]
     views = 1 + round(stage.GetEndTimeCode() - stage.GetStartTimeCode())
     return {
         "splats": count,

@@ -17,7 +17,7 @@ from digs_warp.geometry.sh import MAX_DEGREE
 from digs_warp.usd import names
 from digs_warp.usd.author import three_sigma_extent
 from digs_warp.usd.convert import SplatArrays, is_finite
-from digs_warp.usd.field import array_of, color_space, extent_of, find_fields
+from digs_warp.usd.field import array_of, color_space, extent_of, find_fields, stored
 from digs_warp.usd.frames import similarity_from_matrix
 from digs_warp.words import quoted
 
@@ -207,10 +207,9 @@ def _check_harmonics(prim: "Usd.Prim", sh: np.ndarray | None, count: int) -> Ite
     if len(sh) != count * per_splat:
         message = f"{len(sh)} coefficients, expected {count} x {per_splat} for degree {degree}"
         yield _error("sh-count", message)
-    twins = (prim.GetAttribute(names.SH_COEFFICIENTS + half) for half in ("", names.HALF_SUFFIX))
-    stored = next(each for each in twins if each and each.HasAuthoredValue())
+    own = stored(prim, names.SH_COEFFICIENTS)
     for name, expected in (("elementSize", per_splat), ("interpolation", "vertex")):
-        if (found := stored.GetMetadata(name)) != expected:
+        if own and (found := own[0].GetMetadata(name)) != expected:
             shown = "not authored" if found is None else repr(found)
             yield _error("sh-metadata", f"{name} is {shown}, expected {expected!r}")
 

@@ -118,6 +118,15 @@ CHECKS = (
         "it out: 'digs-warp reconstruct CAPTURE --ignore-mask mask.png'.",
         unless=("still camera",),
     ),
+    Check(
+        kind="camera",
+        measure=recording.camera_of_others,
+        limit=0.2,  # of the side
+        message="The principal point is at {across:.0%} of the width and {down:.0%} of the height: "
+        "this camera is that of images of about {size} pixels.",
+        remedy="Give the camera at the size of these images, fl_x, fl_y, cx and cy grow with them.",
+        is_error=True,
+    ),
     *(
         Check(
             kind=kind,

@@ -173,6 +173,15 @@ def still_camera(evidence: Evidence, _: float) -> dict[str, Any] | None:
     return {"still": found.still} if found and turns else None
 
 
+def camera_of_others(evidence: Evidence, least: float) -> dict[str, Any] | None:
+    """Find principal points off the middle by this share, across as well as down: of images of a size."""
+    k = evidence.capture.frames[0].camera.intrinsics
+    across, down = k.cx / k.width, k.cy / k.height
+    if abs(across - 0.5) < least or abs(across - down) > least / 2:  # else a part of an image
+        return None
+    return {"across": across, "down": down, "size": f"{2 * k.cx:.0f}x{2 * k.cy:.0f}"}
+
+
 def few_views(evidence: Evidence, least: float) -> dict[str, Any] | None:
     """Find recordings of fewer frames."""
     count = len(evidence.capture)

@@ -112,7 +112,7 @@ class FileNames:
         return self._listed[place]
 
 
-MASK_SUFFIXES = (".png", ".jpg", ".jpeg", ".npy", ".exr", ".tif", ".tiff", ".bmp", ".webp")
+MASK_SUFFIXES = (".png", ".jpg", ".jpeg", ".npy", ".npz", ".exr", ".tif", ".tiff", ".bmp", ".webp")
 
 
 def masks_in(folder: Path, images: Sequence[str]) -> tuple[dict[str, Path], int]:

@@ -107,7 +107,7 @@ class Frame:
         """Return the object mask, 0..255, shape (height, width), uint8."""
         if self.has_plain_masks:
             return self.load(Layer.MASK)
-        return mask_of(self._load(Layer.MASK))[0]
+        return mask_of(self._load(Layer.MASK), self.layers[Layer.MASK])[0]
 
     def load_cause(self) -> np.ndarray:
         """Return why each depth pixel is missing or wrong, shape (height, width), uint8; 0 if it is fine.

@@ -75,14 +75,14 @@ def read_image(path: Path, what: str = "image") -> np.ndarray:
     """Return the pixels of a file, shape (height, width, channels), in the file's own number type.
 
     Integers stay as they are, floating-point files give float32. Nothing is converted between color spaces.
-    Arrays of NumPy (``.npy``) are read, too.
+    Arrays of NumPy (``.npy``, ``.npz``) are read, too.
 
     Raises:
         DigsError: the file is missing, truncated, no image, or larger than `digs_warp.bounds.IMAGE`.
     """
     import OpenImageIO as oiio
 
-    if path.suffix.lower() == ".npy":
+    if path.suffix.lower() in ARRAYS:
         return _of_array(read_array(path, what), f"{what} '{path}'")
     with _opened(path, what) as source:
         spec = source.spec()
@@ -95,12 +95,27 @@ def read_image(path: Path, what: str = "image") -> np.ndarray:
             f"{what} '{path}': expected {spec.width}x{spec.height} pixels, but the data breaks off "
             f"({problem.strip() or 'no pixels'}). Copy or export the file again."
         )
-    return np.asarray(pixels).reshape(spec.height, spec.width, spec.nchannels)
+    pixels = np.asarray(pixels).reshape(spec.height, spec.width, spec.nchannels)
+    return pixels if (order := _order(spec, what)) is None else pixels[..., order]
+
+
+ARRAYS = (".npy", ".npz")
+
+
+def _order(spec: Any, what: str) -> list[int] | None:
+    """Return the channels to take: of depth beside colors its own, else alpha last; None: all as they are."""
+    names = [name.rpartition(".")[2].lower() for name in spec.channelnames]
+    own = [i for i, name in enumerate(names) if name in ("z", "v", "depth")]
+    if what == "depth" and own and len(names) > 1:
+        return own[:1]
+    if (alpha := spec.alpha_channel) in (-1, len(names) - 1):
+        return None
+    return [*(i for i in range(len(names)) if i != alpha), alpha]
 
 
 def image_size(path: Path, what: str = "image") -> tuple[int, int]:
     """Return (width, height) of a file, from its header if it is an image; errors as of `read_image`."""
-    if path.suffix.lower() == ".npy":
+    if path.suffix.lower() in ARRAYS:
         height, width = read_image(path, what).shape[:2]
         return width, height
     with _opened(path, what) as source:
@@ -176,11 +191,15 @@ def depth_in_metres(
 # More different values are shades, not the numbers of objects.
 MOST_NUMBERS = 32
 
+# What masks mark is made brighter below the first. Below the other, JPEG may have spoilt numbers of objects.
+DIM, DARK = 170, 64
+
 IN_ALPHA = "masks are in the alpha channel of their files"
 NUMBERED = "masks hold numbers of objects, or 1: all but 0 counts as object"
+BRIGHTENED = "masks are darker than 255, and are made brighter"
 
 
-def mask_of(pixels: np.ndarray) -> tuple[np.ndarray, str | None]:
+def mask_of(pixels: np.ndarray, path: object = "") -> tuple[np.ndarray, str | None]:
     """Return the mask that a file holds in any of the usual ways, 0 to 255, (height, width), uint8.
 
     Shades from 0 to 255 stay. Of a cut-out, the alpha channel is the mask, unless its colors are one; where
@@ -188,10 +207,15 @@ def mask_of(pixels: np.ndarray) -> tuple[np.ndarray, str | None]:
 
     Args:
         pixels: as `read_image` returns them.
+        path: of their file, if they have one.
 
     Returns:
         The mask, and what was found out about it, a clause; None: it is as usual.
+
+    Raises:
+        CaptureError: what may be numbers of objects, in a JPEG file.
     """
+    is_jpeg = str(path).lower().endswith(("jpg", "jpeg"))
     shown = pixels[..., :3].max(axis=2) if pixels.shape[2] >= 3 else pixels[..., 0]
     values, note = _eight_bits(shown), None
     if pixels.shape[2] in (2, 4):
@@ -201,8 +225,18 @@ def mask_of(pixels: np.ndarray) -> tuple[np.ndarray, str | None]:
             values, note = alpha, IN_ALPHA
     counts = np.bincount(values.reshape(-1), minlength=256)
     numbers, bright = counts[1:].sum(), counts[250:].sum()
-    if np.count_nonzero(counts[1:]) <= MOST_NUMBERS and 2 * bright < numbers:
+    upper = np.where(np.arange(256) > values.max() // 2, counts, 0).cumsum()
+    level = int(np.searchsorted(upper, upper[-1] / 2)) if numbers else 255  # of what is marked
+    if is_jpeg and level < DARK:
+        raise CaptureError(
+            f"mask '{path}': what it marks has the value {level}, and JPEG does not keep numbers of objects; "
+            "write masks as PNG, or mark with 255"
+        )
+    if not is_jpeg and np.count_nonzero(counts[1:]) <= MOST_NUMBERS and 2 * bright < numbers:
         values, note = np.where(values > 0, np.uint8(255), np.uint8(0)), note or NUMBERED
+    elif level < DIM:
+        values = np.minimum(values * np.float32(255 / level), 255).astype(np.uint8)
+        note = note or BRIGHTENED
     return np.ascontiguousarray(values), note
 
 

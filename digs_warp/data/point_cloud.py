@@ -133,6 +133,8 @@ def read_points(path: Path, offset: np.ndarray | float = 0.0, scale: float = 1.0
         )
     positions = np.stack([table[axis] for axis in POSITION], axis=1).astype(np.float64)
     positions = (positions / scale - offset).astype(np.float32)
+    if np.any(offset) and table["x"].dtype.itemsize < 8:
+        logger.warning("points '%s': floats cannot hold places so far away; write doubles", path)
     colors = np.full(positions.shape, 0.5, np.float32)
     if set(COLOR) <= set(names):
         colors = unit_colors(np.stack([table[name] for name in COLOR], axis=1))

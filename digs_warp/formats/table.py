@@ -153,8 +153,8 @@ RECORDINGS = {
                 "*.ply": "points in the format of other programs",
                 "*.ini": "settings of COLMAP",
             },
-            "THIN_PRISM_FISHEYE, RAD_TAN_THIN_PRISM_FISHEYE, EQUIRECTANGULAR; names outside of the folder",
-            "*cameras.??? *images.??? *points3D.???",
+            "THIN_PRISM_FISHEYE, RAD_TAN_THIN_PRISM_FISHEYE, EQUIRECTANGULAR",
+            "*cameras.[bt]?? *images.[bt]?? *points3D.[bt]??",
         ),
         Form(
             "euroc",
@@ -174,16 +174,17 @@ RECORDINGS = {
             "a scene of several sequences",
             "frame-*.pose.txt camera-intrinsics.txt *info.txt",
         ),
+        Form(
+            "stray",
+            "the sharpest frames of rgb.mp4, depth, odometry.csv, camera_matrix.csv",
+            {**CONFIDENCE, "imu.csv": "motion"},
+            files="rgb.mp4 odometry.csv camera_matrix.csv depth/*",
+        ),
     )
 }
 
 FILMS = (
     Form("video", "the sharpest frames of any film that FFmpeg reads", {"sound": "sound"}),
-    Form(
-        "stray",
-        "the sharpest frames of rgb.mp4, depth, odometry.csv, camera_matrix.csv",
-        {"confidence/*": "confidence in the depth", "imu.csv": "motion"},
-    ),
     Form(
         "ros, realsense",
         "color and depth of a .bag, .mcap, .db3 or folder of ROS 2, with the cameras beside them",

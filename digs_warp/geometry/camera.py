@@ -56,16 +56,16 @@ class Intrinsics:
                 with OpenCV, ROS and Open3D have it.
 
         Raises:
-            DigsError: not finite, no focal length, or a skew.
+            DigsError: not finite, no focal length, a skew, or rows that are columns.
         """
         k = np.asarray(matrix, dtype=np.float64)
-        if k.ndim != 2 or min(k.shape) < 3 or abs(k[0, 1]) > MOST_SKEW * abs(k[0, 0]):
+        zeros = (k[0, 1], *k[1:3, 0], k[2, 1]) if k.ndim == 2 and min(k.shape) > 2 else [np.inf]
+        if max(map(abs, zeros)) > MOST_SKEW * np.abs(k).max(initial=0.0):
             raise DigsError(
                 f"camera: expected a matrix [[fx, 0, cx], [0, fy, cy], [0, 0, 1]], found\n{matrix}"
             )
-        shift = 0.5 - first_center
-        focal, center = (k[0, 0], k[1, 1]), (k[0, 2] + shift, k[1, 2] + shift)
-        return Intrinsics(width, height, *map(float, (*focal, *center)))
+        center = k[:2, 2] + (0.5 - first_center)
+        return Intrinsics(width, height, *map(float, (k[0, 0], k[1, 1], *center)))
 
     @property
     def matrix(self) -> np.ndarray:

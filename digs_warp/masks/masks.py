@@ -125,7 +125,7 @@ def _mask_from_folder(files: dict[str, Path], frame: Frame) -> np.ndarray:
             f"mask '{path}': {pixels.shape[1]}x{pixels.shape[0]} pixels, expected {k.width}x{k.height} as "
             "its image has; segment the images of this recording at their full size"
         )
-    return mask_of(pixels)[0]
+    return mask_of(pixels, path)[0]
 
 
 def check_source(config: SegmentConfig) -> None:

@@ -14,6 +14,7 @@ import numpy as np
 from digs_warp.bounds import check_unpacked
 from digs_warp.checks import DigsError, require_file
 from digs_warp.record.files import write_atomically
+from digs_warp.words import first_few
 
 # What NumPy and zipfile raise for files that are damaged.
 UNREADABLE = (
@@ -53,7 +54,7 @@ def open_arrays(path: Path, what: str, fields: Sequence[str]) -> Iterator[Any]:
         DigsError: the file is missing or broken, promises more than it holds, or an array read in the
             context is invalid.
     """
-    expected = f"expected an .npz with {', '.join(fields)} as 'digs-warp reconstruct' writes it"
+    expected = f"expected an .npz with {', '.join(fields)}"
     check_archive(path, what, expected)
     try:
         with np.load(path, allow_pickle=False) as arrays:
@@ -63,12 +64,18 @@ def open_arrays(path: Path, what: str, fields: Sequence[str]) -> Iterator[Any]:
 
 
 def read_array(path: Path, what: str) -> np.ndarray:
-    """Return the array in an ``.npy`` file.
+    """Return the array in an ``.npy`` file, or of an ``.npz`` the only one, or that with the name ``what``.
 
     Raises:
         DigsError: the file is missing or broken, or promises more than it holds.
     """
     require_file(path, what)
+    if path.suffix.lower() == ".npz":
+        with open_arrays(path, what, ("one array",)) as arrays:
+            names = [name for name in arrays if name == what] or list(arrays)
+            if len(names) != 1:
+                raise ValueError(f"it has {first_few(names)}, and none is called {what}")
+            return arrays[names[0]]
     try:
         return np.load(path, allow_pickle=False)
     except UNREADABLE as error:

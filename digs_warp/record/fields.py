@@ -118,15 +118,15 @@ class Fields:
         return self._fitting(name, default, lambda v: isinstance(v, bool), "true or false")
 
     def array(
-        self, name: str, shape: Sequence[int], default: T | _Needed = NEEDED
+        self, name: str, shape: Sequence[int], default: T | _Needed = NEEDED, finite: bool = True
     ) -> np.ndarray | T:
-        """Return lists of finite numbers as an array of float64; -1 in ``shape`` fits any length."""
+        """Return lists of numbers as an array of float64; -1 in ``shape`` fits any length."""
         value = self._find(name, default)
         if value is default:
             return value
         try:
             numbers = list(_flat(value)) if isinstance(value, list) else [None]
-            if all(map(is_number, numbers)):
+            if all(is_number(v) or (isinstance(v, float) and not finite) for v in numbers):
                 return np.array(numbers, dtype=np.float64).reshape(shape)
         except ValueError:  # another shape
             pass

@@ -10,6 +10,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 from pxr import Sdf, Usd, UsdGeom, UsdUtils
 
 import digs_warp as dw
+from digs_warp.checks import UsdError
 from digs_warp.cli import main
 from digs_warp.data.gaussians import Gaussians
 from digs_warp.data.images import linear_from_srgb, srgb_from_linear
@@ -172,6 +173,8 @@ def test_colors_of_another_space_become_srgb(tmp_path: Path) -> None:
     spaces = {
         "lin_rec709_scene": 1,
         "lin_rec709_display": 1,
+        "lin_srgb": 1,
+        "sRGB": 0,
         "srgb_rec709_scene": 0,
         "raw": 0,
         "nobody's": 0,
@@ -226,6 +229,16 @@ def test_the_visible_one_of_two_fields_is_read_or_one_is_chosen_with_a_flag(
         caplog.clear()
         assert len(read_gaussians(two_fields(tmp_path / f"{hide}.usda", hide))) == 20
         assert f"only {names.GAUSSIANS_PATH} is visible" in caplog.text
+    alone = two_fields(tmp_path / "alone.usda", "invisible")
+    assert len(read_gaussians(alone, "/Asset/Old")) == 20
+    stage = Usd.Stage.Open(str(alone))
+    stage.RemovePrim(names.GAUSSIANS_PATH)
+    stage.Save()
+    assert len(read_gaussians(alone)) == 20
+    assert "/Asset/Old is invisible, and read all the same" in caplog.text
+    (tmp_path / "lost.usda").write_text('#usda 1.0\ndef "A" (references = @./gone.usda@) {}\n')
+    with pytest.raises(UsdError, match=r"no Gaussian splats \(Could not open asset .*gone\.usda"):
+        read_gaussians(tmp_path / "lost.usda")
     path, out = two_fields(tmp_path / "a.usda"), tmp_path / "b.ply"
     for command in (["info", str(path)], ["convert", str(path), "--out", str(out)]):
         assert main(command) == 1

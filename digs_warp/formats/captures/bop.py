@@ -1,19 +1,11 @@
 """BOP, the benchmark of object poses: one scene of one or several objects, in millimetres.
 
-    camera.json                               the sensor
-    train/000000/rgb/000000.png               depth/000000.png, mask/000000_000000.png, mask_visib/...
-    models/obj_000001.ply, models_info.json   the object, if its mesh file is known
-    train/000000/scene_camera.json            per image: cam_K, depth_scale, cam_R_w2c, cam_t_w2c
-    train/000000/scene_gt.json                per image and object: obj_id, cam_R_m2c, cam_t_m2c
-    train/000000/scene_gt_info.json           per image and object: boxes, numbers of pixels
-
-What we write: the model's frame is that of the mesh file that was recorded, in millimetres, else the world's.
-Nothing hides a single object, so its
-silhouette is the mask; cut by the image border, it counts as complete. Of several objects, the capture's
-object numbers give mask_visib, and its `Frame.objects` boxes, counts and mask: the whole silhouette, as if
-nothing hid it. A mesh that is there twice is two instances of one model. What we read may hold
-several objects; where an image has no pose of the camera in the world, the frame of the first object is the
-world. See
+docs/formats.md has what we write. The model's frame is that of the mesh file that was recorded, in
+millimetres, else the world's. Nothing hides a single object, so its silhouette is the mask; cut by the image
+border, it counts as complete. Of several objects, the capture's object numbers give mask_visib, and its
+`Frame.objects` boxes, counts and mask: the whole silhouette, as if nothing hid it. A mesh that is there twice
+is two instances of one model. What we read may hold several objects; where an image has no pose of the camera
+in the world, the frame of the first object is the world. See
 https://github.com/thodan/bop_toolkit/blob/master/docs/bop_datasets_format.md.
 """
 
@@ -58,21 +50,25 @@ NO_BOX = [-1, -1, -1, -1]  # BOP's own sign for an object out of view
 
 
 def read_bop(folder: Path) -> Recording:
-    """Read one scene: the folder with scene_camera.json, or a data set that holds exactly one."""
+    """Read one scene, the folder with scene_camera.json, or a data set of one; images list what they show."""
     scene = _the_scene(folder)
     files = NumberedFiles.find(scene, "rgb/", "depth/")
     all_cameras = _fields(scene / CAMERAS, "cameras")
     objects = _fields(scene / POSES, "poses") if (scene / POSES).is_file() else None
-    cameras, poses, units, masks = {}, {}, {}, {}
+    cameras, poses, units, masks, first = {}, {}, {}, {}, None
     for number in files.images:
         camera = all_cameras.section(str(number))
         matrix = camera.array("cam_K", (3, 3))
         seen = objects.sections(str(number), []) if objects else []
-        poses[number] = _world_from_cam(camera, seen)
+        ids = [each.whole("obj_id") for each in seen]
+        first = ids[0] if ids and first is None else first
+        place = ids.index(first) if first in ids else None
+        poses[number] = _world_from_cam(camera, None if place is None else seen[place])
         units[number] = MM_PER_METRE / camera.number("depth_scale", ABOVE_ZERO, default=1.0)
         cameras[number] = Intrinsics.from_matrix(matrix, *files.image_size, first_center=0)
         for kind in ("mask", "mask_visib"):  # the second is preferred
-            if (mask := scene / kind / f"{number:06d}_000000.png").is_file():
+            mask = scene / kind / f"{number:06d}_{place or 0:06d}.png"
+            if mask.is_file() and not (ids and place is None):
                 masks[number] = mask
     return files.recording(cameras, poses, depth_units_per_metre=units, mask=masks)
 
@@ -93,11 +89,11 @@ def _fields(path: Path, what: str) -> Fields:
     return Fields(read_json(path, what), f"'{path}'", CaptureError)
 
 
-def _world_from_cam(camera: Fields, objects: list[Fields]) -> np.ndarray | None:
+def _world_from_cam(camera: Fields, first: Fields | None) -> np.ndarray | None:
     """Return the pose of the camera in the world, else in the frame of the first object [m]."""
     if "cam_R_w2c" in camera:
         return _inverse(camera, "cam_R_w2c", "cam_t_w2c")
-    return _inverse(objects[0], "cam_R_m2c", "cam_t_m2c") if objects else None
+    return None if first is None else _inverse(first, "cam_R_m2c", "cam_t_m2c")
 
 
 def _inverse(pose: Fields, rotation: str, translation: str) -> np.ndarray | None:

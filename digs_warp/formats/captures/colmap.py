@@ -1,9 +1,5 @@
 """COLMAP: a sparse model with known poses, binary or as text, beside the images.
 
-    images/0000.png
-    masks/0000.png.png                                  black where features are not wanted
-    sparse/0/cameras.bin  images.bin  points3D.bin      or .txt
-
 Pixel centers are at +0.5, as here; poses are camera from world, quaternions wxyz. The points are a start for
 splat trainers, not matches: they come from the sensed depth, and have no tracks.
 """

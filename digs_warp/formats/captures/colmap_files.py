@@ -4,9 +4,9 @@ COLMAP's own reader trusts the counts in binary files; this one believes only th
 """
 
 import struct
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from pathlib import Path
+from pathlib import Path, PurePosixPath
 from typing import Any
 
 import numpy as np
@@ -81,17 +81,17 @@ class ColmapFiles:
     rgb: np.ndarray
 
 
-def is_model(folder: Path) -> bool:
+def is_model(folder: Path, ends: Sequence[str] = ("bin", "txt")) -> bool:
     """Whether a folder holds the files of a model."""
     return any(
         (folder / f"cameras.{end}").is_file() and (folder / f"images.{end}").is_file()
-        for end in ("bin", "txt")
+        for end in ends
     )
 
 
 def read_model_files(folder: Path) -> ColmapFiles:
     """Read the model in a folder: the binary files, else the text files; points3D may be missing."""
-    is_binary = (folder / "cameras.bin").is_file() and (folder / "images.bin").is_file()
+    is_binary = is_model(folder, ("bin",))
     end = "bin" if is_binary else "txt"
     cameras = folder / f"cameras.{end}"
     images = folder / f"images.{end}"
@@ -136,7 +136,7 @@ class _Bytes:
     def text(self) -> str:
         """Return the next text, which ends with a zero byte."""
         end = self.data.index(0, self.at)
-        found = self.data[self.at : end].decode()
+        found = self.data[self.at : end].decode(errors="surrogateescape")
         self.at = end + 1
         return found
 
@@ -163,7 +163,12 @@ def _binary_images(path: Path) -> Iterator[RegisteredImage]:
         _, *pose, camera = data.take("I7dI")
         name = data.text()
         data.skip(BYTES_PER_POINT_2D * data.take("Q")[0])
-        yield RegisteredImage(name, camera, np.array(pose))
+        yield RegisteredImage(_below(name), camera, np.array(pose))
+
+
+def _below(name: str) -> str:
+    """Return a name of an image as a path that stays below their folder."""
+    return "/".join(part for part in PurePosixPath(name).parts if part not in ("/", ".."))
 
 
 def _binary_points(path: Path) -> Iterator[tuple[float, ...]]:
@@ -189,7 +194,8 @@ def _text_cameras(path: Path) -> Iterator[tuple[int, ModelCamera]]:
             raise CaptureError(
                 f"'{path}': camera {number} is {model} with {len(params)} parameters, expected {expected}"
             )
-        yield int(number), ModelCamera(model, int(width), int(height), tuple(map(float, params)))
+        size = int(float(width)), int(float(height))
+        yield int(number), ModelCamera(model, *size, tuple(map(float, params)))
 
 
 def _text_images(path: Path) -> Iterator[RegisteredImage]:
@@ -201,7 +207,8 @@ def _text_images(path: Path) -> Iterator[RegisteredImage]:
             may_be_points = False
             continue
         words = line.split(maxsplit=9)
-        yield RegisteredImage(words[9], int(words[8]), np.array(list(map(float, words[1:8]))))
+        pose = np.array([float(word) for word in words[1:8]])
+        yield RegisteredImage(_below(words[9]), int(words[8]), pose)
         may_be_points = True
 
 

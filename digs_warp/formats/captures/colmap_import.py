@@ -1,14 +1,11 @@
 """COLMAP workspaces as recordings: photographs with poses and sparse points, through any usual lens.
 
-    images/...                                    the photographs
-    masks/NAME.png                                black outside of the object; may be missing
-    sparse/0/cameras.bin images.bin points3D.bin  or .txt; also in sparse/, colmap/sparse/0/ or beside
-
-Poses are camera from world, quaternions wxyz, pixel centers at +0.5 as here. COLMAP's unit of length is
-arbitrary unless the model was aligned to known places.
+docs/recordings.md has the layout. Poses are camera from world, quaternions wxyz, pixel centers at +0.5 as
+here. COLMAP's unit of length is arbitrary unless the model was aligned to known places.
 """
 
 import logging
+import re
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
@@ -34,8 +31,7 @@ from digs_warp.words import counted
 
 logger = logging.getLogger(__name__)
 
-# COLMAP keeps no times. So far apart, photographs are not taken for a film, of which the neighbors of a frame
-# tell how the camera moved (`digs_warp/train/shutter.py`).
+# COLMAP keeps no times. So far apart, photographs are no film, whose neighbors tell how the camera moved.
 SECONDS_APART = 1.0
 
 # Where a model may lie in a workspace; "*" is the number of one of several models.
@@ -51,7 +47,7 @@ def read_colmap(folder: Path) -> Recording:
     """Read a workspace of COLMAP: its images, the poses and the points of its largest model."""
     place, model = _largest_model(folder)
     images = _image_folder(folder, place, model.images)
-    rows = sorted(model.images, key=lambda image: image.name)
+    rows = sorted(model.images, key=_in_order)
     files = FileNames(images)
     found = [row for row in rows if files.find(row.name) is not None]
     if len(found) < len(rows):
@@ -61,8 +57,16 @@ def read_colmap(folder: Path) -> Recording:
             *(folder, counted(len(rows) - len(found), "image"), images, lost),
         )
     frames = [_frame(number, row, model, place, files) for number, row in enumerate(found)]
+    if is_model(place, ("txt",)) and is_model(place, ("bin",)):
+        files.notes["the binary model is read, not the text beside it"] = 1
     points = _points(model)
     return Recording(folder, tuple(frames), points=points, poses_in_metres=False, notes=files.notes)
+
+
+def _in_order(image: RegisteredImage) -> list[str | int]:
+    """Return what orders images by name as people do: 9.png before 10.png."""
+    parts = re.split(r"(\d+)", image.name)
+    return [int(part) if part.isdecimal() else part for part in parts]
 
 
 def _largest_model(folder: Path) -> tuple[Path, ColmapFiles]:
@@ -115,8 +119,6 @@ def _frame(
     where = f"'{place}', image '{row.name}'"
     if row.camera_id not in model.cameras:
         raise CaptureError(f"{where}: has camera {row.camera_id}, which the model does not have")
-    if ".." in Path(row.name).parts or Path(row.name).is_absolute():
-        raise CaptureError(f"{where}: leaves the folder of images; paths must stay inside")
     k, lens = pinhole_and_lens(model.cameras[row.camera_id], where)
     cam_from_world = placed(np.roll(row.pose[:4], -1), row.pose[4:])
     return RecordedFrame(

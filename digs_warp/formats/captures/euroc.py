@@ -1,11 +1,8 @@
 """EuRoC MAV, and data sets in its layout (ASL): a stereo camera through its lenses, poses of its body.
 
-    mav0/cam0/data/1403715273262142976.png      named by their time, ns, or s with a point; cam1: right
-    mav0/cam0/sensor.yaml                       intrinsics, distortion, T_BS: body from camera
-    mav0/state_groundtruth_estimate0/data.csv   time, position, quaternion wxyz: world from body; or
-    mav0/vicon0, mocap0                         the same of a marker, whose sensor.yaml has its T_BS
-
-The images are rectified: rows in common, the left eye as the frame's camera. See
+docs/recordings.md has the layout. T_BS is body from camera; state_groundtruth_estimate0 has time, position,
+quaternion wxyz: world from body; vicon0 and mocap0 the same of a marker, whose sensor.yaml has its T_BS. The
+images are rectified: rows in common, the left eye as the frame's camera. See
 https://projects.asl.ethz.ch/datasets/doku.php?id=kmavvisualinertialdatasets.
 """
 
@@ -187,7 +184,7 @@ def _rows(path: Path) -> np.ndarray:
     """Return time [s], ascending, position [m] and quaternion wxyz of each measurement, (n, 8)."""
     lines = read_text(path, "ground truth").splitlines()
     with expecting(f"'{path}'", "lines of time, position and quaternion wxyz, separated by commas"):
-        rows = [line.split(",")[:8] for line in lines if line[:1].isdigit()]
+        rows = [line.split(",")[:8] for line in lines if line.lstrip()[:1].isdigit()]
         found = np.array(rows, dtype=np.float64).reshape(-1, 8)
     found = found[np.isfinite(found).all(axis=1) & found[:, 4:].any(axis=1)]
     found[:, 0] = in_seconds(found[:, 0], Counter())

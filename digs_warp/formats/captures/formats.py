@@ -123,7 +123,12 @@ def read_recording(folder: Path, form: str) -> "Recording":
         "recording",
         "Name the folder with its images and depth maps; for a film add --from video.",
     )
-    return _function(READERS[form])(folder).completed(form)
+    try:
+        return _function(READERS[form])(folder).completed(form)
+    except DigsError as error:
+        if str(folder) in str(error):
+            raise
+        raise CaptureError(f"recording '{folder}': {error}") from error
 
 
 def export_capture(capture: "Capture", form: str, folder: Path) -> None:

@@ -3,12 +3,8 @@
 Others have JPEG images, lens distortion, and often no depth. Poses stay in nerfstudio's world, which
 ``applied_transform`` rotated to have z up; ``applied_scale`` is undone, because depth is in metres. See
 https://docs.nerf.studio/quickstart/data_conventions.html. A capture folder has nerfstudio's index already; in
-what we write, splatfacto and OpenSplat also find points to start from (``ply_file_path``), depth in
-millimetres, and the names of the held-out frames. The world stays as it is, without ``applied_transform``:
-
-    images/0000.png  masks/0000.png  depth/0000.png
-    sparse_pc.ply    the points: x y z red green blue, the order that OpenSplat insists on
-    transforms.json
+what we write, splatfacto and OpenSplat also find points to start from (``ply_file_path``, in the order that
+OpenSplat insists on), depth in millimetres, and the names of the held-out frames.
 """
 
 import math
@@ -218,12 +214,7 @@ def _frame(files: FileNames, row: Fields, time: float, scale: float) -> Recorded
 
 def _pose(row: Fields, scale: float) -> np.ndarray | None:
     """Return world from camera; None where the program that wrote it was lost."""
-    found = row.values.get("transform_matrix")
-    rows = found if isinstance(found, list) else []
-    values = [value for each in rows if isinstance(each, list) for value in each]
-    if any(isinstance(value, float) and not math.isfinite(value) for value in values):
-        return None
-    matrix = row.array("transform_matrix", (4, 4))
+    matrix = row.array("transform_matrix", (4, 4), finite=False)
     matrix[:3, 3] /= scale
     pose = known_pose(matrix)
     return None if pose is None else pose @ OPENCV_FROM_OPENGL

@@ -30,7 +30,7 @@ MOST_UNREAD = 8
 
 IMAGE_SUFFIXES = (".png", ".jpg", ".jpeg")
 # Floats first: beside them, a PNG is often a picture of the depth.
-DEPTH_SUFFIXES = (".exr", ".npy", ".tiff", ".tif", ".pgm", ".png")
+DEPTH_SUFFIXES = (".exr", ".npy", ".npz", ".tiff", ".tif", ".pgm", ".png")
 
 
 @dataclass(frozen=True, eq=False)
@@ -156,12 +156,15 @@ class Recording:
         if resized:
             k = resized[0].file_camera
             self.notes[f"the camera is scaled to the images, {k.width}x{k.height}"] = len(resized)
-        found = replace(self, frames=frames)._with_masks_beside()
-        files = ((f.image, f.depth, f.mask, f.right) for f in found.frames)
+        return replace(self, frames=frames)._with_masks_beside().with_unread(form)
+
+    def with_unread(self, form: str) -> "Recording":
+        """Return the recording with a note of what its folder, of the format ``form``, holds beside."""
+        files = ((f.image, f.depth, f.mask, f.right) for f in self.frames)
         used = {path for each in files for path in each if path is not None}
         if unread := [*RECORDINGS[form].unread(self.folder, used)]:
-            found.notes[f"not read: {first_few(unread, MOST_UNREAD)}"] = 1
-        return found
+            self.notes[f"not read: {first_few(unread, MOST_UNREAD)}"] = 1
+        return self
 
     def _with_masks_beside(self) -> "Recording":
         """Return the recording with the masks of a folder beside that of its images, if it has no others."""
@@ -283,7 +286,7 @@ def expecting(where: str, what: str) -> Iterator[None]:
     """
     try:
         yield
-    except CaptureError:
+    except DigsError:
         raise
     except (KeyError, TypeError, ValueError, IndexError) as error:
         raise CaptureError(f"{where}: expected {what} ({error!r})") from None
@@ -324,11 +327,15 @@ def placed(quat_xyzw: np.ndarray, place: np.ndarray) -> np.ndarray | None:
 
 
 def read_numbers(path: Path, shape: tuple[int, ...], what: str) -> np.ndarray:
-    """Return the numbers of a text file, separated by blanks or commas, without lines that begin with #."""
-    lines = read_text(path, what, errors="replace").splitlines()
-    text = " ".join(line for line in lines if not line.lstrip().startswith("#"))
+    """Return the numbers of a text file, separated by blanks or commas, without what follows #."""
+    lines = read_text(path, what, errors="replace").replace(",", " ").splitlines()
+    rows = [row for line in lines if (row := line.partition("#")[0].split())]
+    ends = np.cumsum([0, *map(len, rows)])
     with expecting(f"{what} '{path}'", f"{shape} numbers"):
-        return np.array([float(word) for word in text.replace(",", " ").split()]).reshape(shape)
+        # Rows of a table may go on in the next line, but begin with one.
+        if shape[0] == -1 and not np.isin(np.arange(0, ends[-1], shape[1]), ends).all():
+            raise ValueError(f"{len(rows[0])} in the first line")
+        return np.array([float(word) for row in rows for word in row]).reshape(shape)
 
 
 def numbered_files(

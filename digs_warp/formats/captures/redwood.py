@@ -1,10 +1,8 @@
 """Redwood, the format of Open3D's reconstruction: numbered images, a trajectory log, one camera.
 
-    color/00000.png  depth/00000.png   depth in millimetres, 16 bits, 0 where unknown
-    trajectory.log                     per frame "i i i+1" and four rows: world from camera, OpenCV axes
-    camera_intrinsic.json              as Open3D's PinholeCameraIntrinsic reads it
-
-See https://www.open3d.org/docs/release/tutorial/reconstruction_system/system_overview.html.
+Depth is in millimetres, 16 bits, 0 where unknown; trajectory.log has "i i i+1" for each frame and four rows:
+world from camera, OpenCV axes; camera_intrinsic.json is as Open3D's PinholeCameraIntrinsic reads it. See
+https://www.open3d.org/docs/release/tutorial/reconstruction_system/system_overview.html.
 """
 
 from pathlib import Path

@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from digs_warp.checks import CaptureError
-from digs_warp.data.images import MM_PER_METRE, write_image
+from digs_warp.data.images import MM_PER_METRE, depth_in_metres, write_image
 from digs_warp.data.sharpness import Sharpness
 from digs_warp.formats.captures.lens import Lens, undistorted
 from digs_warp.formats.captures.recording import DepthCamera, RecordedFrame, Recording
@@ -39,7 +39,7 @@ _APART = 0.035
 # What comes before the PNG in a compressed depth image, and behind the images of librealsense [bytes].
 _DEPTH_HEADER, _TAIL = 12, 4
 # Lens models in ROS and in librealsense, which projects with its "inverse" one as with Brown's.
-_BROWN = ("", "none", "plumb bob", "brown conrady", "inverse brown conrady")
+_BROWN = ("", "none", "plumb bob", "rational polynomial", "brown conrady", "inverse brown conrady")
 _FISHEYE = ("equidistant", "kannala brandt4")
 
 
@@ -66,7 +66,9 @@ def read_ros(path: Path, scratch: Path, count: int) -> Recording:
             nearest = float(wanted[np.abs(wanted - time).argmin()])
             if abs(nearest - time) <= _APART and nearest not in depths:
                 depths[nearest] = scratch / f"depth{len(depths):06d}.exr"
-                write_image(depths[nearest], _metres(_pixels(message, path), bag.metres_per_unit))
+                units = 1 / bag.metres_per_unit
+                depth_m = depth_in_metres(_pixels(message, path), f"depth in '{path}'", units)
+                write_image(depths[nearest], depth_m)
     k, lens = bag.camera(color)
     view = undistorted(k, lens)
     frames = []
@@ -164,13 +166,12 @@ class _Bag:
         model = info.distortion_model.lower().replace("_", " ")
         if model in _FISHEYE:
             return k, Lens(tuple(bends[:4]), is_fisheye=True)
-        if model not in _BROWN:
+        if model not in _BROWN or len(bends) > 8:
             raise CaptureError(
                 f"'{self._path}': lens model {info.distortion_model} of {topic}, expected plumb_bob or "
                 "equidistant; record the rectified images"
             )
-        k1, k2, p1, p2, k3 = (*bends, *[0.0] * 5)[:5]
-        return k, Lens.brown(k1, k2, p1, p2, k3)
+        return k, Lens.brown(*bends)
 
     def color_from_depth(self) -> np.ndarray | None:
         """Return the rigid motion between the two cameras; None where the bag has no places."""
@@ -239,11 +240,3 @@ def _rgb(pixels: np.ndarray) -> np.ndarray:
     return np.ascontiguousarray(
         np.repeat(pixels, 3, axis=2) if pixels.shape[2] == 1 else pixels[..., :3]
     )
-
-
-def _metres(pixels: np.ndarray, metres_per_unit: float) -> np.ndarray:
-    """Return depth [m], (height, width), float32, NaN where unknown."""
-    depth = pixels[..., 0].astype(np.float32)
-    if pixels.dtype.kind == "u":
-        depth *= np.float32(metres_per_unit)
-    return np.where(depth > 0, depth, np.float32(np.nan))

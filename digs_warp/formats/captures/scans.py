@@ -1,36 +1,12 @@
 """Scans of phones and depth cameras: Record3D, ScanNet, ZED, Polycam, Stray Scanner.
 
-Record3D (iPhone, iPad; https://record3d.app/features), OpenGL axes, K counts pixels of the color image:
-
-    metadata.json    K (9 numbers, column by column), w, h, fps,
-                     poses (qx qy qz qw tx ty tz, world from camera)
-    rgb/0.jpg        depth/0.exr in metres, at the size of the depth sensor     both may be below EXR_RGBD/
-    or a file .r3d: a ZIP archive of metadata (with dw, dh, the size of the depth), rgbd/0.jpg and
-    rgbd/0.depth, float32 metres compressed with LZFSE
-
-ScanNet (https://github.com/ScanNet/ScanNet). Depth and color are assumed to be registered: the offset between
-the two cameras, a few centimetres at most, is not applied:
-
-    color/0.jpg  depth/0.png        depth in millimetres, any size
-    pose/0.txt                      4 x 4, world from camera, OpenCV axes; -inf where tracking was lost
-    intrinsic/intrinsic_color.txt   intrinsic/intrinsic_depth.txt     4 x 4
-
-Frames of a ZED recording (SVO): rectified left images, optional right ones, and depth. Integer depth is in
-millimetres, float depth in metres; NaN is unknown, -inf too near, +inf too far. Poses are not exported:
-
-    left000000.png  right000000.png  depth000000.png or .exr, .npy          in one folder
-    calibration.json                                   fx, fy, cx, cy of the rectified images, baseline [m]
-
-Polycam (raw data of LiDAR or room mode, https://github.com/PolyCam/polyform), OpenGL axes, y up:
-
-    keyframes/images/TIME.jpg  depth/TIME.png   depth in millimetres, smaller
-    keyframes/cameras/TIME.json                 t_00 ... t_23 (camera to world, by rows), fx, fy, cx, cy
-    keyframes/corrected_images/  corrected_cameras/    the same after Polycam's own adjustment, taken if there
-
-Stray Scanner (https://github.com/strayrobots/scanner), OpenCV axes:
-
-    rgb.mp4  depth/000000.png           depth in millimetres, smaller
-    camera_matrix.csv  odometry.csv     K; timestamp, frame, x, y, z, qx, qy, qz, qw of each frame of the film
+docs/recordings.md has their layouts. What they leave open: Record3D (https://record3d.app/features) and
+Polycam (https://github.com/PolyCam/polyform, y up) have OpenGL axes, Record3D its K column by column and for
+the size of the color image; ScanNet (https://github.com/ScanNet/ScanNet) and Stray Scanner
+(https://github.com/strayrobots/scanner) have OpenCV axes. ScanNet's depth and color are assumed to be
+registered: the offset between the two cameras, a few centimetres at most, is not applied. A .r3d file is a
+ZIP archive of metadata (with dw, dh, the size of the depth), rgbd/0.jpg and rgbd/0.depth, float32 metres
+compressed with LZFSE.
 """
 
 import re
@@ -45,6 +21,7 @@ from digs_warp.data.capture import FRAME_RATE
 from digs_warp.data.images import MM_PER_METRE, image_size, write_image
 from digs_warp.data.viewpoints import spread
 from digs_warp.formats.captures.recording import (
+    DEPTH_SUFFIXES,
     IMAGE_SUFFIXES,
     DepthCamera,
     NumberedFiles,
@@ -73,7 +50,7 @@ def read_record3d(folder: Path) -> Recording:
     path = folder / METADATA if (folder / METADATA).is_file() else folder / base / METADATA
     metadata = Fields(read_json(path, "metadata"), f"'{path}'", CaptureError)
     cameras = _cameras(metadata, files)
-    rows = metadata.array("poses", (-1, 7), default=np.zeros((0, 7)))
+    rows = metadata.array("poses", (-1, 7), default=np.zeros((0, 7)), finite=False)
     found = {i: placed(row[:4], row[4:]) for i, row in enumerate(rows)}
     poses = {i: pose @ OPENCV_FROM_OPENGL for i, pose in found.items() if pose is not None}
     rate = metadata.number("fps", 0, default=0.0) or FRAME_RATE
@@ -129,8 +106,8 @@ def _cameras(metadata: Fields, files: NumberedFiles) -> dict[int, Intrinsics]:
     ):  # a phone turns its images, not always these
         written = written[::-1]
     scale = size[0] / written[0]
-    matrix = metadata.array("K", (3, 3)).T
-    shared = np.array([matrix[0, 0], matrix[1, 1], matrix[0, 2], matrix[1, 2]])
+    k = Intrinsics.from_matrix(metadata.array("K", (3, 3)).T, *size)
+    shared = np.array([k.fx, k.fy, k.cx, k.cy])
     own = dict(
         enumerate(metadata.array("perFrameIntrinsicCoeffs", (-1, 4), default=np.zeros((0, 4))))
     )
@@ -198,7 +175,7 @@ _PER_SECOND = 1e6
 
 def read_polycam(folder: Path) -> Recording:
     """Read raw data of Polycam."""
-    corrected = (folder / "keyframes/corrected_images").is_dir()
+    corrected = numbered_files(folder, "keyframes/corrected_images/", IMAGE_SUFFIXES)
     prefix = "corrected_" if corrected else ""
     files = NumberedFiles.find(folder, f"keyframes/{prefix}images/", "keyframes/depth/")
     cameras, poses = {}, {}
@@ -224,24 +201,24 @@ def read_stray(folder: Path, scratch: Path, count: int) -> Recording:
     """
     require_folder(folder, "recording", "Name the folder with rgb.mp4, odometry.csv and depth/.")
     path = folder / "odometry.csv"
-    lines = read_text(path, "odometry").splitlines()[1:]
+    lines = [line for line in read_text(path, "odometry").splitlines() if line[:1].isdigit()]
     with expecting(f"'{path}'", "timestamp, frame, x, y, z, qx, qy, qz, qw in each line"):
         rows = np.array([[float(word) for word in line.split(",")[:9]] for line in lines])
-        rows = rows.reshape(-1, 9)
-        times, places, turns = rows[:, 0], rows[:, 2:5], rows[:, 5:9]
-    images, size, _ = chosen_frames(folder / "rgb.mp4", scratch, count, len(rows))
+        row_of = {int(row[1]): row for row in rows.reshape(-1, 9)}
+    length = max(row_of, default=-1) + 1
+    images, size, _ = chosen_frames(folder / "rgb.mp4", scratch, count, length)
+    depths = numbered_files(folder, "depth/", DEPTH_SUFFIXES)
     matrix = read_numbers(folder / "camera_matrix.csv", (3, 3), "camera")
     k = Intrinsics.from_matrix(matrix, *size, first_center=0)
-    frames = []
-    for number, image in images.items():
-        depth = folder / f"depth/{number:06d}.png"
-        frames.append(
-            RecordedFrame(
-                image=image,
-                intrinsics=k,
-                time=float(times[number]),
-                world_from_cam=placed(turns[number], places[number]),
-                depth=depth if depth.is_file() else None,
-            )
+    frames = tuple(
+        RecordedFrame(
+            image=image,
+            intrinsics=k,
+            time=float(row[0]),
+            world_from_cam=placed(row[5:], row[2:5]),
+            depth=depths.get(number),
         )
-    return Recording(folder, tuple(frames))
+        for number, image in images.items()
+        if (row := row_of.get(number)) is not None
+    )
+    return Recording(folder, frames).with_unread("stray")

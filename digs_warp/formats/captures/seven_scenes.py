@@ -1,14 +1,8 @@
 """7-Scenes, and data sets in its layout (3DMatch, RIO10, BundleFusion): three files for each frame.
 
-    frame-000000.color.png or .jpg
-    frame-000000.depth.png or .pgm    millimetres, 0 and 65535 unknown
-    frame-000000.pose.txt             4 x 4, world from camera, OpenCV axes; not finite where tracking failed
-    camera-intrinsics.txt             3 x 3, of color and depth; here or one folder above (3DMatch), or
-    info.txt, _info.txt               m_calibrationColorIntrinsic, ...DepthIntrinsic (BundleFusion, RIO10)
-
-7-Scenes itself has no such file: its images are those of a Kinect, not registered to each other, and the
-poses are those of the depth camera. Without a calibration, images of 640 x 480 pixels get the figures in
-common use for it. See https://www.microsoft.com/en-us/research/project/rgb-d-dataset-7-scenes/.
+docs/recordings.md has the layout. 7-Scenes itself has no calibration: its images are those of a Kinect, not
+registered to each other, and the poses are those of the depth camera. Images of 640 x 480 pixels get the
+figures in common use for it. See https://www.microsoft.com/en-us/research/project/rgb-d-dataset-7-scenes/.
 """
 
 from pathlib import Path

@@ -1,36 +1,8 @@
-"""Data sets of stereo pairs: Middlebury of 2014, Scene Flow, and KITTI of 2015.
+"""Data sets of stereo pairs: Middlebury of 2014, Scene Flow as FlyingThings3D, and KITTI of 2015.
 
-Middlebury's stereo data sets of 2014: a folder for each pair, disparity as float images (PFM).
-
-    0000/im0.png  im1.png      left and right image
-    0000/disp0.pfm  disp1.pfm  their disparity [px], infinite where unknown
-    0000/mask0nocc.png         255: both eyes see it, 128: occluded, 0: unknown (as in MiddEval3)
-    0000/calib.txt             focal length and principal point [px], baseline [mm]
-
-See https://vision.middlebury.edu/stereo/data/scenes2014/ and the development kit of MiddEval3.
-
-The Scene Flow data sets in the layout of FlyingThings3D: float images (PFM) of disparity and flow.
-
-    SceneFlow/FlyingThings3D/
-      frames_finalpass/TRAIN/A/0000/left/0000.png         and right
-      disparity/TRAIN/A/0000/left/0000.pfm                and right; positive in both
-      optical_flow/TRAIN/A/0000/into_future/left/OpticalFlowIntoFuture_0000_L.pfm   right, down, 0
-      disparity_change/TRAIN/A/0000/into_future/left/0000.pfm
-      camera_data/TRAIN/A/0000/camera_data.txt            world from camera, OpenGL axes
-
-torchvision's SceneFlowStereo and FlyingThings3D read the folder that holds SceneFlow. See
-https://lmb.informatik.uni-freiburg.de/resources/datasets/SceneFlowDatasets.en.html.
-
-KITTI's benchmark of stereo, flow and scene flow: 16-bit PNG files of disparity and flow.
-
-    training/image_2/000000_10.png        left image; image_3: right image; _11: those of the next frame
-    training/disp_occ_0/000000_10.png     disparity * 256, 0: unknown; disp_noc_0: only what both eyes see
-    training/disp_occ_1/000000_10.png     disparity in the next frame, at the pixels of this one
-    training/flow_occ/000000_10.png       red, green: flow * 64 + 2^15; blue: 1 where known; flow_noc likewise
-    training/calib_cam_to_cam/000000.txt  projections of the rectified cameras 2 and 3
-
-A scene is a frame and the next one. Without flow each scene is a single frame, and there are no files _11.
-See the development kit of https://www.cvlibs.net/datasets/kitti/eval_scene_flow.php.
+docs/formats.md has their layouts. Torchvision's SceneFlowStereo and FlyingThings3D read the folder that holds
+SceneFlow. In KITTI a scene is a frame and the next one; without flow each is a single frame, and there are no
+files _11. See the development kits of MiddEval3 and of KITTI's scene flow.
 """
 
 import logging

@@ -173,7 +173,7 @@ def load_mask(path: Path, k: Intrinsics) -> tuple[np.ndarray, str | None]:
         rows, columns = (np.arange(n) * m // n for n, m in ((k.height, height), (k.width, width)))
         pixels = pixels[rows[:, None], columns]
     _check_size(path, pixels, k)
-    return mask_of(pixels)
+    return mask_of(pixels, path)
 
 
 def _registered(depth: np.ndarray, frame: RecordedFrame, recording: Recording) -> np.ndarray:
@@ -198,6 +198,11 @@ def nearly_rigid(matrix: np.ndarray, where: str) -> np.ndarray:
     matrix = np.asarray(matrix, dtype=np.float64)
     if matrix.shape not in ((4, 4), (3, 4)) or not np.isfinite(matrix).all():
         raise CaptureError(f"{where}: expected 4 x 4 finite numbers, found shape {matrix.shape}")
+    if np.abs(matrix[3:, :3]).max(initial=0.0) > ROTATION_TOLERANCE:
+        raise CaptureError(
+            f"{where}: its last row is {matrix[3].round(3).tolist()}, expected 0 0 0 1: is it written by "
+            "columns? Transpose it"
+        )
     u, singular, vt = np.linalg.svd(matrix[:3, :3])
     rotation = u @ vt
     if np.abs(singular - 1.0).max() > ROTATION_TOLERANCE or np.linalg.det(rotation) < 0:
@@ -215,12 +220,15 @@ def _usable_frames(recording: Recording) -> Sequence[RecordedFrame]:
     if not recording.frames:
         raise CaptureError(f"recording '{recording.folder}': no frames found in it")
     frames = sorted(recording.frames, key=lambda frame: frame.time)
-    frames = _without_placeholders(recording, frames)
+    once = {frame.image: frame for frame in frames[::-1]}
+    if repeated := len(frames) - len(once):
+        recording.notes["an image is named again, and counts once"] = repeated
+    frames = _without_placeholders(recording, [*once.values()][::-1])
     posed = [frame for frame in frames if frame.world_from_cam is not None]
-    if posed and len(posed) < len(recording.frames):
+    if posed and len(posed) < len(frames):
         logger.warning(
             "recording '%s': %d of %d frames have no pose and are left out",
-            *(recording.folder, len(recording.frames) - len(posed), len(recording.frames)),
+            *(recording.folder, len(frames) - len(posed), len(frames)),
         )
     return _with_sound_poses(recording.folder, posed) or frames
 

@@ -1,13 +1,8 @@
 """Sets that training programs load frame by frame: HDF5 with BlenderProc's keys, and WebDataset.
 
-    0.hdf5            colors (h, w, 3), of a stereo camera (2, h, w, 3) with the left eye first; depth [m],
-                      float32, 0 where unknown; instance_segmaps, 0: nothing; campose: JSON text, a list with
-                      cam_K and cam2world_matrix (OpenGL axes), as BlenderProc writes its cameras
-    frames-000000.tar 0000.image.png  0000.right.png  0000.depth.npy (the same depth)  0000.mask.png
-                      0000.json: cam_K, cam2world_matrix (OpenCV axes), time; `FRAMES_PER_SHARD` frames each
-
-Pixel centers are at +0.5, as here. See https://dlr-rm.github.io/BlenderProc and
-https://github.com/webdataset/webdataset.
+docs/formats.md has what they hold. campose of HDF5 is JSON text with OpenGL axes, as BlenderProc writes its
+cameras; WebDataset has OpenCV axes, and `FRAMES_PER_SHARD` frames in a file. Pixel centers are at +0.5, as
+here. See https://dlr-rm.github.io/BlenderProc and https://github.com/webdataset/webdataset.
 """
 
 import io

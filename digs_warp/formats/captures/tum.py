@@ -1,10 +1,8 @@
 """TUM RGB-D: images and 16-bit depth named by their time, with the poses in one text file.
 
-    rgb/0.000000.png  depth/0.000000.png   rgb.txt  depth.txt   time and name of each image
-    groundtruth.txt                        time tx ty tz qx qy qz qw: world from camera, OpenCV axes
-    calibration.txt                        fx fy cx cy, first pixel center at (0, 0); not part of the format
-
-See https://cvg.cit.tum.de/data/datasets/rgbd-dataset/file_formats.
+docs/recordings.md has the layout. Poses are world from camera, OpenCV axes; calibration.txt (fx fy cx cy,
+first pixel center at (0, 0)) is not part of the format. See
+https://cvg.cit.tum.de/data/datasets/rgbd-dataset/file_formats.
 """
 
 import logging
@@ -106,12 +104,16 @@ def _read_list(files: FileNames, name: str) -> tuple[np.ndarray, list[Path]]:
             f"recording '{files.folder}': no {name} in it; is this the right --from?"
         )
     lines = read_text(path, "list of a recording").splitlines()
-    rows = [line.split() for line in lines if line.strip() and not line.lstrip().startswith("#")]
+    rows = [
+        line.split(maxsplit=1)
+        for line in lines
+        if line.strip() and not line.lstrip().startswith("#")
+    ]
     if not rows:
         raise CaptureError(f"'{path}': no lines, expected some of time and file name")
     with expecting(f"'{path}'", "lines of time and file name"):
         times = in_seconds([float(row[0]) for row in rows], files.notes)
-        return times, [files.require(row[1], f"'{path}'") for row in rows]
+        return times, [files.require(row[1].strip(), f"'{path}'") for row in rows]
 
 
 def _read_poses(path: Path, notes: Counter[str]) -> tuple[np.ndarray, list[np.ndarray | None]]:

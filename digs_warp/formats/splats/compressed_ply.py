@@ -20,11 +20,12 @@ from digs_warp.formats.splats.rows import (
     in_morton_order,
     logits_from_codes,
     notes_of,
+    of_known_degree,
     quats_from_three,
     smallest_three,
     unit_quats,
 )
-from digs_warp.geometry.sh import C0, MAX_DEGREE, coefficient_count
+from digs_warp.geometry.sh import C0
 
 CHUNK = 256
 _POINT, _COLOR, _QUATERNION = (11, 10, 11), (8, 8, 8, 8), (2, 10, 10, 10)
@@ -73,7 +74,7 @@ def read_compressed(path: Path, header: PlyHeader) -> Gaussians:
         log_scales=log_scales,
         quats=_quaternions(vertex["packed_rotation"]),
         opacity_logits=logits_from_codes(np.rint(255 * packed[:, 3])),
-        sh=sh[:, : coefficient_count(MAX_DEGREE)],
+        sh=of_known_degree(sh, f"PLY '{path}'"),
     )
 
 

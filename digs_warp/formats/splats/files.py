@@ -86,6 +86,7 @@ FORMATS = {
     ".gltf": SplatFormat(read_gltf, None, says_up=True),
 }
 SUFFIXES = tuple(FORMATS)
+CONVERTERS = "of other files of splats, such as .ksplat, SuperSplat and splat-transform make PLY"
 WRITABLE = tuple(suffix for suffix, form in FORMATS.items() if form.write)
 
 
@@ -152,5 +153,7 @@ def write_splat_file(path: Path, gaussians: Gaussians, how: SplatWriting = AS_IT
 def _format_of(path: Path, suffixes: tuple[str, ...]) -> SplatFormat:
     suffix = suffix_of(path)
     if suffix not in suffixes:
-        raise DigsError(f"'{path}': suffix '{suffix}', expected one of {', '.join(suffixes)}")
+        raise DigsError(
+            f"'{path}': suffix '{suffix}', expected one of {', '.join(suffixes)}; {CONVERTERS}"
+        )
     return FORMATS[suffix]

@@ -3,11 +3,8 @@
 One ``vertex`` element, a row per Gaussian, float32: x y z, nx ny nz (zeros), f_dc_0..2, f_rest_0..,
 opacity, scale_0..2, rot_0..3; then, on request, red green blue in 8 bits. Scales are logarithms, opacities
 logits, quaternions wxyz and not normalized: the raw parameters, so that nothing is lost. ``f_rest`` is
-channel-major: all of red, then of green, then of blue; 0, 9, 24 or 45 of them for degrees 0 to 3.
-
-A comment in the header says what the splats are drawn with: ours, ``digs_warp screen dilation 0 px^2``, or
-that of Brush and splat-transform, ``SplatRenderMode: default`` (0.3 px^2) or ``mip`` (the same, antialiased),
-or Postshot's ``antialiased 1``. Most files have none, and want 0.3 px^2.
+channel-major: all of red, then of green, then of blue; 0, 9, 24 or 45 of them for degrees 0 to 3. Comments in
+the header say what the splats are drawn with (`noted_filter`); most files have none, and want 0.3 px^2.
 """
 
 import logging
@@ -23,15 +20,17 @@ from digs_warp.data.ply_table import read_ply_header, read_table, write_tables
 from digs_warp.formats.splats.compressed_ply import read_compressed
 from digs_warp.formats.splats.rows import (
     LARGEST_LOGIT,
+    SMALLEST_SCALE,
     WXYZ_FROM_XYZW,
     XYZW_FROM_WXYZ,
     near_origin,
     noted_filter,
     notes_of,
+    of_known_degree,
     sound,
 )
-from digs_warp.geometry.sh import C0, MAX_DEGREE, coefficient_count
-from digs_warp.words import quoted
+from digs_warp.geometry.sh import C0
+from digs_warp.words import cut, first_few, quoted
 
 logger = logging.getLogger(__name__)
 
@@ -44,7 +43,7 @@ VERTEX_COLOR = ("red", "green", "blue")
 QUATERNION = ("rot_0", "rot_1", "rot_2", "rot_3")  # wxyz
 REST = "f_rest_{}"
 
-_REST_COUNTS = [3 * (coefficient_count(degree) - 1) for degree in range(MAX_DEGREE + 1)]
+_REST_COUNTS = (0, 9, 24, 45, 72)  # of degrees 0 to 4
 
 
 def read_ply(path: Path) -> Gaussians:
@@ -65,22 +64,30 @@ def read_ply(path: Path) -> Gaussians:
         return replace(compressed, screen_filter=noted_filter(header.comments))
     table = read_table(path, header, "vertex")
     names = set(table.dtype.names or ())
-    missing = [
-        name for name in (*POSITION, *COLOR, *OPACITY, *SCALES, *QUATERNION) if name not in names
-    ]
+    # 2D Gaussian splatting has two: its splats have no thickness.
+    scales = SCALES if SCALES[2] in names else SCALES[:2]
+    needed = (*POSITION, *COLOR, *OPACITY, *scales, *QUATERNION)
+    missing = [name for name in needed if name not in names]
     if missing:
         raise DigsError(
             f"{what}: no property {', '.join(missing)}, so no Gaussians: a mesh or a point cloud? "
             "Expected the PLY that 3D Gaussian splatting programs write"
         )
-    # In double precision, which files of surveys have and need.
-    means, offset = near_origin(_columns(table, POSITION, what, np.float64), what)
+    if others := [e.name for e in header.elements if e.count and e.name not in ("vertex", "face")]:
+        logger.warning("%s: not read: %s", what, first_few([*map(cut, others)]))
+    # Files of surveys have and need double precision.
+    means, offset = near_origin(_columns(table, POSITION, what, table.dtype["x"].type), what)
+    log_scales = _columns(table, scales, what)
+    if len(scales) < len(SCALES):
+        logger.warning("%s: flat splats, without scale_2", what)
+        thin = np.full((len(table), 1), np.log(SMALLEST_SCALE))
+        log_scales = np.concatenate([log_scales, thin], axis=1)
     logits = _columns(table, OPACITY, what)[:, 0]
     infinite = np.isinf(logits)
     logits[infinite] = np.copysign(LARGEST_LOGIT, logits[infinite])
     return Gaussians(
         means=means,
-        log_scales=_columns(table, SCALES, what),
+        log_scales=log_scales,
         quats=_columns(table, QUATERNION, what)[:, XYZW_FROM_WXYZ],
         opacity_logits=logits,
         sh=_read_sh(table, what),
@@ -151,8 +158,8 @@ def _read_sh(table: np.ndarray, what: str) -> np.ndarray:
     rest_names = tuple(REST.format(i) for i in range(count))
     if count not in _REST_COUNTS or any(name not in names for name in rest_names):
         raise DigsError(
-            f"{what}: {count} properties f_rest_*, expected f_rest_0 to f_rest_8, _23 or _44 "
-            "(degree 1, 2 or 3), or none"
+            f"{what}: {count} properties f_rest_*, expected f_rest_0 to f_rest_8, _23, _44 or _71 "
+            "(degree 1 to 4), or none"
         )
     rest = count // 3
     sh = np.empty((len(table), 1 + rest, 3), dtype=np.float32)
@@ -160,4 +167,4 @@ def _read_sh(table: np.ndarray, what: str) -> np.ndarray:
     for channel in range(3):
         names_of = rest_names[channel * rest : (channel + 1) * rest]
         sh[:, 1:, channel] = _columns(table, names_of, what)
-    return sh
+    return of_known_degree(sh, what)

@@ -12,7 +12,7 @@ import numpy as np
 from digs_warp.checks import DigsError
 from digs_warp.data.gaussians import ANTIALIASED, CLASSIC, FIELDS, Gaussians, ScreenFilter
 from digs_warp.geometry.rigid import far_offset, quat_multiply, quat_xyzw_from_matrix
-from digs_warp.geometry.sh import rotate_sh
+from digs_warp.geometry.sh import MAX_DEGREE, coefficient_count, rotate_sh
 from digs_warp.record.arrays import UNREADABLE
 
 logger = logging.getLogger(__name__)
@@ -121,6 +121,13 @@ def turned(gaussians: Gaussians, b_from_a: np.ndarray) -> Gaussians:
         )
 
 
+def of_known_degree(sh: np.ndarray, what: str) -> np.ndarray:
+    """Return coefficients, (n, K, 3), without bands above `MAX_DEGREE`, of which a warning is logged."""
+    if sh.shape[1] > coefficient_count(MAX_DEGREE):
+        logger.warning("%s: colors above degree %d are left out", what, MAX_DEGREE)
+    return sh[:, : coefficient_count(MAX_DEGREE)]
+
+
 def near_origin(
     means: np.ndarray, what: str
 ) -> tuple[np.ndarray, tuple[float, float, float] | None]:
@@ -135,10 +142,14 @@ def near_origin(
     if offset is None:
         with np.errstate(over="ignore"):  # doubles beyond float32 become infinite: a broken row
             return means.astype(np.float32), None
+    cure = ""
+    if means.dtype == np.float32:
+        step = np.spacing(np.abs(means[np.isfinite(means)]).max())
+        cure = f". It has them in steps of {step:g} m: export it with x, y and z as doubles"
     logger.warning(
         "%s: %s m are taken off its centers, which are too far from the origin for float32; kept as "
-        "world_offset",
-        *(what, offset.tolist()),
+        "world_offset%s",
+        *(what, offset.tolist(), cure),
     )
     return (means - offset).astype(np.float32), _tuple(offset)
 

@@ -25,6 +25,7 @@ from digs_warp.formats.splats.rows import (
     codes_from_logits,
     logits_from_codes,
     nearest_known,
+    of_known_degree,
     quats_from_three,
     smallest_three,
     sound,
@@ -95,12 +96,14 @@ def read_spz(path: Path) -> Gaussians:
     if header.flags & _EXTENSIONS:
         logger.warning("%s: extension records of other programs are skipped", what)
     count = header.count
+    most = coefficient_count(min(header.degree, MAX_DEGREE))
+    of_known_degree(np.empty((0, (header.degree + 1) ** 2, 3)), what)
     read = Gaussians(
         means=np.empty((count, 3), np.float32),
         log_scales=np.empty((count, 3), np.float32),
         quats=np.empty((count, 4), np.float32),
         opacity_logits=np.empty(count, np.float32),
-        sh=np.empty((count, coefficient_count(header.degree), 3), np.float32),
+        sh=np.empty((count, most, 3), np.float32),
         screen_filter=ANTIALIASED if header.flags & _ANTIALIASED else CLASSIC,
     )
     # Decoding takes several times the memory of its result.
@@ -151,8 +154,8 @@ def _header(data: bytes, what: str) -> _Header:
     if header.version not in VERSIONS:
         raise DigsError(f"{what}: version {header.version}, expected one of {VERSIONS}")
     GAUSSIANS.check(what, header.count)
-    if header.degree > MAX_DEGREE:
-        raise DigsError(f"{what}: colors of degree {header.degree}, expected 0 to {MAX_DEGREE}")
+    if header.degree > MAX_DEGREE + 1:
+        raise DigsError(f"{what}: colors of degree {header.degree}, expected 0 to {MAX_DEGREE + 1}")
     if header.bits > 23:
         raise DigsError(f"{what}: {header.bits} fractional bits of 24-bit positions; damaged")
     return header
@@ -213,7 +216,7 @@ def _decoded(header: _Header, codes: dict[str, np.ndarray]) -> Gaussians:
         log_scales=codes["scales"].astype(np.float32) / LOG_SCALE_STEPS + LOWEST_LOG_SCALE,
         quats=decode_quats(codes["rotations"]),
         opacity_logits=logits_from_codes(codes["alphas"][:, 0]),
-        sh=sh,
+        sh=sh[:, : coefficient_count(MAX_DEGREE)],
     )
 
 

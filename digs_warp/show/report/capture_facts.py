@@ -78,18 +78,12 @@ def of_capture(folder: Path) -> Facts:
         facts["sparse points"] = f"{len(points):,}"
     return (
         facts
-        | _of_object(folder)
+        | ({"object size": words} if (words := recorded_object(folder)) else {})
         | _of_objects(capture)
         | _of_frame(first)
         | _of_plausibility(capture)
         | record_facts(folder)
     )
-
-
-def _of_object(folder: Path) -> Facts:
-    """The size of a simulated object."""
-    words = recorded_object(folder)
-    return {"object size": words} if words else {}
 
 
 def _of_objects(capture: Capture) -> Facts:

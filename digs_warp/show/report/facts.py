@@ -168,7 +168,7 @@ def describe(path: Path) -> Facts:
         raise DigsError(f"'{path}': no such file or folder. Check the path.")
     if path.is_dir():
         return _summary_of_folder(path)(path)
-    from digs_warp.formats.splats.files import SUFFIXES
+    from digs_warp.formats.splats.files import CONVERTERS, SUFFIXES
 
     # PLY and glTF may hold meshes as well.
     by_suffix: dict[str, Callable[[Path], Facts]] = {
@@ -182,7 +182,8 @@ def describe(path: Path) -> Facts:
     summary = by_suffix.get(path.suffix.lower())
     if summary is None:
         raise DigsError(
-            f"'{path}': cannot tell what '{path.suffix}' is; one of {', '.join(by_suffix)}"
+            f"'{path}': cannot tell what '{path.suffix}' is, expected one of {', '.join(by_suffix)}; "
+            f"{CONVERTERS}"
         )
     return summary(path)
 

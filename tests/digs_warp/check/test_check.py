@@ -192,6 +192,26 @@ def test_captures_with_nothing_to_compare_are_left_alone(good: Capture) -> None:
         assert said(replace(good, frames=good.frames[:1] * count)) == []
 
 
+def test_a_camera_of_images_of_another_size_is_named(good: Capture) -> None:
+    def with_camera(factor: float, down: float = 1.0) -> Capture:
+        def change(frame: Frame) -> Frame:
+            k = frame.camera.intrinsics
+            k = replace(
+                k, fx=k.fx * factor, fy=k.fy * factor, cx=k.cx * factor, cy=k.cy * factor * down
+            )
+            return replace(frame, camera=replace(frame.camera, intrinsics=k))
+
+        return wrong.each_frame(good, change)
+
+    k = good.frames[0].camera.intrinsics
+    for factor in (2.0, 1 / k.width):
+        kinds = [each.kind for each in check_capture(with_camera(factor)).findings if each.is_error]
+        assert kinds[0] == "camera", factor
+    assert f"of about {2 * k.width}x{2 * k.height} pixels" in said(with_camera(2.0))[0]
+    shifted = [each.kind for each in check_capture(with_camera(1.0, 1.5)).findings]
+    assert "camera" not in shifted  # a part of an image
+
+
 TURNS = {
     "z up": np.array([[0, 1, 0], [1, 0, 0], [0, 0, -1.0]]),
     "a quarter": np.array([[0, -1, 0], [1, 0, 0], [0, 0, 1.0]]),

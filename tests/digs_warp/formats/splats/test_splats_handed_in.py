@@ -1,5 +1,6 @@
 """Splat files as people hand them in: far from the origin, with activated values, rows of zeros, flags."""
 
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -125,3 +126,54 @@ def test_splats_far_away_are_seen_by_the_cameras_of_their_recording(
     result = read_scene(tmp_path / "a.ply", capture=capture)
     np.testing.assert_allclose(result.gaussians.means, near.means, atol=1e-6)
     assert result.gaussians.world_offset == offset
+
+
+def rewritten(path: Path, change: Callable[[dict[str, np.ndarray]], dict[str, np.ndarray]]) -> Path:
+    """Write the columns of a PLY file again, changed; doubles stay doubles."""
+    table = read_table(path, read_ply_header(path), "vertex")
+    columns = change({name: table[name] for name in table.dtype.names or ()})
+    kinds = [(name, values.dtype.str) for name, values in columns.items()]
+    again = np.empty(len(table), kinds)
+    for name, values in columns.items():
+        again[name] = values
+    write_tables(path, {"vertex": again, "delta_vertex_1": again[:1]})
+    return path
+
+
+def with_degree_four(columns: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
+    rest = [columns.pop(f"f_rest_{i}") for i in range(9)]
+    bands = [column for i in range(3) for column in (*rest[3 * i : 3 * i + 3], *[rest[0]] * 21)]
+    return columns | {f"f_rest_{i}": column for i, column in enumerate(bands)}
+
+
+def test_what_other_trainers_add_or_leave_out(tmp_path: Path, caplog) -> None:
+    good = scene()
+    write_splat_file(tmp_path / "a.ply", good)
+    found = read_scene(rewritten(tmp_path / "a.ply", with_degree_four)).gaussians
+    assert found.sh_degree == 3
+    np.testing.assert_array_equal(found.sh[:, :4], good.sh)
+    assert "colors above degree 3 are left out" in caplog.text
+    assert "not read: delta_vertex_1" in caplog.text
+    write_splat_file(tmp_path / "b.ply", good)
+    flat = rewritten(tmp_path / "b.ply", lambda c: {k: v for k, v in c.items() if k != "scale_2"})
+    found = read_scene(flat).gaussians
+    np.testing.assert_array_equal(found.log_scales[:, :2], good.log_scales[:, :2])
+    assert found.scales[:, 2].max() < 1e-11
+    assert "flat splats, without scale_2" in caplog.text
+
+
+def test_what_floats_far_away_have_lost_is_said(tmp_path: Path, caplog) -> None:
+    for kind, said in (("<f8", False), ("<f4", True)):
+        write_splat_file(tmp_path / "a.ply", scene())
+        moved = {axis: UTM[i] for i, axis in enumerate("xyz")}
+        change = lambda c: c | {a: (c[a] + v).astype(kind) for a, v in moved.items()}  # noqa: B023, E731
+        caplog.clear()
+        read_scene(rewritten(tmp_path / "a.ply", change))
+        assert ("It has them in steps of 0.5 m: export it" in caplog.text) == said
+
+
+def test_files_of_splats_that_are_not_read_name_the_cure(tmp_path: Path, capsys) -> None:
+    for suffix in (".ksplat", ".lcc"):
+        (tmp_path / f"a{suffix}").write_bytes(b"1")
+        assert main(["info", str(tmp_path / f"a{suffix}")]) == 1
+        assert "SuperSplat and splat-transform make PLY" in capsys.readouterr().err

@@ -51,6 +51,17 @@ def test_rotations_of_version_two_are_three_bytes(tmp_path: Path) -> None:
     np.testing.assert_array_equal(older.sh, read.sh)
 
 
+def test_colors_of_degree_four_are_read_to_the_third(tmp_path: Path, caplog) -> None:
+    write_spz(tmp_path / "a.spz", random_gaussians(2, 3))
+    data = gzip.decompress((tmp_path / "a.spz").read_bytes())
+    rows = [data[-90:][45 * i : 45 * i + 45] + bytes(range(27)) for i in range(2)]
+    parts = (data[:12], b"\4", data[13:-90], *rows)
+    (tmp_path / "4.spz").write_bytes(gzip.compress(b"".join(parts)))
+    read, newer = (read_spz(tmp_path / f"{name}.spz") for name in "a4")
+    np.testing.assert_array_equal(newer.sh, read.sh)
+    assert "colors above degree 3 are left out" in caplog.text
+
+
 def upright(quats: np.ndarray) -> np.ndarray:
     """The same rotations with w of 0 or more."""
     return quats * np.where(quats[:, 3:] < 0, -1, 1)
@@ -186,7 +197,7 @@ SIZES = [9, 1, 3, 3, 4]
             gzip.compress(header(count=9_999_999) + ONE, mtime=0),
             "claims to unpack from .* to 199,999,980 bytes",
         ),
-        (gzip.compress(header(degree=4) + ONE, mtime=0), "degree 4, expected 0 to 3"),
+        (gzip.compress(header(degree=5) + ONE, mtime=0), "degree 5, expected 0 to 4"),
         (gzip.compress(header(bits=24) + ONE, mtime=0), "24 fractional bits"),
         (header() + ONE[:-1], "need 20 bytes, found 19"),
         (header()[:12], "begins with"),

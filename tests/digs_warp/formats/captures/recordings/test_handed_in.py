@@ -315,3 +315,129 @@ def test_what_is_not_read_is_said(capture: Capture, tmp_path: Path, caplog) -> N
     converted("tum", folder, tmp_path / "c")
     said = "not read: accelerations ('accelerometer.txt'), 'flow/*.flo', 3 files, 'rgb/*.png'\n"
     assert said in caplog.text
+
+
+def edited(path: Path, change: Callable[[str], str]) -> None:
+    path.write_text(change(path.read_text()))
+
+
+IMAGES = "sparse/0/images.txt"
+DOUBLED: dict[str, tuple[str, Callable[[str], str]]] = {
+    "nerfstudio": ("transforms.json", str),
+    "colmap-text": (IMAGES, lambda s: s + "99 1 0 0 0 0 0 0 1 0001.png\n"),
+    "tum": ("rgb.txt", lambda s: s + s.splitlines()[-1] + "\n"),
+}
+
+
+@pytest.mark.parametrize("form", DOUBLED)
+def test_an_image_that_is_named_twice_counts_once(
+    capture: Capture, tmp_path: Path, form: str, caplog
+) -> None:
+    export_capture(capture, form, tmp_path / "r")
+    name, double = DOUBLED[form]
+    if form == "nerfstudio":
+        index = json.loads((tmp_path / "r" / name).read_text())
+        save(tmp_path / "r", index | {"frames": index["frames"] + index["frames"][-1:]})
+    else:
+        edited(tmp_path / "r" / name, double)
+    assert len(converted(form.removesuffix("-text"), tmp_path / "r", tmp_path / "c")) == 3
+    assert "an image is named again, and counts once" in caplog.text
+
+
+def transposed_log(text: str) -> str:
+    lines = text.splitlines()
+    for n in range(1, len(lines), 5):
+        rows = np.array([line.split() for line in lines[n : n + 4]])
+        lines[n : n + 4] = map(" ".join, rows.T.tolist())
+    return "\n".join(lines)
+
+
+def transposed_camera(text: str) -> str:
+    camera = json.loads(text)
+    camera["intrinsic_matrix"] = np.reshape(camera["intrinsic_matrix"], (3, 3)).T.ravel().tolist()
+    return json.dumps(camera)
+
+
+@pytest.mark.parametrize(
+    ("name", "change", "message"),
+    [
+        ("trajectory.log", transposed_log, "its last row is .* written by columns. Transpose it"),
+        ("camera_intrinsic.json", transposed_camera, "^recording '.*expected a matrix .*fx, 0, cx"),
+    ],
+)
+def test_matrices_by_columns_are_refused(
+    capture: Capture, tmp_path: Path, name: str, change: Callable[[str], str], message: str
+) -> None:
+    export_capture(capture, "redwood", tmp_path / "r")
+    edited(tmp_path / "r" / name, change)
+    with pytest.raises(CaptureError, match=message):
+        converted("redwood", tmp_path / "r", tmp_path / "c")
+
+
+@pytest.mark.parametrize("width", [7, 9])
+def test_rows_of_another_length_are_refused(capture: Capture, tmp_path: Path, width: int) -> None:
+    export_capture(capture, "tum", tmp_path / "r")
+    row = " ".join(map(str, range(width)))
+    (tmp_path / "r/groundtruth.txt").write_text(f"{row}\n" * 8)  # as many numbers as rows of 8 have
+    with pytest.raises(CaptureError, match=f"{width} in the first line"):
+        read_recording(tmp_path / "r", "tum")
+    edited(tmp_path / "r/rgb.txt", lambda s: s.replace(" rgb/", " my rgb/"))
+    (tmp_path / "r/groundtruth.txt").write_text("0 1 2 3 0 0 0 1 # here\n")
+    (tmp_path / "r/rgb").rename(tmp_path / "r/my rgb")
+    assert len(read_recording(tmp_path / "r", "tum").frames) == 3
+
+
+@pytest.mark.parametrize("prefix", ["", "../images/", "{}/images/"])
+def test_names_of_colmap_stay_below_the_images_and_are_in_the_order_of_people(
+    capture: Capture, tmp_path: Path, caplog, prefix: str
+) -> None:
+    folder = tmp_path / "colmap"
+    export_capture(capture, "colmap-text", folder)
+    expected = converted("colmap", folder, tmp_path / "plain")
+    edited(folder / "sparse/0/cameras.txt", lambda s: s.replace(" 21 14 ", " 21.0 14.0 "))
+    for number in (0, 1, 2):
+        old, new = f"000{number}.png", f"{8 + number}.png"
+        (folder / "images" / old).rename(folder / "images" / new)
+        (folder / "masks" / f"{old}.png").rename(folder / f"masks/{new}.png")
+        named = re.sub(old, prefix.format(folder) + new, (folder / IMAGES).read_text())
+        (folder / IMAGES).write_text(named)
+    (folder / "sparse/0/points3D.ply").write_text("ply")
+    found = converted("colmap", folder, tmp_path / "c")
+    for frame, true in zip(found.frames, expected.frames, strict=True):
+        np.testing.assert_array_equal(frame.load_image(), true.load_image())
+        np.testing.assert_array_equal(frame.load_mask(), true.load_mask())
+        np.testing.assert_array_equal(frame.camera.world_from_cam, true.camera.world_from_cam)
+    assert "points in the format of other programs" in caplog.text
+    for name in ("cameras", "images"):
+        (folder / f"sparse/0/{name}.bin").write_bytes(bytes(8))
+    with pytest.raises(CaptureError, match="no images"):
+        read_recording(folder, "colmap")
+    export_capture(capture, "colmap", tmp_path / "both")
+    for path in (folder / "sparse/0").glob("*.txt"):
+        shutil.copy(path, tmp_path / "both/sparse/0")
+    converted("colmap", tmp_path / "both", tmp_path / "b")
+    assert "the binary model is read, not the text beside it" in caplog.text
+
+
+def test_the_first_object_of_bop_is_the_same_in_all_images(
+    capture: Capture, tmp_path: Path
+) -> None:
+    export_capture(capture, "bop", tmp_path / "r")
+    scene = tmp_path / "r/train/000000"
+    cameras, objects = (
+        json.loads((scene / f"scene_{n}.json").read_text()) for n in ("camera", "gt")
+    )
+    for camera in cameras.values():
+        del camera["cam_R_w2c"], camera["cam_t_w2c"]
+    other = {"obj_id": 7, "cam_R_m2c": np.eye(3).ravel().tolist(), "cam_t_m2c": [0, 0, 900]}
+    objects |= {"1": [other, *objects["1"]], "2": [other]}
+    for folder in ("mask", "mask_visib"):
+        (scene / folder / "000001_000000.png").rename(scene / folder / "000001_000001.png")
+    for name, content in (("camera", cameras), ("gt", objects)):
+        (scene / f"scene_{name}.json").write_text(json.dumps(content))
+    found = converted("bop", tmp_path / "r", tmp_path / "c")
+    assert len(found) == 2
+    for frame, true in zip(found.frames, capture.frames[:2], strict=True):
+        pose = true.camera.world_from_cam
+        np.testing.assert_allclose(frame.camera.world_from_cam, pose, atol=1e-6)
+        np.testing.assert_array_equal(frame.load_mask() > 127, true.load_mask() > 127)

@@ -4,16 +4,19 @@ import json
 import re
 import shutil
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+import OpenImageIO as oiio
 import pytest
 from PIL import Image
 
-from digs_warp.checks import CaptureError
+from digs_warp.checks import CaptureError, DigsError
 from digs_warp.data.capture import Capture, read_capture
 from digs_warp.data.images import depth_in_metres, encode_jpeg, mask_of, read_image, write_image
 from digs_warp.data.layers import Layer
 from digs_warp.formats.captures.formats import export_capture, read_recording
+from digs_warp.record.arrays import write_arrays
 from reference.handed_in import FORMS, handed_in, nerfstudio, read, save
 from reference.recorded import HEIGHT, WIDTH, check_same, converted
 
@@ -162,11 +165,18 @@ MASKS: dict[str, np.ndarray] = {
     "a number of 16 bits": blob(1000, np.uint16),
     "floats": blob(1, np.float32),
     "integers": blob(4, np.int64),
+    "dim shades": np.where(np.arange(800).reshape(20, 40) < 60, np.arange(40), 127).astype(
+        np.uint8
+    ),
 }
 
 
 @pytest.mark.parametrize("name", MASKS)
 def test_masks_are_read_by_what_they_hold(name: str) -> None:
+    if name == "dim shades":
+        pixels = MASKS[name][..., None]
+        np.testing.assert_array_equal(mask_of(pixels)[0] > 127, pixels[..., 0] > 63)
+        return
     pixels = MASKS[name].reshape(8, 10, -1)
     np.testing.assert_array_equal(mask_of(pixels)[0], blob(255))
 
@@ -246,3 +256,65 @@ def test_an_opaque_image_has_no_mask(capture: Capture, tmp_path: Path) -> None:
     save(folder, index)
     found = converted("nerfstudio", folder, tmp_path / "c")
     assert not any(frame.has(Layer.MASK) for frame in found.frames)
+
+
+@pytest.mark.parametrize("direct", [False, True])
+def test_jpeg_keeps_shades_of_masks_and_no_numbers(
+    capture: Capture, tmp_path: Path, direct: bool
+) -> None:
+    folder = tmp_path / "ns"
+    index = nerfstudio(capture, folder)
+    on = np.zeros((HEIGHT, WIDTH), bool)
+    on[3:9, 4:15] = True
+    for value in (128, 1, 20):
+        for number, entry in enumerate(index["frames"]):
+            entry["mask_path"] = f"masks/{number}.jpg"
+            pixels = np.where(on, value, 0).astype(np.uint8)
+            Image.fromarray(pixels).save(folder / entry["mask_path"], quality=75)
+        save(folder, index)
+
+        def load() -> Capture:
+            out = tmp_path / str(value)  # noqa: B023
+            return read_capture(folder) if direct else converted("nerfstudio", folder, out)
+
+        if value == 128:
+            np.testing.assert_array_equal(load().frames[0].load_mask() > 127, on)
+        else:
+            with pytest.raises(CaptureError, match="JPEG does not keep numbers of objects; write"):
+                load().frames[0].load_mask()
+
+
+def write_channels(path: Path, **channels: np.ndarray) -> None:
+    """An EXR of channels by their names, which has "__" for the dot of a layer."""
+    spec = oiio.ImageSpec(WIDTH, HEIGHT, len(channels), oiio.FLOAT)
+    spec.channelnames = [name.replace("__", ".") for name in channels]
+    target: Any = oiio.ImageOutput.create(str(path))
+    target.open(str(path), spec)
+    target.write_image(np.stack([*channels.values()], axis=-1).astype(np.float32))
+    target.close()
+
+
+@pytest.mark.parametrize("names", ["A Z", "R G B A Z", "V.R V.G V.B V.A V.Depth.Z", "npz", "two"])
+def test_the_channel_of_depth_is_found_beside_others(
+    capture: Capture, tmp_path: Path, names: str
+) -> None:
+    folder = tmp_path / "ns"
+    index = nerfstudio(capture, folder)
+    for number, (entry, frame) in enumerate(zip(index["frames"], capture.frames, strict=True)):
+        depth, path = frame.load_depth(), folder / f"{number}.exr"
+        if names in ("npz", "two"):
+            path = path.with_suffix(".npz")
+            write_arrays(path, {"depth": depth} | ({"confidence": depth} if names == "two" else {}))
+        else:
+            layers = {each.replace(".", "__"): np.full(depth.shape, 0.1 * i) for i, each in
+                      enumerate(names.split())}  # fmt: skip
+            write_channels(path, **layers | {[*layers][-1]: depth})
+        entry["depth_file_path"] = path.name
+    save(folder, index)
+    check_same(converted("nerfstudio", folder, tmp_path / "c"), capture, 1e-6)
+    check_same(read_capture(folder), capture, 1e-6)
+    if names == "two":
+        for number in range(3):
+            np.savez(folder / f"{number}.npz", a=np.ones(3), b=np.ones(3))
+        with pytest.raises(DigsError, match=r"0\.npz': it has a, b, and none is called depth"):
+            read_capture(folder).frames[0].load_depth()

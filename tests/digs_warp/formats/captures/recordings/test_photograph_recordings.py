@@ -125,7 +125,11 @@ BROKEN: dict[str, tuple[Callable[[Path], object], str]] = {
     "no images": (edit(IMAGES, lambda _: "# none\n"), "has no images"),
     "other size": (edit(CAMERAS, lambda s: s.replace("21 14", "640 480")), "expected 640x480"),
     "points": (edit(POINTS, lambda s: s + "9 1 2\n"), "points of a COLMAP model"),
-    "outside": (edit(IMAGES, lambda s: s.replace("0001.png", "../images/0001.png")), "stay inside"),
+    "not UTF-8": (
+        lambda folder: (folder / IMAGES).write_bytes(b"# caf\xe9\n"),
+        "^COLMAP file '.*': not UTF-8",
+    ),
+    "no focal length": (edit(CAMERAS, lambda _: "1 PINHOLE 21 14 0 0 9 7\n"), "^recording '.*fx=0"),
     "no folder": (lambda folder: (folder / "images").rename(folder / "photos"), "none of the model"),
 }  # fmt: skip
 
@@ -184,6 +188,10 @@ def test_a_single_broken_pose_costs_one_frame(
     change, message = BROKEN_POSES[name]
     index = nerfstudio(capture, tmp_path / "ns")
     frames = [dict(frame) for frame in index["frames"] * 3]
+    for number, frame in enumerate(frames):
+        name = f"images/again{number}.png"
+        shutil.copy(tmp_path / "ns" / frame["file_path"], tmp_path / "ns" / name)
+        frame["file_path"] = name
     frames[4]["transform_matrix"] = change(np.array(frames[4]["transform_matrix"])).tolist()
     index["frames"] = frames
     (tmp_path / "ns/transforms.json").write_text(json.dumps(index))

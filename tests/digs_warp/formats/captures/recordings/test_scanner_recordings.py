@@ -15,7 +15,7 @@ from digs_warp.checks import CaptureError, DigsError
 from digs_warp.data.capture import Capture
 from digs_warp.data.images import encode_jpeg, write_image
 from digs_warp.data.layers import Layer
-from digs_warp.formats.captures.formats import read_recording
+from digs_warp.formats.captures.formats import opened_recording, read_recording
 from digs_warp.geometry.rigid import OPENCV_FROM_OPENGL, quat_xyzw_from_matrix
 from digs_warp.record.files import to_json
 from reference.recorded import HEIGHT, WIDTH, check_same, converted
@@ -130,6 +130,7 @@ def test_polycam_has_rows_of_a_world_with_y_up(
         path = folder / f"{prefix}cameras/{name}.json"
         path.parent.mkdir(exist_ok=True)
         path.write_text(json.dumps(camera))
+    (folder / "corrected_images").mkdir(exist_ok=True)  # may be there, and empty
     found = converted("polycam", tmp_path / "scan", tmp_path / "capture")
     check_same(found, capture, 1e-3)
     assert found.frames[2].time == pytest.approx(0.2, abs=1e-4)
@@ -140,7 +141,7 @@ def test_polycam_has_rows_of_a_world_with_y_up(
         converted("polycam", tmp_path / "scan", tmp_path / "again")
 
 
-def test_stray_scanner_has_a_film_and_a_table(capture: Capture, tmp_path: Path) -> None:
+def test_stray_scanner_has_a_film_and_a_table(capture: Capture, tmp_path: Path, caplog) -> None:
     """Its film is lossy: images are compared coarsely, all else exactly."""
     folder = tmp_path / "stray"
     (folder / "depth").mkdir(parents=True)
@@ -175,12 +176,29 @@ def test_stray_scanner_has_a_film_and_a_table(capture: Capture, tmp_path: Path) 
         np.testing.assert_allclose(middle, there.load_depth(), atol=1e-3)
         small = here.load_image()[8::16, 8::16].astype(float)
         assert np.abs(small - there.load_image()).mean() < 12
+    # Without a header and the row of the second frame, with depth as arrays.
+    (folder / "odometry.csv").write_text("\n".join([lines[1], *lines[3:], "", ""]))
+    for number, frame in enumerate(capture.frames):
+        (folder / f"depth/{number:06d}.png").unlink()
+        np.save(folder / f"depth/{number:06d}.npy", millimetres(frame))
+    (folder / "imu.csv").write_text("0")
+    few = converted("stray", folder, tmp_path / "few")
+    assert "not read: motion ('imu.csv')" in caplog.text and len(few) == 2
+    for here, there in zip(few.frames, found.frames[::2], strict=True):
+        pose = there.camera.world_from_cam
+        np.testing.assert_array_equal(here.camera.world_from_cam, pose)
+        np.testing.assert_array_equal(here.load_depth(), there.load_depth())
     (folder / "odometry.csv").write_text("timestamp, frame\n1, 2")
     with pytest.raises(DigsError, match=r"odometry\.csv.: expected timestamp, frame, x"):
         converted("stray", folder, tmp_path / "again")
 
 
-def write_bag(capture: Capture, path: Path, kind: str, compressed: bool = False) -> None:
+LENS = [0.01, 0.002, 0.0003, -0.0004, 0.005, 0.02, 0.003, 0.004]
+
+
+def write_bag(
+    capture: Capture, path: Path, kind: str, compressed: bool = False, lens: str = "plumb_bob"
+) -> None:
     from rosbags.rosbag2 import StoragePlugin, Writer
     from rosbags.typesys import Stores, get_typestore
 
@@ -208,7 +226,8 @@ def write_bag(capture: Capture, path: Path, kind: str, compressed: bool = False)
 
         region = types["sensor_msgs/msg/RegionOfInterest"](0, 0, 0, 0, False)
         matrix = k.matrix - np.array([[0, 0, 0.5], [0, 0, 0.5], [0, 0, 0]])
-        info = {"height": HEIGHT, "width": WIDTH, "distortion_model": "plumb_bob", "d": np.zeros(5)}
+        info = {"height": HEIGHT, "width": WIDTH, "distortion_model": lens, "d": np.zeros(5)}
+        info |= {"d": np.array(LENS)} if lens != "plumb_bob" else {}
         info |= {"k": matrix.ravel(), "r": np.eye(3).ravel(), "p": np.eye(3, 4).ravel()}
         info |= {"binning_x": 0, "binning_y": 0, "roi": region}
         size = {"height": HEIGHT, "width": WIDTH, "is_bigendian": 0}
@@ -227,7 +246,8 @@ def write_bag(capture: Capture, path: Path, kind: str, compressed: bool = False)
             if number == 0:
                 send("/other/rgb", "Image", time, **picture)
             if number != 1:
-                depth = millimetres(frame).view(np.uint8).ravel()
+                depth = millimetres(frame)
+                depth = np.where(depth == 0, np.uint16(65535), depth).view(np.uint8).ravel()
                 fields = {"encoding": "16UC1", "step": 2 * WIDTH, "data": depth, **size}
                 send("/cam/aligned_depth/image_raw", "Image", time + 5_000_000, **fields)
 
@@ -252,6 +272,14 @@ def test_a_bag_gives_color_and_depth(
         assert here.time == pytest.approx(0.033 * number)
         if number != 1:
             np.testing.assert_allclose(here.load_depth(), there.load_depth(), atol=1e-3)
+
+
+def test_a_lens_of_eight_coefficients_is_opencvs(capture: Capture, tmp_path: Path) -> None:
+    pytest.importorskip("rosbags", reason="rosbags is not installed")
+    write_bag(capture, tmp_path / "bag", "SQLITE3", lens="rational_polynomial")
+    with opened_recording(tmp_path / "bag", "ros") as recording:
+        view = recording.frames[0].view
+    assert view is not None and view.lens.coefficients == tuple(LENS)
 
 
 def test_what_is_no_bag_is_named(tmp_path: Path) -> None:

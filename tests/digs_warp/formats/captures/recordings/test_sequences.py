@@ -181,7 +181,7 @@ def write_euroc(folder: Path, model: str = RADIAL) -> Path:
         place = [*pose[:3, 3], *np.roll(quat_xyzw_from_matrix(pose[:3, :3]), 1), 0, 0, 0]
         lines.append(",".join([stamp(time), *map(str, place)]))
     (folder / "mav0" / TRUTH).parent.mkdir()
-    (folder / "mav0" / TRUTH).write_text("\n".join(lines) + "\n")
+    (folder / "mav0" / TRUTH).write_text("\n ".join(lines).replace(",", ", ") + "\n")
     return folder
 
 
