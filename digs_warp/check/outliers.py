@@ -124,13 +124,17 @@ def contradicting(
 
 
 def alone(found: Links, below: float) -> list[int]:
-    """Return the numbers of those frames."""
+    """Return the numbers of those frames; none where two parts of a path meet that share little."""
     outliers, count = [], len(found.names)
     for i in range(count):
         around = [j for j in range(i - REACH, i + REACH + 1) if j != i and 0 <= j < count]
         against = [j for j in around if found.contradict(i, j, below)]
         together = any(found.agree(a, b) for a in against for b in against if a < b)
-        if len(against) >= 2 and together and not any(found.agree(i, j) for j in around):
+        sides = ((i - 2, i - 1), (i + 1, i + 2))
+        meets = found.contradict(i - 1, i + 1, below)
+        meets &= not any(found.contradict(*pair, below) for pair in sides)
+        alike = meets or any(found.agree(i, j) for j in around)
+        if len(against) >= 2 and together and not alike:
             outliers.append(i)
     return outliers
 

@@ -13,6 +13,7 @@ from digs_warp.check.check import check_capture
 from digs_warp.check.evidence import Evidence
 from digs_warp.check.findings import CHECKS, Finding, limit_of
 from digs_warp.check.motion import moved_share
+from digs_warp.check.outliers import REACH, Links, alone
 from digs_warp.check.recording import median_exposure_change
 from digs_warp.cli import EXIT_BAD_INPUT, EXIT_OK, main
 from digs_warp.data.capture import Capture, read_capture
@@ -210,6 +211,17 @@ def test_a_camera_of_images_of_another_size_is_named(good: Capture) -> None:
     assert f"of about {2 * k.width}x{2 * k.height} pixels" in said(with_camera(2.0))[0]
     shifted = [each.kind for each in check_capture(with_camera(1.0, 1.5)).findings]
     assert "camera" not in shifted  # a part of an image
+
+
+@pytest.mark.parametrize(
+    ("parts", "odd"),
+    [("aabaa", [2]), ("aabcaa", [2, 3]), ("baaa", [0]), ("aabcc", []), ("aaaccc", [])],
+)
+def test_a_frame_between_two_parts_of_a_path_is_no_outlier(parts: str, odd: list[int]) -> None:
+    """Frames of the same letter agree."""
+    near = [(i, j) for j in range(len(parts)) for i in range(max(0, j - REACH), j)]
+    relative = {frozenset(pair): 1.0 if parts[pair[0]] == parts[pair[1]] else 0.5 for pair in near}
+    assert alone(Links(tuple(parts), relative), 0.75) == odd
 
 
 TURNS = {
