@@ -6,6 +6,7 @@ import pytest
 from reference.error_shapes import autocorrelation, small_error_rms
 from studies.boards_and_edges import edge, plane_error
 from studies.error_patches import auc_of_classifier, patch_features
+from studies.realism_confidence import fit, loss, probability
 from studies.realism_scores import (
     agreement,
     bad_share,
@@ -124,3 +125,11 @@ def test_an_edge_is_as_wide_as_its_ramp() -> None:
     assert wide.missing == pytest.approx(1 / 40)
     late = edge(np.where(place < -6, 1.0, 1.3), place, 1.0, 1.3, 0.02)
     assert late.bleeding == pytest.approx(6 / 20)
+
+
+def test_constants_of_the_confidence_are_found_again_from_what_they_say() -> None:
+    rng, constants = np.random.default_rng(0), (0.5, 30.0, 0.4)
+    matches = np.stack([rng.gamma(2, 1, 100_000), rng.gamma(1, 2, 100_000), np.zeros(100_000)], 1)
+    matches[:, 2] = rng.random(100_000) < probability(constants, matches)
+    np.testing.assert_allclose(fit(matches), constants, rtol=0.15)
+    assert loss(fit(matches), matches) <= loss(constants, matches)
