@@ -164,9 +164,9 @@ def nearest_known(depth: np.ndarray) -> np.ndarray:
 
 
 def thinned(depth: np.ndarray) -> np.ndarray:
-    """Return every n-th row and column of a depth map, so that it has about `KEPT_PIXELS`."""
+    """Return every n-th row and column of a depth map, in the middle of n: about `KEPT_PIXELS`."""
     stride = int(np.ceil(np.sqrt(depth.size / KEPT_PIXELS)))
-    return depth[::stride, ::stride].copy()
+    return depth[(stride - 1) // 2 :: stride, (stride - 1) // 2 :: stride].copy()
 
 
 def thinned_object_depth(

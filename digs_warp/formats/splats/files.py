@@ -86,7 +86,7 @@ FORMATS = {
     ".gltf": SplatFormat(read_gltf, None, says_up=True),
 }
 SUFFIXES = tuple(FORMATS)
-CONVERTERS = "of other files of splats, such as .ksplat, SuperSplat and splat-transform make PLY"
+CONVERTERS = "SuperSplat and splat-transform make PLY of other formats, such as .ksplat"
 WRITABLE = tuple(suffix for suffix, form in FORMATS.items() if form.write)
 
 

@@ -132,9 +132,8 @@ def _read_primitive(
     what: str,
 ) -> Gaussians:
     attributes, extension = primitive["attributes"], primitive["extensions"][SPLATS]
-    lacking = [
-        name for name in ("ROTATION", "SCALE", "OPACITY") if f"{SPLATS}:{name}" not in attributes
-    ]
+    needed = ("ROTATION", "SCALE", "OPACITY", "SH_DEGREE_0_COEF_0")
+    lacking = [name for name in needed if f"{SPLATS}:{name}" not in attributes]
     if lacking or extension.get("kernel", "ellipse") != "ellipse":
         compressed = ", ".join(extension.get("extensions", {})) or extension.get("kernel", "")
         raise DigsError(

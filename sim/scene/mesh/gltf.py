@@ -89,7 +89,7 @@ def _glb_json(path: Path, data: bytes) -> bytes:
         )
     start = GLB_HEADER.size + GLB_CHUNK.size
     chunk_length, _ = GLB_CHUNK.unpack_from(data, GLB_HEADER.size)
-    return data[start : start + chunk_length]
+    return data[start : start + chunk_length].rstrip(b"\0")  # some programs fill up with zeros
 
 
 def glb_binary(path: Path) -> bytes:

@@ -11,7 +11,7 @@ from digs_warp.init.config import InitConfig
 from digs_warp.init.edges import edge_magnitude, smooth_depth
 from digs_warp.init.foreground import EVERYTHING, foreground_range, two_means
 from digs_warp.init.recipes import initialize
-from digs_warp.init.view_points import thinned_object_depth
+from digs_warp.init.view_points import thinned, thinned_object_depth
 from digs_warp.init.visibility import not_isolated
 from reference.ball_capture import RADIUS, ball_views, write_capture
 from reference.init_twin import laplacian_of_pairs, threshold_of
@@ -201,3 +201,10 @@ def test_what_another_object_hides_is_not_taken_for_empty() -> None:
     kept = thinned_object_depth(images.depth, half, hidden)
     np.testing.assert_array_equal(kept[inside], images.depth[inside])
     assert (kept > images.depth).sum() > 2000
+
+
+@pytest.mark.parametrize("width", [640, 848, 1280, 1920])
+def test_the_kept_pixels_lie_in_the_middle_of_those_that_they_stand_for(width: int) -> None:
+    columns = np.broadcast_to(np.arange(width, dtype=np.float32), (width * 9 // 16, width))
+    for kept in (thinned(columns), thinned(columns.T)):
+        assert abs(kept.mean() - columns.mean()) <= 0.5

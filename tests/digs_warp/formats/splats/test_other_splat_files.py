@@ -42,7 +42,7 @@ def parts_of(path: Path) -> tuple[dict[str, Any], bytes]:
 
 def write_parts(path: Path, header: dict[str, Any], binary: bytes) -> None:
     text = json.dumps(header).encode()
-    text += b" " * (-len(text) % 4)
+    text += b"\0" * (4 + -len(text) % 4)  # of some programs, instead of blanks
     chunks = struct.pack("<I4s", len(text), b"JSON") + text
     chunks += struct.pack("<I4s", len(binary), b"BIN\0") + binary
     path.write_bytes(struct.pack("<4sII", b"glTF", 2, 12 + len(chunks)) + chunks)
@@ -188,6 +188,10 @@ def has_logarithms(header: dict[str, Any]) -> None:
         (lambda h: first(h).pop("extensions"), f"no {KHR} in it, so no Gaussians: a mesh"),
         (is_compressed, f"without SCALE .{KHR}_compression_spz_2.; export it as plain"),
         (has_logarithms, "the file seems to hold logarithms"),
+        (
+            lambda h: first(h)["attributes"].pop(f"{KHR}:SH_DEGREE_0_COEF_0"),
+            "splats without SH_DEGREE_0_COEF_0",
+        ),
         (lambda h: h["accessors"][0].update(count=10**12), "1,000,000,000,000 Gaussians, expected"),
         (lambda h: h["accessors"][0].update(count=100_000), "broken or truncated"),
         (lambda h: h.update(bufferViews=[3] * 9), "broken or truncated .AttributeError"),
