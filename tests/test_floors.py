@@ -58,7 +58,7 @@ LINE_BUDGETS = {
     "sim.scene": 3_545,
     "sim.sensor": 4_377,
     "sim.testing": 851,
-    "splat": 4_132,
+    "splat": 4_142,
     "study": 1_480,
     "surface": 561,
     "torch": 180,

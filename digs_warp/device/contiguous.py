@@ -10,7 +10,7 @@ import warp as wp
 wp.set_module_options({"enable_backward": False})
 
 # Only loops of fixed length are vectorized: arrays are filled in pieces of this many values, then the rest.
-_PIECE = wp.constant(32)
+_PIECE = wp.constant(16)
 
 
 @wp.func

@@ -71,6 +71,7 @@ from digs_warp.splat.tile import (
     lowest_bit,
     planes_memory,
     power_at,
+    prefetch_splat,
     tile_splat,
     touched_blocks,
     write_row,
@@ -163,8 +164,11 @@ def forward_kernel(depths: int) -> wp.Kernel:
         for p in range(PIXELS):
             state[p] = 1.0
             state[_FINAL + p] = 1.0
-        touched = wp.zeros(shape=(wp.static(int(GROUP)),), dtype=int)
+        # A view of the kernel's own has a stride that LLVM knows.
+        touched_memory = wp.zeros(shape=(wp.static(int(GROUP)),), dtype=int)
+        touched = wp.array(ptr=touched_memory.ptr, shape=(wp.static(int(GROUP)),), dtype=int)
         fields = wp.static(planes * PLANE_FLOATS)
+        all_pairs = pairs.starts[columns * views[0].rows]
         stop = end
         live = int(ALL_BLOCKS)
         for group in range((end - begin + GROUP - 1) // GROUP):
@@ -199,13 +203,13 @@ def forward_kernel(depths: int) -> wp.Kernel:
                 ellipse.peak = state[fields + 6 * GROUP + member]
                 touched[member] = touched_blocks(ellipse)
             for k in range(group_first, group_end):
+                prefetch_splat(records, members, k + 2 * GROUP, all_pairs)
                 blocks = touched[k - group_first] & live
                 pairs.blocks[k] = blocks
                 if blocks == 0:
                     continue
                 g = members[k][0]
-                mean_x = records[g, SPLAT_U] - float(tile_x) - 0.5
-                splat = tile_splat(records, g, mean_x, tile_y)
+                splat = tile_splat(records, g, tile_x, tile_y)
                 z = float(0.0)
                 if wp.static(with_depth):
                     z = state[fields + 7 * GROUP + k - group_first]

@@ -18,7 +18,7 @@ image has no derivative; there is none of it in the gradient.
 
 import warp as wp
 
-from digs_warp.device.contiguous import fill, floats_from
+from digs_warp.device.contiguous import fill, floats_from, prefetch_floats
 from digs_warp.device.elementary import larger, smaller
 from digs_warp.splat.config import (
     BLOCK_HEIGHT,
@@ -34,9 +34,11 @@ from digs_warp.splat.records import (
     SPLAT_B,
     SPLAT_BLUE,
     SPLAT_C,
+    SPLAT_FIELDS,
     SPLAT_GREEN,
     SPLAT_OPACITY,
     SPLAT_RED,
+    SPLAT_U,
     SPLAT_V,
 )
 
@@ -132,10 +134,10 @@ class TileSplat:
 
 
 @wp.func
-def tile_splat(splats: wp.array2d[float], g: int, mean_x: float, tile_y: int) -> TileSplat:
-    """Splat g in a tile that begins in row tile_y; ``mean_x`` is its center, counted from the tile."""
+def tile_splat(splats: wp.array2d[float], g: int, tile_x: int, tile_y: int) -> TileSplat:
+    """Splat g in a tile whose first pixel is (tile_x, tile_y)."""
     splat = TileSplat()
-    splat.mean_x = mean_x
+    splat.mean_x = splats[g, SPLAT_U] - float(tile_x) - 0.5
     splat.mean_y = splats[g, SPLAT_V] - float(tile_y) - 0.5
     splat.a = splats[g, SPLAT_A]
     splat.b = splats[g, SPLAT_B]
@@ -147,6 +149,14 @@ def tile_splat(splats: wp.array2d[float], g: int, mean_x: float, tile_y: int) ->
     splat.green = splats[g, SPLAT_GREEN]
     splat.blue = splats[g, SPLAT_BLUE]
     return splat
+
+
+@wp.func
+def prefetch_splat(splats: wp.array2d[float], members: wp.array[wp.vec2i], pair: int, end: int):
+    """Ask for the record of a pair that comes soon, in this tile or the next: it is in no cache."""
+    if pair < end:
+        flat = wp.array(ptr=splats.ptr, shape=(1,), dtype=float)
+        prefetch_floats(flat, members[pair][0] * SPLAT_FIELDS, SPLAT_FIELDS)
 
 
 @wp.func
@@ -170,17 +180,24 @@ def power_at(splat: TileSplat, dx: float, dy: float) -> float:
 _SLACK = wp.constant(EXTENT_SLACK)
 
 
-@wp.func
+# LLVM would unroll the inner loop, and gather the lanes of all blocks.
+_LIVE_BLOCKS = f"""
+int live = 0;
+for (int block = 0; block < {int(BLOCKS)}; ++block) {{
+    float total = 0.0f;
+#pragma clang loop unroll(disable)
+    for (int lane = 0; lane < {int(BLOCK)}; ++lane)
+        total += transmittances.data[{int(BLOCK)} * block + lane];
+    live |= (total > 0.0f) << block;
+}}
+return live;
+"""
+
+
+@wp.func_native(_LIVE_BLOCKS)
 def live_blocks(transmittances: wp.array[float]) -> int:
     """One bit for each block of a tile in which a pixel is not saturated, its transmittance not 0."""
-    live = int(0)
-    for block in range(BLOCKS):
-        pixels = floats_from(transmittances, block * BLOCK, BLOCK)
-        total = float(0.0)
-        for lane in range(BLOCK):
-            total += pixels[lane]
-        live |= wp.where(total > 0.0, 1 << block, 0)
-    return live
+    ...
 
 
 @wp.func

@@ -30,10 +30,15 @@ wp.load_module(made.{call}.module, device="cpu")
 HOT_LOOP = "for i in range(BLOCK):"
 # Finds which blocks several splats touch.
 TOUCHED_LOOP = "for member in range(GROUP):"
+# Finds blocks that are not saturated.
+LIVE_LOOP = "for (int lane = 0;"
 OF_GROUP = "for i in range(_GROUP):"
 
 LOOPS = {
-    **{f"rasterize.forward_kernel({depths})": (HOT_LOOP, TOUCHED_LOOP) for depths in range(3)},
+    **{
+        f"rasterize.forward_kernel({depths})": (HOT_LOOP, TOUCHED_LOOP, LIVE_LOOP)
+        for depths in range(3)
+    },
     **{f"rasterize_adjoint.backward_kernel({depth})": (HOT_LOOP,) for depth in (False, True)},
     "digs_warp.train.optimizer": ("for i in range(_BLOCK):",),
     "digs_warp.losses.target": ("for xc in range(_PIECE):",),
