@@ -1,8 +1,8 @@
 """One splat where several share a pixel: what no photograph tells apart need not be drawn apart.
 
-After a third of the run, splats become one whose centers lie in the same pixel of the view that samples them
+After a third of the run, splats become one whose centers lie in the same cell of the view that samples them
 most finely, each nearer to the next one than their deviations together. It has their mean, covariance and
-color, weighted by opacity and area, and lets through as much light. The rest of the run is a fifth faster.
+color, weighted by opacity and area, and lets through as much light.
 """
 
 from collections.abc import Sequence
@@ -19,6 +19,9 @@ from digs_warp.train.density import Refinement
 # Share of the run after which splats are merged: by then they have found their places.
 MERGE_AT = 1.0 / 3.0
 
+# Width of a cell [px]: with more splats, they learn the noise of the photographs (docs/training.md).
+CELL = 1.25
+
 # No splat is more opaque than 1 minus this.
 _LEAST_THROUGH = 1e-3
 
@@ -32,13 +35,13 @@ def merged(gaussians: Gaussians, cameras: Sequence[Camera], held: np.ndarray) ->
         held: which Gaussians stay as they are, shape (n,), bool.
     """
     count = len(gaussians)
-    pixels, depths = finest_pixels(gaussians.means, cameras)
-    pixels = np.where(held | (pixels < 0), -1 - np.arange(count), pixels)
-    order = np.lexsort((depths, pixels))
+    cells, depths = finest_cells(gaussians.means, cameras)
+    cells = np.where(held | (cells < 0), -1 - np.arange(count), cells)
+    order = np.lexsort((depths, cells))
     g = gaussians.select(order)
     widths = np.exp(g.log_scales.mean(axis=1, dtype=np.float64))
     behind = np.diff(depths[order]) > widths[1:] + widths[:-1]
-    begins = np.flatnonzero(np.append(True, behind | (np.diff(pixels[order]) != 0)))
+    begins = np.flatnonzero(np.append(True, behind | (np.diff(cells[order]) != 0)))
     sizes = np.diff(begins, append=count)
     weights = g.opacities * widths**2
     weights /= np.repeat(np.add.reduceat(weights, begins), sizes)
@@ -67,15 +70,16 @@ def merged(gaussians: Gaussians, cameras: Sequence[Camera], held: np.ndarray) ->
     return Refinement(found, first, alone)
 
 
-def finest_pixels(points: np.ndarray, cameras: Sequence[Camera]) -> tuple[np.ndarray, np.ndarray]:
-    """Return in which pixel of the view that samples it most finely each point lies, and how deep [m].
+def finest_cells(points: np.ndarray, cameras: Sequence[Camera]) -> tuple[np.ndarray, np.ndarray]:
+    """Return in which cell of the view that samples it most finely each point lies, and how deep [m].
 
-    Pixels are numbered over all views; -1: no view shows the point. Both have shape (n,).
+    Cells are numbered over all views; -1: no view shows the point. Both have shape (n,).
     """
     numbers, depths = np.full(len(points), -1), np.zeros(len(points))
     finest, first = np.full(len(points), np.inf), 0
     for camera in cameras:
         k = camera.intrinsics
+        k = k.resized(round(k.width / CELL), round(k.height / CELL))
         seen = reproject(points, camera.cam_from_world, k)
         nearer = seen.inside & (seen.depth / max(k.fx, k.fy) < finest)
         finest[nearer] = seen.depth[nearer] / max(k.fx, k.fy)

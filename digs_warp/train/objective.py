@@ -69,13 +69,7 @@ class Objective:
         blocks = loss_blocks(view.tiles, drawn)
         region = read_region(blocks, view.size)
         self._target.compose(
-            view.pixels,
-            view.box,
-            background,
-            region,
-            view.size,
-            gain,
-            renderer.image,
+            view.pixels, view.box, background, region, view.size, gain, renderer.image
         )
         # Rendered image, target and gradient have the same layout.
         unknown = None if view.unknown is None else places_of(view.unknown, renderer.image)

@@ -19,7 +19,7 @@ from digs_warp.train.density import (
     unchanged,
     with_low_opacities,
 )
-from digs_warp.train.merging import finest_pixels, merged
+from digs_warp.train.merging import finest_cells, merged
 from reference.splat_scenes import random_gaussians
 
 EXTENT = 2.0
@@ -162,8 +162,9 @@ def moments(g: Gaussians) -> tuple[np.ndarray, np.ndarray]:
     return g.means.astype(np.float64), axes @ axes.transpose(0, 2, 1)
 
 
-def test_two_of_a_pixel_become_one_with_their_moments() -> None:
-    pair, others = splats([(7, 9, 1.0), (7, 9, 1.005)]), splats([(8, 9, 1.0), (7, 9, 1.1)])
+def test_two_of_a_cell_become_one_with_their_moments() -> None:
+    # A cell holds one and a quarter pixels.
+    pair, others = splats([(5, 8, 1.0), (5.7, 8, 1.005)]), splats([(6.9, 8, 1.0), (5, 8, 1.1)])
     before = joined([others, pair])
     found = merged(before, [COARSE, FINE], np.zeros(4, bool))
     assert sorted(found.sources[found.keeps_moments]) == [0, 1]  # beside, and far behind
@@ -192,5 +193,5 @@ def test_held_splats_and_those_that_no_view_shows_stay() -> None:
 
 
 def test_the_finest_view_counts() -> None:
-    found, depths = finest_pixels(splats([(7, 9, 1.5)]).means, [COARSE, FINE, COARSE])
-    assert found.tolist() == [40 * 30 + 9 * 80 + 7] and depths[0] == np.float32(1.5)
+    found, depths = finest_cells(splats([(5, 9, 1.5)]).means, [COARSE, FINE, COARSE])
+    assert found.tolist() == [32 * 24 + 7 * 64 + 4] and depths[0] == np.float32(1.5)
