@@ -102,5 +102,5 @@ BENCHMARKS = (
     # The constants of the confidence in matches, and how often matches are right.
     Benchmark("confidence", ("realism_confidence.bench_confidence",), ("research/sensor-cost.md",)),
     # Figures of real depth cameras beside those of the simulated ones.
-    Benchmark("device", ("device.bench_device",), ("research/devices.md",)),
+    Benchmark("device", ("device.bench_device",), ("research/devices.md", "sensor.md")),
 )

@@ -4,6 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from digs_warp.sim.fit.plane import OF_MAD
+
 
 def plane_error(depth: np.ndarray, focal: float) -> tuple[float, float]:
     """Return RMS distance of the points from their plane [m], and the plane's depth on the optical axis [m].
@@ -23,8 +25,14 @@ def plane_error(depth: np.ndarray, focal: float) -> tuple[float, float]:
     return float(np.sqrt(np.mean(off**2))), float(normal @ center / normal[2])
 
 
-# Places beside an edge are counted in strips of this width, up to so far from it [px].
-STRIP, REACH = 2.0, 20.0
+# Places beside an edge are counted in strips of this width [px].
+STRIP = 2.0
+
+# Each side is measured in a band so far beyond the counted places, and so wide [px].
+BESIDE, BAND = 5.0, 30.0
+
+# Values of a side are within these of its median: a length [m], or standard deviations if that is more.
+ALLOWED, DEVIATIONS = 0.01, 3.0
 
 # The width of an edge goes from where so many of the pixels show the near side to where the rest do.
 MANY = 0.9
@@ -37,45 +45,48 @@ class Edge:
     Attributes:
         width: from 90 to 10 % of the pixels on the near side [px]; about 3 for a perfect step, as pixels are
             counted in strips of two; NaN: there are no such places.
-        mixed: share of the values within 20 px of the edge that lie between the sides.
-        bleeding: share of the values on the near side that are those of the far side.
+        mixed: share of the values beside the edge that lie between the sides.
         missing: share of the pixels without a value.
     """
 
     width: float
     mixed: float
-    bleeding: float
     missing: float
 
 
-def edge(depth: np.ndarray, distance: np.ndarray, near: float, far: float, allowed: float) -> Edge:
-    """Return the figures of an edge.
+def edge(depth: np.ndarray, distance: np.ndarray, reach: float) -> Edge:
+    """Return the figures of an edge, as github.com/ychen921/rgbd-characterization computes them.
 
     Args:
         depth: [m], (height, width), NaN where there is none.
         distance: of each pixel from the true edge [px], positive on the far side; same shape.
-        near: depth of the near side [m].
-        far: depth of the far side [m].
-        allowed: how far values may be from their side [m].
+        reach: up to so far from the edge pixels count [px].
     """
-    band = np.abs(distance) <= REACH
+    near, far = (_side(depth, side * distance - reach - BESIDE) for side in (-1, 1))
+    band = np.abs(distance) <= reach
     value, place = depth[band], distance[band]
     known = np.isfinite(value)
-    on_near, on_far = (np.abs(value - side) <= allowed for side in (near, far))
-    between = (value > near + allowed) & (value < far - allowed)
+    between = (value > near[1]) & (value < far[0])
     strip = np.floor(place / STRIP + 0.5).astype(int)
     strip -= strip.min()
     seen = np.bincount(strip[known], minlength=strip.max() + 1)
+    on_near = (value >= near[0]) & (value <= near[1])
     shown = np.bincount(strip[on_near], minlength=len(seen)) / np.maximum(seen, 1)
     centers = (np.arange(len(seen)) - len(seen) // 2) * STRIP
     ends = [_crossing(centers[seen > 0], shown[seen > 0], level) for level in (MANY, 1 - MANY)]
-    inside = known & (place < 0)
     return Edge(
         width=ends[1] - ends[0],
         mixed=float(between.sum() / max(known.sum(), 1)),
-        bleeding=float((on_far & inside).sum() / max(inside.sum(), 1)),
         missing=float(1 - known.mean()),
     )
+
+
+def _side(depth: np.ndarray, beyond: np.ndarray) -> tuple[float, float]:
+    """Return the least and the largest depth that count as one side [m]."""
+    values = depth[(beyond > 0) & (beyond < BAND) & np.isfinite(depth)]
+    middle = np.median(values)
+    allowed = max(ALLOWED, DEVIATIONS * OF_MAD * float(np.median(np.abs(values - middle))))
+    return float(middle - allowed), float(middle + allowed)
 
 
 def _crossing(places: np.ndarray, shares: np.ndarray, level: float) -> float:

@@ -21,12 +21,11 @@ class StereoRig:
     Attributes:
         intrinsics: of either eye.
         baseline: [m].
-        disparity_sigma: standard deviation of the disparity noise [px], for the tier "law" as the next four;
-            matching makes its own, but that of laser speckle.
+        disparity_sigma: standard deviation of the disparity noise [px], for the tier "law" as the next five;
+            matching makes its own, but what laser speckle changes from frame to frame.
         disparity_correlation: distance at which its coarsest part has fallen to 1/e [px], >= 1.5; 0: white.
         temporal_share: of its variance, what changes from frame to frame, 0 to 1.
-        disparity_distortion: smooth constant error of the disparity, relative; with that, noise falls with
-            distance. Where matching makes the noise, it is part of the static field.
+        disparity_distortion: constant error of the disparity, relative; with that, noise falls with distance.
         hole_share: of a plain surface, what has no depth, 0 to 1; 0: no holes at all, nor shadows.
         disparity_step: step in which disparity is reported [px]; 0: none.
         min_depth: nearest depth that is reported [m].
@@ -37,6 +36,8 @@ class StereoRig:
         least_confidence: matches with less are dropped by the device, 0 to 1; 0: none.
         smoothing: weight of the neighbors in the device's average of matches along rows and columns, 0 (none)
             to 1; steps stay.
+        lasting_speckle: standard deviation of the laser's speckle that stays on the surface [px], where
+            matching makes the noise.
         static_field: standard deviation of the smooth, constant error of a unit [px].
         unit: number of the unit; each has a different static field.
         rotation_drift: standard deviation of each of the three angles by which the right eye has turned since
@@ -78,6 +79,7 @@ class StereoRig:
     smoothness: float = 1.0
     least_confidence: float = 0.0
     smoothing: float = 0.0
+    lasting_speckle: float = 0.0
     static_field: float = 0.1
     unit: int = 0
     rotation_drift: float = 0.0
@@ -137,6 +139,12 @@ class StereoRig:
     def changing_sigma(self) -> float:
         """Standard deviation of the noise that changes from frame to frame [px]."""
         return float(np.sqrt(self.temporal_share)) * self.disparity_sigma
+
+    @property
+    def speckle(self) -> float:
+        """Standard deviation of the noise that only a projector makes [px]."""
+        own = float(np.hypot(self.changing_sigma, self.lasting_speckle))
+        return own if self.projector_power > 0 else 0.0
 
     @property
     def has_color_camera(self) -> bool:

@@ -81,7 +81,7 @@ def sense_depth(
     staying = np.sqrt(1 - rig.temporal_share) * rig.disparity_sigma
     shape, correlation = disparity.shape, rig.disparity_correlation
     if staying > 0 or rig.disparity_distortion > 0:
-        field = _moved(_lasting(seed, STAYING, shape, correlation), disparity)
+        field = moved_with(lasting_field(seed, STAYING, shape, correlation), disparity)
         disparity *= 1 + np.float32(strength * rig.disparity_distortion) * field
         disparity += np.float32(strength * staying) * field
     if rig.changing_sigma > 0:
@@ -112,7 +112,7 @@ def with_holes(
         return sensed
     state = classify(true, true, np.ones(true.shape, bool))
     sensed = sensed.with_holes(state == HIDDEN, Cause.OCCLUDED)
-    field = _moved(_lasting(seed, HOLES, true.shape, HOLE_CORRELATION), true)
+    field = moved_with(lasting_field(seed, HOLES, true.shape, HOLE_CORRELATION), true)
     field *= np.float32(np.sqrt(HOLES_STAY))
     changing = _field([seed, frame, HOLES], true.shape, HOLE_CORRELATION)
     field += np.float32(np.sqrt(1 - HOLES_STAY)) * changing
@@ -127,12 +127,12 @@ def _quantile(share: float) -> np.float32:
 
 
 @lru_cache(maxsize=4)
-def _lasting(seed: int, part: int, shape: tuple[int, int], correlation: float) -> np.ndarray:
-    """Return a field for `_moved` that all frames of a recording share: do not write to it."""
+def lasting_field(seed: int, part: int, shape: tuple[int, int], correlation: float) -> np.ndarray:
+    """Return a field for `moved_with` that all frames of a recording share: do not write to it."""
     return _field([seed, part], (shape[0], shape[1] + FARTHEST), correlation)
 
 
-def _moved(field: np.ndarray, disparity: np.ndarray) -> np.ndarray:
+def moved_with(field: np.ndarray, disparity: np.ndarray) -> np.ndarray:
     """Return the values of a field as far to the right of each pixel as its disparity [px]."""
     height, width = disparity.shape
     at = np.zeros((height, width), np.int32)

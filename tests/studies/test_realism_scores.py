@@ -115,16 +115,18 @@ def test_points_off_a_tilted_plane_are_measured_at_right_angles_to_it() -> None:
 def test_an_edge_is_as_wide_as_its_ramp() -> None:
     columns = np.tile(np.arange(SHAPE[1]) + 0.5, (SHAPE[0], 1))
     place = columns - 160.0
-    sharp = edge(np.where(place < 0, 1.0, 1.3), place, 1.0, 1.3, 0.02)
+    sharp = edge(np.where(place < 0, 1.0, 1.3), place, 20)
     assert sharp.width == pytest.approx(3.2), "strips of two pixels, half of each side in one"
-    assert (sharp.mixed, sharp.bleeding, sharp.missing) == (0, 0, 0)
+    assert (sharp.mixed, sharp.missing) == (0, 0)
     ramp = np.clip(1.15 + 0.3 * place / 10, 1.0, 1.3)
     ramp[:, 150] = np.nan
-    wide = edge(ramp, place, 1.0, 1.3, 0.02)
-    assert wide.mixed == pytest.approx(8 / 39, rel=0.2)
+    wide = edge(ramp, place, 20)
+    assert wide.mixed == pytest.approx(10 / 39), "but 10 mm of each side"
     assert wide.missing == pytest.approx(1 / 40)
-    late = edge(np.where(place < -6, 1.0, 1.3), place, 1.0, 1.3, 0.02)
-    assert late.bleeding == pytest.approx(6 / 20)
+    noise = 0.02 * np.random.default_rng(0).standard_normal(SHAPE)
+    assert edge(np.where(place < 0, 1.0, 1.3) + noise, place, 20).mixed < 0.005, (
+        "noise is no mixture"
+    )
 
 
 def test_constants_of_the_confidence_are_found_again_from_what_they_say() -> None:

@@ -8,9 +8,9 @@ import numpy as np
 
 from digs_warp.sim.camera.rig import StereoRig
 from digs_warp.sim.sensor.effects.protocol import DepthEffect
-from digs_warp.sim.sensor.facts import SceneFacts
 from digs_warp.sim.sensor.filters import enlarge
 from digs_warp.sim.sensor.frame import Cause, Sensed
+from digs_warp.sim.sensor.law import STAYING, lasting_field, moved_with
 from digs_warp.sim.sensor.noise_field import octave_normal, smooth_normal
 
 
@@ -50,33 +50,27 @@ class Smoothing(DepthEffect):
 
 
 class Speckle(DepthEffect):
-    """Speckle of the laser: noise that changes from frame to frame and shows in no image here."""
+    """Speckle of the laser, in no image here: a part stays on the surface, a part changes in every frame."""
 
     name = "speckle"
-    statistic = "changing_sigma"
+    statistic = "speckle"
     unit = "px"
     cost = 3.0
-    on = "the speckle of a laser changes from frame to frame"
+    on = "the laser makes speckle"
     off = "there is no laser, or it makes no noise"
-
-    def measured(self, facts: SceneFacts, rig: StereoRig) -> float:
-        """Return its standard deviation."""
-        return _speckle(rig)
 
     def apply(
         self, sensed: Sensed, rig: StereoRig, rng: np.random.Generator, strength: float = 1.0
     ) -> Sensed:
         """Add the noise; ``strength`` is a factor on it."""
-        size = strength * _speckle(rig)
-        if size == 0:
+        if strength * rig.speckle == 0:
             return sensed
-        noise = octave_normal(rng, sensed.disparity.shape, rig.disparity_correlation)
-        return replace(sensed, disparity=sensed.disparity + np.float32(size) * noise)
-
-
-def _speckle(rig: StereoRig) -> float:
-    """Return the standard deviation of the noise that only a projector makes [px]."""
-    return rig.changing_sigma if rig.projector_power > 0 else 0.0
+        shape, correlation = sensed.disparity.shape, rig.disparity_correlation
+        noise = np.float32(rig.changing_sigma) * octave_normal(rng, shape, correlation)
+        if rig.lasting_speckle > 0:
+            lasting = lasting_field(rig.unit, STAYING, shape, correlation)
+            noise += np.float32(rig.lasting_speckle) * moved_with(lasting, sensed.disparity)
+        return replace(sensed, disparity=sensed.disparity + np.float32(strength) * noise)
 
 
 # Correlation length, as a share of the image width: 46 px on the pair (741 px wide) that shows it.
@@ -107,8 +101,6 @@ class StaticField(DepthEffect):
         k = rig.intrinsics
         field = unit_field(rig.unit, k.width, k.height)
         error = np.float32(strength * rig.static_field) * field
-        if rig.disparity_distortion:
-            error += np.float32(strength * rig.disparity_distortion) * sensed.disparity * field
         return replace(sensed, disparity=sensed.disparity + error)
 
 

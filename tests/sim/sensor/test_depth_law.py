@@ -13,8 +13,7 @@ from digs_warp.sim.fit.device_figures import WINDOWS, Holes, holes, roughness, t
 from digs_warp.sim.record.record import simulate_in_memory
 from digs_warp.sim.sensor.frame import Cause, Sensed
 from digs_warp.sim.sensor.law import sense_depth, with_holes
-from studies.device import BOARDS, _on_board, _on_edge
-from studies.device_scenes import board, both, photographed
+from studies.device import BOARDS, EDGES, board_figures, edge_figures
 
 WHITE = {"disparity_correlation": 0.0, "temporal_share": 1.0}
 RIG = replace(load_profile("bare-matcher").rig(320, 200), **WHITE)
@@ -159,14 +158,17 @@ def test_holes_are_as_many_and_as_small_as_the_devices() -> None:
         assert abs(np.log(mean / real)) < np.log(1.6), name
 
 
-@pytest.mark.parametrize(("distance", "rmse"), [(0.5, 1.26), (2.0, 9.07)])
-def test_boards_before_the_gemini_are_as_rough_as_published(distance: float, rmse: float) -> None:
-    size = BOARDS[distance][0]
-    found = _on_board(photographed(board(distance), "gemini-335"), "guided", size)
+@pytest.mark.parametrize("distance", [1.0, 3.0])
+def test_boards_before_the_gemini_are_as_rough_and_change_as_published(distance: float) -> None:
+    _, _, temporal, rmse = BOARDS[distance]
+    found = board_figures(distance, tiers=("guided",))
     assert found["guided: RMSE [mm]"] == pytest.approx(rmse, rel=0.2)
+    assert found["guided: share that changes"] == pytest.approx((temporal / rmse) ** 2, abs=0.1)
 
 
 def test_depth_steps_before_the_gemini_are_as_sharp_as_published() -> None:
-    """Of a board at 2 m, 30 cm before another: 18 % of the values within 20 px lie between the two."""
-    still = photographed(both(board(2.0, right=0.0), board(2.3)), "gemini-335")
-    assert _on_edge(still, "guided", 2.0)["guided: mixed"] == pytest.approx(0.176, rel=0.5)
+    """Of a board at 2 m, 30 cm before another: 18 % of the values within 12 px lie between the two."""
+    _, width, mixed, _ = EDGES[2.0]
+    found = edge_figures(2.0)
+    assert found["guided: width [px]"] == pytest.approx(width, rel=0.5)
+    assert found["guided: mixed"] == pytest.approx(mixed, rel=0.5)

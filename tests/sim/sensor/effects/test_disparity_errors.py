@@ -47,12 +47,6 @@ def test_static_field_belongs_to_the_unit_and_is_smooth() -> None:
     assert abs(np.corrcoef(first.ravel(), other.ravel())[0, 1]) < 0.3
 
 
-def test_a_relative_error_is_part_of_the_field_and_falls_with_the_disparity() -> None:
-    rig = make_rig(640, 480, static_field=0.05, disparity_distortion=0.002)
-    far, near = (error_of(make_frame(d, rig), "static-field").std() for d in (10.0, 50.0))
-    assert (far, near) == (pytest.approx(0.07, rel=0.02), pytest.approx(0.15, rel=0.02))
-
-
 def test_the_device_smooths_noise_but_no_steps() -> None:
     rig = make_rig(smoothing=0.4)
     true = np.full((240, 320), 30.0, np.float32)
@@ -87,6 +81,16 @@ def test_speckle_is_what_changes_of_the_noise() -> None:
     assert np.corrcoef(first[:, 1:].ravel(), first[:, :-1].ravel())[0, 1] > 0.5, (
         "neighbors err alike"
     )
+
+
+def test_lasting_speckle_stays_and_moves_with_the_surface() -> None:
+    rig = make_rig(disparity_correlation=4.0, lasting_speckle=0.1, projector_power=0.2)
+    rig = replace(rig, disparity_sigma=0.0)
+    first, second = (error_of(make_frame(30.4, rig, number=number), "speckle") for number in (0, 1))
+    np.testing.assert_array_equal(first, second)
+    assert first.std() == pytest.approx(0.1, rel=0.1)
+    nearer = error_of(make_frame(40.4, rig), "speckle", strength=2.0)
+    np.testing.assert_allclose(nearer[:, :-10], 2 * first[:, 10:], atol=1e-5)
 
 
 SHAPE = (240, 320)
