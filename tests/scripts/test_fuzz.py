@@ -1,14 +1,16 @@
 """The fuzzing command: damaged inputs of every kind are read or refused; defects are noticed."""
 
 import json
+import resource
 from pathlib import Path
 
 import pytest
 from fuzz import fuzz, table
+from fuzzing import worker as worker_module
 from fuzzing.inputs import NOTE, Inputs
 from fuzzing.kinds import KINDS, find_kinds
 from fuzzing.originals import Originals
-from fuzzing.worker import Job, Worker
+from fuzzing.worker import Job, Worker, run_input
 
 from reference.planted_commands import planted
 from reference.slow_to_import import slow_to_import
@@ -33,6 +35,17 @@ def test_the_start_of_a_process_does_not_count(tmp_path: Path) -> None:
     outcome = worker.run(Job("planted", tmp_path, ("read",)))
     worker.stop()
     assert outcome.end == "read", outcome.detail
+
+
+def test_a_long_life_of_a_process_is_put_down_to_no_input(tmp_path: Path, monkeypatch) -> None:
+    """Counted in ticks, what it took before is a little more."""
+    limits: list[tuple[int, float]] = []
+    monkeypatch.setattr(worker_module.time, "process_time", lambda: 1000.0)
+    monkeypatch.setattr(worker_module, "_silence", lambda: None)
+    monkeypatch.setattr(worker_module, "_limit", lambda kind, now, _: limits.append((kind, now)))
+    monkeypatch.chdir(tmp_path)
+    assert run_input(tmp_path, [""], lambda _: 0, 10.0).end == "read"
+    assert dict(limits[:2])[resource.RLIMIT_CPU] >= 1100
 
 
 @pytest.mark.long

@@ -52,7 +52,7 @@ NO_BOX = [-1, -1, -1, -1]  # BOP's own sign for an object out of view
 def read_bop(folder: Path) -> Recording:
     """Read one scene, the folder with scene_camera.json, or a data set of one; images list what they show."""
     scene = _the_scene(folder)
-    files = NumberedFiles.find(scene, "rgb/", "depth/")
+    files = NumberedFiles.find(scene, "rgb/" if (scene / "rgb").is_dir() else "gray/", "depth/")
     all_cameras = _fields(scene / CAMERAS, "cameras")
     objects = _fields(scene / POSES, "poses") if (scene / POSES).is_file() else None
     cameras, poses, units, masks, first = {}, {}, {}, {}, None

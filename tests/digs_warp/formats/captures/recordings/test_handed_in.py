@@ -424,6 +424,7 @@ def test_the_first_object_of_bop_is_the_same_in_all_images(
 ) -> None:
     export_capture(capture, "bop", tmp_path / "r")
     scene = tmp_path / "r/train/000000"
+    (scene / "rgb").rename(scene / "gray")  # as ITODD has it
     cameras, objects = (
         json.loads((scene / f"scene_{n}.json").read_text()) for n in ("camera", "gt")
     )
