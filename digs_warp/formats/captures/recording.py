@@ -288,7 +288,7 @@ def expecting(where: str, what: str) -> Iterator[None]:
         yield
     except DigsError:
         raise
-    except (KeyError, TypeError, ValueError, IndexError) as error:
+    except (KeyError, TypeError, ValueError, IndexError, OverflowError) as error:
         raise CaptureError(f"{where}: expected {what} ({error!r})") from None
 
 

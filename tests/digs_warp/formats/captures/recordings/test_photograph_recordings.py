@@ -121,6 +121,7 @@ BROKEN: dict[str, tuple[Callable[[Path], object], str]] = {
         "PINHOLE with 1 parameters, expected 4",
     ),
     "words": (edit(CAMERAS, lambda s: s.replace("21 14", "wide high")), "cameras of a COLMAP model"),
+    "endless": (edit(CAMERAS, lambda s: s.replace("21 14", "inf 14")), "cameras of a COLMAP model"),
     "other camera": (edit(IMAGES, lambda s: s.replace(" 1 0001", " 7 0001")), "has camera 7"),
     "no images": (edit(IMAGES, lambda _: "# none\n"), "has no images"),
     "other size": (edit(CAMERAS, lambda s: s.replace("21 14", "640 480")), "expected 640x480"),

@@ -188,9 +188,10 @@ def test_stray_scanner_has_a_film_and_a_table(capture: Capture, tmp_path: Path, 
         pose = there.camera.world_from_cam
         np.testing.assert_array_equal(here.camera.world_from_cam, pose)
         np.testing.assert_array_equal(here.load_depth(), there.load_depth())
-    (folder / "odometry.csv").write_text("timestamp, frame\n1, 2")
-    with pytest.raises(DigsError, match=r"odometry\.csv.: expected timestamp, frame, x"):
-        converted("stray", folder, tmp_path / "again")
+    for row in ("1, 2", "1, inf, 0, 0, 0, 0, 0, 0, 1"):
+        (folder / "odometry.csv").write_text(f"timestamp, frame\n{row}")
+        with pytest.raises(DigsError, match=r"odometry\.csv.: expected timestamp, frame, x"):
+            converted("stray", folder, tmp_path / "again")
 
 
 LENS = [0.01, 0.002, 0.0003, -0.0004, 0.005, 0.02, 0.003, 0.004]
