@@ -174,17 +174,17 @@ RECORDINGS = {
             "a scene of several sequences",
             "frame-*.pose.txt camera-intrinsics.txt *info.txt",
         ),
-        Form(
-            "stray",
-            "the sharpest frames of rgb.mp4, depth, odometry.csv, camera_matrix.csv",
-            {**CONFIDENCE, "imu.csv": "motion"},
-            files="rgb.mp4 odometry.csv camera_matrix.csv depth/*",
-        ),
     )
 }
 
 FILMS = (
     Form("video", "the sharpest frames of any film that FFmpeg reads", {"sound": "sound"}),
+    Form(
+        "stray",
+        "the sharpest frames of rgb.mp4, depth, odometry.csv, camera_matrix.csv",
+        {**CONFIDENCE, "imu.csv": "motion"},
+        files="rgb.mp4 odometry.csv camera_matrix.csv depth/*",
+    ),
     Form(
         "ros, realsense",
         "color and depth of a .bag, .mcap, .db3 or folder of ROS 2, with the cameras beside them",
@@ -192,3 +192,4 @@ FILMS = (
         "images without a camera_info, of Bayer and YUV; other lenses than Brown's and Kannala's",
     ),
 )
+FORMS = {**RECORDINGS, **{form.name: form for form in FILMS}}

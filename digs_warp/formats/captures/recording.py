@@ -17,7 +17,7 @@ from digs_warp.data.images import MM_PER_METRE, image_size
 from digs_warp.data.point_cloud import PointCloud
 from digs_warp.data.viewpoints import spread
 from digs_warp.formats.captures.lens import PinholeView
-from digs_warp.formats.table import RECORDINGS
+from digs_warp.formats.table import FORMS
 from digs_warp.geometry.camera import Intrinsics
 from digs_warp.geometry.rigid import matrix_from_quat_xyzw, rigid
 from digs_warp.record.files import read_text
@@ -162,7 +162,7 @@ class Recording:
         """Return the recording with a note of what its folder, of the format ``form``, holds beside."""
         files = ((f.image, f.depth, f.mask, f.right) for f in self.frames)
         used = {path for each in files for path in each if path is not None}
-        if unread := [*RECORDINGS[form].unread(self.folder, used)]:
+        if unread := [*FORMS[form].unread(self.folder, used)]:
             self.notes[f"not read: {first_few(unread, MOST_UNREAD)}"] = 1
         return self
 

@@ -66,8 +66,7 @@ def read_ply(path: Path) -> Gaussians:
     names = set(table.dtype.names or ())
     # 2D Gaussian splatting has two: its splats have no thickness.
     scales = SCALES if SCALES[2] in names else SCALES[:2]
-    needed = (*POSITION, *COLOR, *OPACITY, *scales, *QUATERNION)
-    missing = [name for name in needed if name not in names]
+    missing = [n for n in (*POSITION, *COLOR, *OPACITY, *scales, *QUATERNION) if n not in names]
     if missing:
         raise DigsError(
             f"{what}: no property {', '.join(missing)}, so no Gaussians: a mesh or a point cloud? "
