@@ -56,7 +56,7 @@ LINE_BUDGETS = {
     "sim.record": 1_955,
     "sim.render": 4_269,
     "sim.scene": 3_545,
-    "sim.sensor": 4_369,
+    "sim.sensor": 4_367,
     "sim.testing": 851,
     "splat": 4_142,
     "study": 1_480,

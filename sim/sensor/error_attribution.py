@@ -37,7 +37,7 @@ def attribute_errors(disparity: np.ndarray, truth: FrameTruth) -> np.ndarray:
     here, gray, depth = (image.reshape(-1)[at] for image in (true, truth.gray, truth.depth))
     drifted, misaligned = _claims_of_drift(disparity, truth, at)
     strong = (
-        (here > at % true.shape[1] + 0.5, Cause.BAND),
+        ((true > np.arange(0.5, true.shape[1], dtype=np.float32)).reshape(-1)[at], Cause.BAND),
         (drifted, Cause.RECTIFICATION),
         (depth > rig.max_depth, Cause.FAR),
         (here > rig.largest_disparity, Cause.NEAR),

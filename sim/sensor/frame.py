@@ -251,7 +251,5 @@ class Sensed:
         lost = where & self.known
         if not lost.any():
             return self
-        images = self.disparity.copy(), self.cause.copy(), self.confidence.copy()
-        for image, value in zip(images, (np.nan, cause, 0), strict=True):
-            np.putmask(image, lost, image.dtype.type(value))
-        return Sensed(*images)
+        images = (self.disparity, np.nan), (self.cause, cause), (self.confidence, 0)
+        return Sensed(*(np.where(lost, image.dtype.type(value), image) for image, value in images))

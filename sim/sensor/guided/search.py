@@ -269,8 +269,7 @@ def _without_islands(sixteenths: np.ndarray) -> np.ndarray:
 
     smooth = cv2.medianBlur(sixteenths, 3)
     cv2.filterSpeckles(smooth, NOT_FOUND, ISLAND, ISLAND_STEP * FIXED_POINT)
-    disparity = smooth * np.float32(1 / FIXED_POINT)
     # What matched beyond the left border of the right image matched nothing.
-    inside = np.arange(smooth.shape[1], dtype=np.int32) * FIXED_POINT + FIXED_POINT // 2
-    np.putmask(disparity, (smooth < 0) | (smooth > inside), np.nan)
-    return disparity
+    inside = np.arange(smooth.shape[1], dtype=np.float32) + np.float32(0.5)
+    disparity = smooth * np.float32(1 / FIXED_POINT)
+    return np.where((smooth >= 0) & (disparity <= inside), disparity, np.float32(np.nan))
