@@ -154,9 +154,7 @@ def split_child(
     chosen = gaussians.select(parents)
     offsets = np.einsum("nij,nj->ni", matrix_from_quat_xyzw(chosen.quats), chosen.scales * draws)
     return replace(
-        chosen,
-        means=chosen.means + offsets,
-        log_scales=chosen.log_scales - np.log(SPLIT_SHRINK),
+        chosen, means=chosen.means + offsets, log_scales=chosen.log_scales - np.log(SPLIT_SHRINK)
     )
 
 
@@ -165,9 +163,7 @@ def with_low_opacities(refinement: Refinement) -> Refinement:
     g = refinement.gaussians
     logits = np.minimum(g.opacity_logits, np.log(RESET_OPACITY / (1.0 - RESET_OPACITY)))
     return replace(
-        refinement,
-        gaussians=replace(g, opacity_logits=logits),
-        restarted=("opacity_logits",),
+        refinement, gaussians=replace(g, opacity_logits=logits), restarted=("opacity_logits",)
     )
 
 

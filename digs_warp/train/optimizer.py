@@ -82,9 +82,8 @@ def adam_kernel(
     count: int,
     block: int,  # values of a thread, at most `BLOCK`
     period: int,
-    shares: wp.array[
-        float
-    ],  # [BLOCK + period] share of the rate that value i % period gets, repeated
+    # [BLOCK + period] share of the rate that value i % period gets, repeated
+    shares: wp.array[float],
     rates: wp.array[float],  # [2] rate / (1 - beta_1^t) and 1 / sqrt(1 - beta_2^t)
     gradients: wp.array[float],
     # outputs
@@ -148,14 +147,8 @@ class Adam:
         self._flag = wp.zeros(1, dtype=int, device=device)
         self._launches = []
         block = values_per_thread(device, BLOCK)
-        groups = zip(
-            gaussians.arrays,
-            gradients.arrays,
-            self.moments_1.arrays,
-            self.moments_2.arrays,
-            self._rates,
-            strict=True,
-        )
+        each = (gaussians, gradients, self.moments_1, self.moments_2)
+        groups = zip(*(of.arrays for of in each), self._rates, strict=True)
         for value, gradient, first, second, steps in groups:
             arrays = [flat(array) for array in (gradient, value, first, second)]
             count = arrays[0].shape[0]

@@ -18,12 +18,7 @@ from digs_warp.measure.metrics import psnr
 from digs_warp.measure.scores import OtherSizes, ViewScore, mean_score
 from digs_warp.splat.config import DEFAULT_OPTIONS, RasterOptions
 from digs_warp.splat.device import DeviceGaussians
-from digs_warp.train.evaluate import (
-    Rendering,
-    TestView,
-    color_aligned,
-    drawn_views,
-)
+from digs_warp.train.evaluate import Rendering, TestView, color_aligned, drawn_views
 
 # Field of `OtherSizes` -> width and height, in those of the photographs.
 SIZES = {"half": 0.5, "four_thirds": 4.0 / 3.0, "double": 2.0}

@@ -25,13 +25,7 @@ from digs_warp.splat.device import DeviceGaussians
 from digs_warp.train.adherence import MeasuredView, adherence, load_measured_views
 from digs_warp.train.checkpoint import checkpoint_step, load_checkpoint, save_checkpoint
 from digs_warp.train.config import TrainConfig
-from digs_warp.train.evaluate import (
-    MeasuredViews,
-    TestView,
-    TestViews,
-    measure_views,
-    moved_views,
-)
+from digs_warp.train.evaluate import MeasuredViews, TestView, TestViews, measure_views, moved_views
 from digs_warp.train.objective import OwnLoss
 from digs_warp.train.shutter import NO_SHUTTER, Shutter
 from digs_warp.train.trainer import Resolved, Trainer

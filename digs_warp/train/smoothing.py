@@ -202,10 +202,7 @@ class SmoothingFilter:
     """
 
     def __init__(
-        self,
-        gaussians: DeviceGaussians,
-        gradients: DeviceGaussians,
-        cameras: Sequence[Camera],
+        self, gaussians: DeviceGaussians, gradients: DeviceGaussians, cameras: Sequence[Camera]
     ) -> None:
         device = gaussians.device
         self._gaussians, self._cameras = gaussians, cameras

@@ -48,9 +48,8 @@ class Resolved:
     train_poses: PoseTraining = "held"
     constant_exposure: bool = False  # whether that of the views is known to be constant
     loss: OwnLoss | None = None  # a further term, of the caller; a resumed training needs the same
-    most_steps: int | None = (
-        None  # of a run whose iterations were planned for its time; None: these
-    )
+    # Of a run whose iterations were planned for its time; None: these.
+    most_steps: int | None = None
 
 
 class Trainer:

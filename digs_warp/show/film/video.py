@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from digs_warp.checks import DigsError
-from digs_warp.data.gaussians import Gaussians
+from digs_warp.data.gaussians import CLASSIC, NO_FILTER, Gaussians
 from digs_warp.data.images import to_uint8
 from digs_warp.geometry.camera import Camera
 from digs_warp.record.files import write_atomically
@@ -19,6 +19,9 @@ from digs_warp.splat.footprint import near_plane
 from digs_warp.splat.renderer import SplatRenderer
 
 WHITE = (1.0, 1.0, 1.0)
+
+# Percentile of the widths of splats that is the filter's alone, and how often a side is drawn at most.
+THINNEST, MOST_TIMES = 5.0, 4
 
 
 @dataclass
@@ -73,14 +76,33 @@ def shoot(
     else:
         center = gaussians.means.mean(axis=0) if len(gaussians) else np.zeros(3)
     splats = DeviceGaussians.from_numpy(gaussians, device)
-    renderer = SplatRenderer(splats, k.width, k.height, threads=threads)
+    times = times_as_large(gaussians, cameras[0])
+    width, height = times * k.width, times * k.height
+    renderer = SplatRenderer(splats, width, height, threads=threads)
     for camera in cameras:
         start = time.perf_counter()
-        renderer.forward(camera, near=near_plane(camera, center), background=background)
-        frame = to_uint8(renderer.image.to_numpy())
+        drawn = camera.resized(width, height)
+        renderer.forward(drawn, near=near_plane(camera, center), background=background)
+        image = renderer.image.to_numpy().reshape(k.height, times, k.width, times, 3)
+        frame = to_uint8(image.mean(axis=(1, 3)))
         if clock is not None:
             clock.seconds.append(time.perf_counter() - start)
         yield frame
+
+
+def times_as_large(gaussians: Gaussians, camera: Camera) -> int:
+    """Return how many times as large a frame is drawn, to be averaged.
+
+    Splats are no thinner than the filter in 3D made them, .55 pixels of the photographs. Where a pixel spans
+    several of those, its center alone tells little of it. Splats made with another filter are drawn as large
+    as they are asked for: they look right with it at one size only.
+    """
+    if not len(gaussians) or gaussians.screen_filter != NO_FILTER:
+        return 1
+    distances = np.linalg.norm(gaussians.means - camera.center_world, axis=1)
+    widths = camera.intrinsics.fx * np.exp(gaussians.log_scales.min(axis=1)) / distances
+    photographed = np.percentile(widths, THINNEST) / CLASSIC.dilation**0.5
+    return int(np.clip(np.round(1.0 / photographed), 1, MOST_TIMES))
 
 
 SUFFIXES = (".mp4", ".gif")

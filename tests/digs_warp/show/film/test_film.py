@@ -1,5 +1,6 @@
 """Films: where their cameras stand, what they see, and the files that they end in."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import cv2
@@ -8,6 +9,7 @@ import pytest
 from PIL import Image
 
 from digs_warp.checks import DigsError
+from digs_warp.data.gaussians import CLASSIC
 from digs_warp.data.images import to_uint8
 from digs_warp.geometry.camera import Camera, Intrinsics
 from digs_warp.geometry.rigid import look_at
@@ -135,6 +137,16 @@ def test_frames_are_the_views_of_the_renderer(frames: list[np.ndarray]) -> None:
         view = render(ball(), camera, near=near_plane(camera, center))
         np.testing.assert_array_equal(frame, to_uint8(view.image))
     assert (frames[0] != frames[3]).any()
+
+
+def test_what_is_finer_than_a_pixel_is_averaged() -> None:
+    small = CAMERAS[0].resized(24, 16)
+    for g, times in ((ball(), 2), (replace(ball(), screen_filter=CLASSIC), 1)):
+        (frame,) = shoot(g, [small])
+        drawn = small.resized(24 * times, 16 * times)
+        fine = render(g, drawn, near=near_plane(small, g.means.mean(axis=0))).image
+        fine = fine.reshape(16, times, 24, times, 3).mean(axis=(1, 3))
+        np.testing.assert_array_equal(frame, to_uint8(fine))
 
 
 def test_the_clock_leaves_out_the_first_of_several_frames() -> None:
