@@ -35,7 +35,7 @@ FLOORS = {
 # The most lines of a room. A change that needs more says in its message what the weight buys.
 LINE_BUDGETS = {
     "api": 391,
-    "check": 1_693,
+    "check": 1_692,
     "commands": 2_970,
     "data": 3_143,
     "device": 864,

@@ -7,6 +7,7 @@ from digs_warp.check import recording
 from digs_warp.check.evidence import Agreement, Evidence
 from digs_warp.check.findings import ASKERS, CHECKS, ERRORS, Asker, Finding
 from digs_warp.data.capture import Capture, object_alone
+from digs_warp.data.decoded import decoded_once
 from digs_warp.data.layers import Layer
 
 
@@ -41,6 +42,7 @@ class CheckResult:
         }
 
 
+@decoded_once()  # several checks look at the same frames
 def check_capture(
     capture: Capture, asker: Asker = "check", *, poses: bool = True, masks: bool = True
 ) -> CheckResult:
@@ -68,14 +70,11 @@ def check_capture(
         if asked and not kinds & set(check.unless):
             found = check.look(evidence)
             findings += [found] if found else []
+    seen = (tuple(findings), evidence.agreement)
     if asker != "check":
-        return CheckResult(tuple(findings), evidence.agreement)
-    return CheckResult(
-        tuple(findings),
-        evidence.agreement,
-        evidence.once(recording.median_exposure_change),
-        _not_checked(evidence),
-    )
+        return CheckResult(*seen)
+    exposure_change = evidence.once(recording.median_exposure_change)
+    return CheckResult(*seen, exposure_change, _not_checked(evidence))
 
 
 def _not_checked(evidence: Evidence) -> tuple[str, ...]:
