@@ -54,7 +54,7 @@ LINE_BUDGETS = {
     "sim.camera": 1_350,
     "sim.fit": 1_609,
     "sim.record": 1_955,
-    "sim.render": 4_269,
+    "sim.render": 4_260,
     "sim.scene": 3_545,
     "sim.sensor": 4_367,
     "sim.testing": 851,

@@ -19,7 +19,8 @@ from digs_warp.sim.render.lighting import (
     KeyLights,
     Light,
     Panorama,
-    sample_panorama,
+    panorama_at,
+    panorama_uv,
     take_out_spots,
 )
 from digs_warp.sim.render.textures import mip_chain
@@ -84,7 +85,7 @@ def _blur_kernel(
             density = a2 / (4.0 * PI * root * root)
             solid_angle = 1.0 / (float(SPECULAR_SAMPLES) * density)
             level = 0.5 * wp.log2(solid_angle / texel)
-            total += cos_l * sample_panorama(panorama, incoming, level)
+            total += cos_l * panorama_at(panorama, panorama_uv(incoming), level)
             weight += cos_l
     specular[index] = total / weight
 

@@ -151,9 +151,9 @@ def has_sharp_shadows(plane: LightMap) -> bool:
 
 
 @wp.func
-def soft_floor_share(floor: LightMap, point: wp.vec3) -> wp.vec3:
-    """Share of the open floor's light that arrives at a point, where no shadow is sharp."""
-    found = light_on(floor, point[0], point[1])
+def soft_floor_share(floor: LightMap, x: float, y: float) -> wp.vec3:
+    """Share of the open floor's light that arrives at a place of it, where no shadow is sharp."""
+    found = light_on(floor, x, y)
     return arriving(floor, found[0], wp.where(spots_matter(floor), found[1], found[0]))
 
 

@@ -69,12 +69,6 @@ def interpolated_openness(surface: Surface, hit: wp.MeshQueryRay, side: float) -
 
 
 @wp.func
-def is_table_top(surface: Surface, hit: wp.MeshQueryRay) -> bool:
-    """Whether a hit has the material of the table top."""
-    return surface.table.exists == 1 and surface.materials[hit.face] == surface.table.material
-
-
-@wp.func
 def mapped_normal(
     surface: Surface, hit: wp.MeshQueryRay, normal: wp.vec3, texture: int, uv: wp.vec2, level: float
 ) -> wp.vec3:
@@ -130,7 +124,8 @@ def look_at_hit(
     """Collect the look of a hit; ``cone_width`` is the width of the ray's cone there [m]."""
     look = material_at_hit(surface, hit, direction, cone_width)
     look.openness = interpolated_openness(surface, hit, look.side)
-    if is_table_top(surface, hit) and look.facet_normal[2] > LEVEL:
+    is_of_table = surface.materials[hit.face] == surface.table.material
+    if surface.table.exists == 1 and is_of_table and look.facet_normal[2] > LEVEL:
         point = between_corners(surface, surface.points, hit.face, hit.u, hit.v)
         found = light_on(surface.table, point[0], point[1])
         look.openness = found[0]

@@ -239,9 +239,8 @@ def sample_panorama_level(panorama: Panorama, level: int, uv: wp.vec2) -> wp.vec
 
 
 @wp.func
-def sample_panorama(panorama: Panorama, direction: wp.vec3, level: float) -> wp.vec3:
-    """Trilinear value of the panorama along a unit direction; level 0 is the finest."""
-    uv = panorama_uv(direction)
+def panorama_at(panorama: Panorama, uv: wp.vec2, level: float) -> wp.vec3:
+    """Trilinear value of the panorama at a position of `panorama_uv`; level 0 is the finest."""
     level = wp.clamp(level, 0.0, float(panorama.levels - 1))
     fine = int(wp.floor(level))
     blend = level - float(fine)
@@ -297,7 +296,7 @@ def specular_light(light: Light, reflected: wp.vec3, roughness: float, spots: fl
         rest = copies_light(light.rest, copy, along, uv)
         light_here = wp.lerp(wp.min(rest, light_here), light_here, spots)
     if along < 0.0:
-        sharp = sample_panorama(light.panorama, reflected, light.mirror_level)
+        sharp = panorama_at(light.panorama, uv, light.mirror_level)
         if spots < 1.0:
             dimmed = wp.min(light.keys.level / wp.max(luminance(sharp), 1.0e-9), 1.0)
             sharp = wp.lerp(dimmed, 1.0, spots) * sharp

@@ -11,12 +11,13 @@ from digs_warp.geometry.camera import Camera
 from digs_warp.sim.render.ambient_occlusion import measure_openness
 from digs_warp.sim.render.environment_light import prepare_light
 from digs_warp.sim.render.ground_light import measure_plane, planes_of
-from digs_warp.sim.render.kernels import Image, color_kernel, roughness_kernel, surround_kernel
+from digs_warp.sim.render.kernels import color_kernel, roughness_kernel
 from digs_warp.sim.render.pixel_centers import geometry_at_pixel_centers
 from digs_warp.sim.render.projector import project_dots
 from digs_warp.sim.render.rays import SurfaceRays
 from digs_warp.sim.render.reprojection import follow
 from digs_warp.sim.render.shadows import prepare_shadows
+from digs_warp.sim.render.surround_pixels import PIECE, Image, surround_kernel
 from digs_warp.sim.render.upload import upload_scene
 from digs_warp.sim.render.view import make_track, make_view, srgb_encoding
 from digs_warp.sim.render.views import CameraTrack, Followed, Geometry, Photograph, Projected
@@ -75,10 +76,7 @@ class RaycastRenderer:
         pixel_angle = 1.0 / min(k.fx, k.fy)
         texel_angle = np.pi / self._panorama_height
         way = make_track(track, self.surround)
-        way.level = float(np.log2(pixel_angle / texel_angle))
-        # The floor may be nearer than when its picture was taken.
-        has_floor = self.surround.floor is not None
-        way.step = pixel_angle if has_floor else float(max(pixel_angle, texel_angle))
+        way.texels = float(pixel_angle / texel_angle)
         with self._measuring:  # recordings of several threads may share a renderer
             if not self._has_openness:
                 self._measure_openness()
@@ -94,7 +92,8 @@ class RaycastRenderer:
             launch_parallel(color_kernel, len(numbers), inputs, threads=threads)
 
         alone = [make_view(first, self.surround), *scene, image]
-        launch_parallel(surround_kernel, count, alone, threads=threads)
+        pieces = k.height * -(-k.width // int(PIECE))
+        launch_parallel(surround_kernel, pieces, alone, threads=threads)
         numbers = np.flatnonzero(image.kinds.numpy())
         together = samples * track.world_from_cam.shape[1]
         distance = np.linalg.norm(track.world_from_cam[..., :3, 3], axis=-1).min()
@@ -158,4 +157,5 @@ def _empty_image(count: int) -> Image:
     image.light = wp.empty((count, 3), dtype=float, device="cpu")
     image.mask = wp.empty(count, dtype=wp.uint8, device="cpu")
     image.kinds = wp.empty(count, dtype=wp.uint8, device="cpu")
+    image.around = wp.empty(count, dtype=wp.vec3, device="cpu")
     return image

@@ -158,14 +158,6 @@ def smooth_diffuse(light: Light, look: Look) -> wp.vec3:
 
 
 @wp.func
-def key_diffuse(light: Light, look: Look) -> wp.vec3:
-    """Light of the bright spots without shadows, reflected by the matte base."""
-    if light.keys.count == 0:
-        return wp.vec3(0.0)
-    return wp.cw_mul(matte_color(look), key_light(light.keys, look.normal))
-
-
-@wp.func
 def coat(look: Look, direction: wp.vec3) -> wp.vec3:
     """Share of the reflected light that reaches the viewer."""
     # Interpolated normals may point away from the viewer near a silhouette.
@@ -213,7 +205,8 @@ def shade_once(
     view: View, surface: Surface, light: Light, look: Look, point: wp.vec3, direction: wp.vec3
 ) -> wp.vec3:
     """Radiance toward the viewer without more rays: openness approximates visibility."""
-    total = smooth_diffuse(light, look) + look.openness * key_diffuse(light, look)
+    keyed = wp.cw_mul(matte_color(look), key_light(light.keys, look.normal))
+    total = smooth_diffuse(light, look) + look.openness * keyed
     mirrored = mirrored_direction(look, direction)
     around = environment_light(view, surface, light, point, mirrored, look.roughness, 1.0)
     return look.emission + total + look.openness * wp.cw_mul(coat(look, direction), around)

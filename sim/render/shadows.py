@@ -90,15 +90,6 @@ def point_share(surface: Surface, keys: KeyLights, spot: int, turn: int, origin:
 
 
 @wp.func
-def all_points_share(surface: Surface, keys: KeyLights, spot: int, origin: wp.vec3) -> float:
-    """Share of a spot that is seen from ``origin`` by all of its points."""
-    total = wp.float32(0.0)
-    for turn in range(TURNS):
-        total += point_share(surface, keys, spot, turn, origin)
-    return total / float(TURNS)
-
-
-@wp.func
 def is_partial(share: float) -> bool:
     """Whether a part of a spot is seen."""
     return share > 0.0 and share < 1.0
@@ -270,7 +261,9 @@ def measured_at_vertex(
     origin = vertex_origin(surface, vertex, outer)
     share = rim_share(surface, keys, spot, origin)
     if is_partial(share):
-        share = all_points_share(surface, keys, spot, origin)
+        share = wp.float32(0.0)
+        for turn in range(TURNS):
+            share += point_share(surface, keys, spot, turn, origin) / float(TURNS)
     kept = int(wp.round(STEPS * share)) + 1
     surface.vertex_shadows[2 * vertex + outer, spot] = wp.uint8(kept)
     return kept

@@ -118,8 +118,14 @@ class Boundary:
     shape: int  # SPHERE, DOME or ROOM
     center: wp.vec3
     radius: float  # [m] of the sphere; of a room: half its width
-    half_size: wp.vec3  # [m] of a room
+    half_size: wp.vec3  # [m] half the sides of a room; of the others the radius
     floor: float  # [m] height; of a sphere: far below
+
+
+@wp.func
+def unit(vector: wp.vec3) -> wp.vec3:
+    """A vector of length 1, of one that is not 0; vector code, which `wp.normalize` is not."""
+    return vector / wp.length(vector)
 
 
 @wp.func
@@ -178,12 +184,7 @@ def boundary_normal(boundary: Boundary, point: wp.vec3) -> wp.vec3:
 @wp.func
 def panorama_direction(boundary: Boundary, point: wp.vec3) -> wp.vec3:
     """Unit direction in which the panorama shows a point of the boundary."""
-    inside = point - boundary.center
-    if boundary.shape == SPHERE:
-        return inside / boundary.radius
-    if boundary.shape == ROOM:
-        return wp.normalize(wp.cw_div(inside, boundary.half_size))
-    return wp.normalize(inside)
+    return unit(wp.cw_div(point - boundary.center, boundary.half_size))
 
 
 @wp.func
@@ -194,12 +195,22 @@ def panorama_zoom(boundary: Boundary, point: wp.vec3, direction: wp.vec3, distan
     """
     if boundary.shape == SPHERE:
         return 1.0
-    normal = boundary_normal(boundary, point)
     toward = point - boundary.center
     away = wp.length(toward)
-    ray_cosine = wp.max(-wp.dot(direction, normal), 1.0e-3)
-    panorama_cosine = wp.max(-wp.dot(toward, normal) / away, 1.0e-3)
-    return distance / away * wp.max(panorama_cosine / ray_cosine, 1.0)
+    # Along the normal: a wall's and the floor's is an axis. Choices of numbers: LLVM vectorizes no others.
+    is_room = boundary.shape == ROOM
+    share = wp.cw_div(toward, boundary.half_size)
+    x = wp.abs(share[0])
+    y = wp.abs(share[1])
+    is_x = is_room and x >= wp.max(y, wp.abs(share[2]))
+    is_y = is_room and not is_x and y >= wp.abs(share[2])
+    is_axis = is_room or is_on_floor(boundary, point)
+    far = wp.where(is_x, toward[0], wp.where(is_y, toward[1], toward[2]))
+    ahead = wp.where(is_x, direction[0], wp.where(is_y, direction[1], direction[2]))
+    far = wp.where(is_axis, far, away)
+    ahead = wp.where(is_axis, ahead, wp.dot(direction, toward) / away)
+    panorama_cosine = wp.max(wp.abs(far) / away, 1.0e-3)
+    return distance / away * wp.max(panorama_cosine / wp.max(wp.abs(ahead), 1.0e-3), 1.0)
 
 
 def make_boundary(surround: Surround) -> Boundary:
@@ -207,10 +218,12 @@ def make_boundary(surround: Surround) -> Boundary:
     boundary = Boundary()
     boundary.center = wp.vec3(*surround.center)
     boundary.radius = surround.radius
-    boundary.half_size = wp.vec3(*surround.half_size)
+    boundary.half_size = wp.vec3(surround.radius)
     boundary.shape = SPHERE
     boundary.floor = -float(NEVER)
     if surround.floor is not None:
         boundary.shape = ROOM if surround.is_room else DOME
         boundary.floor = surround.floor
+    if surround.is_room:
+        boundary.half_size = wp.vec3(*surround.half_size)
     return boundary

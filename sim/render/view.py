@@ -9,12 +9,11 @@ import warp as wp
 from digs_warp.checks import DigsError
 from digs_warp.data.images import linear_from_srgb
 from digs_warp.geometry.camera import Camera
-from digs_warp.sim.render.surround import Boundary, make_boundary
+from digs_warp.sim.render.surround import Boundary, make_boundary, unit
 from digs_warp.sim.render.views import CameraTrack
 from digs_warp.sim.scene.environment import Surround
 
-# Steps of linear light from 0 to 1 at which the search for a byte starts: sRGB is at most three bytes further
-# at the end of a step.
+# Steps of linear light from 0 to 1 whose first byte is kept: sRGB is at most one byte further at their end.
 STARTS = wp.constant(4096.0)
 
 
@@ -33,9 +32,7 @@ def srgb_byte(encoding: Encoding, linear: float) -> wp.uint8:
     """Clip a linear value and return the sRGB byte that is nearest after encoding."""
     value = wp.clamp(linear, 0.0, 1.0)
     byte = int(encoding.starts[int(value * STARTS)])
-    while encoding.limits[byte] <= value:
-        byte += 1
-    return wp.uint8(byte)
+    return wp.uint8(wp.where(encoding.limits[byte] <= value, byte + 1, byte))
 
 
 @cache
@@ -82,8 +79,9 @@ class Track:
     centers: wp.array2d[wp.vec3]  # [bands, moments]
     bands: wp.array[int]  # [height] band of each row
     moments: int
-    level: float  # pyramid level of the panorama that fits a pixel
-    step: float  # [rad] over which what a pixel shows of the surround is linear
+    texels: (
+        float  # of the panorama's width that a pixel covers, for a camera in the panorama's place
+    )
     middle_rotations: wp.array[
         wp.mat33
     ]  # [bands] mean over the moments; no rotation, but nearly one
@@ -113,7 +111,7 @@ def view_at(view: View, track: Track, row: int, moment: int) -> View:
 @wp.func
 def ray_direction_cam(view: View, x: float, y: float) -> wp.vec3:
     """Unit direction through image position (x, y) [px] in camera axes."""
-    return wp.normalize(wp.vec3((x - view.cx) / view.fx, (y - view.cy) / view.fy, 1.0))
+    return unit(wp.vec3((x - view.cx) / view.fx, (y - view.cy) / view.fy, 1.0))
 
 
 @wp.func

@@ -45,6 +45,7 @@ LOOPS = {
     "digs_warp.losses.depth": ("for px in range(_PIECE):",),
     "digs_warp.splat.project_group": (OF_GROUP,),
     "digs_warp.splat.project_adjoint_group": (OF_GROUP,),
+    "digs_warp.sim.render.surround_pixels": ("for i in range(PIECE):", "for j in range(PIECE):"),
     "digs_warp.train.smoothing": ("for i in range(_BLOCK):", "for k in range(_BLOCK):"),
     "digs_warp.measure.ssim": (
         "for i in range(_LINE):",

@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 
+import cv2
 import numpy as np
 import pytest
 
@@ -13,6 +14,7 @@ from digs_warp.sim.config import SimulateConfig
 from digs_warp.sim.record.inputs import load_inputs
 from digs_warp.sim.record.session import prepare_session
 from digs_warp.sim.render.raycast import RaycastRenderer
+from digs_warp.sim.render.views import CameraTrack
 from digs_warp.sim.scene.environment import Environment, panorama_directions
 from digs_warp.sim.scene.scene import Material
 from reference.plates import plate
@@ -31,6 +33,13 @@ SHAPES = {
     "dome": Environment(DIRECTIONS, 6.0, floor=-0.3),
     "room": Environment(DIRECTIONS, 3.2, floor=-0.3, is_room=True),
 }
+
+
+def turned(angle: float) -> np.ndarray:
+    """A rotation about the vertical axis of a camera, (4, 4)."""
+    pose = np.eye(4)
+    pose[:3, :3] = cv2.Rodrigues(np.array([0.0, angle, 0.0]))[0]
+    return pose
 
 
 def rays_of(camera: Camera) -> np.ndarray:
@@ -73,6 +82,20 @@ def test_the_boundary_shows_the_panorama(shape: str) -> None:
     # A byte near white is 0.9 % of it.
     bright = np.clip((expected + 1) / 2 * renderer.exposure, 0, 1)
     np.testing.assert_allclose(shown, bright, atol=0.012)
+
+
+@pytest.mark.parametrize("shape", SHAPES)
+@pytest.mark.parametrize("turn", [0.002, 0.2])
+def test_a_moving_camera_takes_the_mean_over_its_exposure(shape: str, turn: float) -> None:
+    """Short of a texel it may take the middle; beyond that, each of the moments."""
+    renderer = RaycastRenderer(SPECK, replace(SHAPES[shape], level=0.5))  # nothing is clipped
+    angles = np.linspace(-turn, turn, 4)
+    cameras = [Camera(INTRINSICS, CAMERA.world_from_cam @ turned(angle)) for angle in angles]
+    moving = CameraTrack(INTRINSICS, np.stack([each.world_from_cam for each in cameras])[None])
+    taken = linear_from_srgb(renderer.photograph(moving, 1).image / 255.0)
+    still = [renderer.render_image(each, samples_per_pixel=1)[0] for each in cameras]
+    expected = linear_from_srgb(np.stack(still) / 255.0).mean(axis=0)
+    np.testing.assert_allclose(taken, expected, atol=0.012)
 
 
 @pytest.mark.parametrize("shape", ["dome", "room"])
