@@ -163,7 +163,7 @@ def stable_ups(hull: Hull) -> tuple[np.ndarray, np.ndarray]:
         warnings.simplefilter("ignore", RuntimeWarning)  # slivers have no chance: NaN
         transforms, chances = trimesh.poses.compute_stable_poses(solid, center_mass=hull.center)
     chances = np.nan_to_num(chances)
-    return transforms[:, 2, :3], chances
+    return np.reshape(transforms, (-1, 4, 4))[:, 2, :3], chances
 
 
 def _turn_to_z(up: np.ndarray) -> np.ndarray:

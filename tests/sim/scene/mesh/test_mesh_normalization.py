@@ -257,3 +257,9 @@ def test_the_corners_of_a_long_thing_of_many_vertices_count() -> None:
     found = np.unique(hull.corners.reshape(-1, 3), axis=0)
     np.testing.assert_array_equal(found, np.unique(corners, axis=0))
     np.testing.assert_allclose(hull.center, 0, atol=1e-9)
+
+
+def test_a_needle_in_which_no_pose_is_found_stays_as_it_is() -> None:
+    vertices = np.array(trimesh.creation.box((0.001, 0.001, 0.001)).vertices)
+    vertices[3, 2] = 1e6
+    np.testing.assert_array_equal(resting_turn(vertices), np.eye(3))
