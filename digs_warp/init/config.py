@@ -57,8 +57,7 @@ STRATEGIES: Mapping[StrategyName, Strategy] = {
     "highdepth": Strategy(),
     "fusion": Strategy(needs_sfm=True),
     "hull": Strategy(),
-    # Where photographs hardly match, the training has to find the places that lack splats.
-    "mvs": Strategy(density="adaptive"),
+    "mvs": Strategy(),
 }
 
 

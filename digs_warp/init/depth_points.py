@@ -46,6 +46,8 @@ logger = logging.getLogger(__name__)
 THINNED = 4
 # It is thinned from at most so many times as many points as are wanted: it leaves a half to a third of them.
 SPARE = 3.0
+# Guessed points of a scene, in terms of those that are wanted: hardly matched photographs have many.
+GUESSED_SHARE = 0.5
 # Points are compared with at most this many views, evenly spread: each place is in many of them.
 COMPARED = 60
 # If so many large views fill as many voxels already, all are put on coarser grids at once.
@@ -115,6 +117,7 @@ def depth_points(
         )
     points = [_agreed(grid, views) for grid in surfaces]
     if not is_object:
+        _, guesses = within(guesses, at_first and GUESSED_SHARE * at_first)
         report.voxels["guessed"] = count(guesses)
         points += [replace(g.points, guessed=np.ones(len(g), bool)) for g in guesses]
     return PointCloud.joined(points), report

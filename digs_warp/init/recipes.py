@@ -5,7 +5,7 @@ Everything is metric. With poses from structure from motion, the model was scale
 """
 
 import logging
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -27,9 +27,10 @@ from digs_warp.words import counted
 
 logger = logging.getLogger(__name__)
 
-# Photographs whose matching tells the depth of fewer pixels [share] are started from something else.
-LEAST_MATCHED = 0.15
-# Random points where neither photographs nor depth give a start.
+# Photographs whose matching tells the depth of fewer pixels [share] are started from something else: of an
+# object from its hull. In a scene, the pixels around those take their depth.
+LEAST_MATCHED: Mapping[Subject, float] = {"object": 0.15, "scene": 0.01}
+# Random points where neither photographs nor depth give a start; they also tell where cameras look.
 RANDOM_POINTS = 20_000
 # A stage that keeps a smaller share of pixels or voxels is said, for something is wrong there.
 LEAST_KEPT = 0.2
@@ -82,30 +83,25 @@ def _from_photographs(
     subject: Subject,
 ) -> Start:
     """Return points from matched photographs; without texture, those of the hull, sparse or random ones."""
-    otherwise: StrategyName = "hull" if subject == "object" else "default"
     known = recorded or (sfm.points if sfm else None)
-    if known is None and subject == "scene":
-        otherwise, said = "random", "the photographs hardly match"
-    else:
-        known = (
-            known or _without_depth(frames, replace(config, strategy=otherwise), None, None).points
-        )
-        level = MASK_THRESHOLD if subject == "object" else -1
-        matched = matched_depth(frames, known.points_world, level)
-        said = f"matching the photographs tells the depth of {matched.share:.0%} of their pixels"
-        if matched.share >= LEAST_MATCHED:
-            logger.info(said)
-            # The views have been compared already, and the gaps would count as edges.
-            return _from_depth(matched.frames, replace(config, edge_filter=False), sfm, subject)
+    otherwise: StrategyName = "hull" if subject == "object" else "default" if known else "random"
+    other = replace(config, strategy=otherwise)
+    if otherwise == "random":
+        count = config.target_points or RANDOM_POINTS
+        other = replace(other, target_points=count, voxel_size=None)
+    known = known or _without_depth(frames, other, None, None).points
+    level = MASK_THRESHOLD if subject == "object" else -1
+    matched = matched_depth(frames, known.points_world, level)
+    said = f"matching the photographs tells the depth of {matched.share:.0%} of their pixels"
+    if matched.share >= LEAST_MATCHED[subject]:
+        logger.info(said)
+        # The views have been compared already, and the gaps would count as edges.
+        return _from_depth(matched.frames, replace(config, edge_filter=False), sfm, subject)
     logger.warning(
         "%s, too little to start from: they show little texture, or their poses are wrong; starting from %s",
         *(said, _reason(otherwise, {}, has_depth=True)),
     )
-    config = replace(config, strategy=otherwise)
-    if otherwise == "random":
-        count = config.target_points or RANDOM_POINTS
-        config = replace(config, target_points=count, voxel_size=None)
-    return replace(_without_depth(frames, config, sfm, recorded), strategy=otherwise)
+    return replace(_without_depth(frames, other, sfm, recorded), strategy=otherwise)
 
 
 def _with_depth(frames: Sequence[Frame]) -> Sequence[Frame]:

@@ -15,6 +15,7 @@ from digs_warp.data.point_cloud import PointCloud
 from digs_warp.geometry.camera import Camera, Intrinsics
 from digs_warp.init import multi_view_stereo
 from digs_warp.init.config import InitConfig
+from digs_warp.init.depth_points import GUESSED_SHARE
 from digs_warp.init.multi_view_stereo import matched_depth
 from digs_warp.init.plane_sweep import (
     NO_SCORE,
@@ -26,7 +27,7 @@ from digs_warp.init.plane_sweep import (
     SweptPair,
     SweptView,
 )
-from digs_warp.init.recipes import initialize
+from digs_warp.init.recipes import LEAST_MATCHED, initialize
 
 
 def means(values: np.ndarray, radius: int) -> np.ndarray:
@@ -120,14 +121,12 @@ def test_the_sweep_equals_its_twin(count: int) -> None:
 
 
 def photographs(
-    blank: bool = False, views: int = 7, size: tuple[int, int] = (400, 300)
+    plain: int = 270, views: int = 7, size: tuple[int, int] = (400, 300)
 ) -> list[Frame]:
-    """Return views from an arc of a textured plane at z = 0, its left third plain; ``blank``: all of it."""
+    """Return views from an arc of a textured plane at z = 0; so many of its 800 columns are plain."""
     k = Intrinsics.from_fov(*size, 45.0)
     plane = texture(800, 800, 3)
-    plane[:, :270] = 120
-    if blank:
-        plane[:] = 120
+    plane[:, :plain] = 120
     frames = []
     for i, angle in enumerate(np.radians(np.linspace(-24, 24, views))):
         pose = np.eye(4)
@@ -202,11 +201,25 @@ def test_photographs_start_from_their_depth() -> None:
     assert np.median(np.abs(near[:, 2])) < 0.01
 
 
+def test_around_little_texture_the_rest_of_a_scene_is_guessed() -> None:
+    recorded = PointCloud(on_the_plane().astype(np.float32), np.full((300, 3), 0.5, np.float32))
+    frames, config = photographs(plain=640), InitConfig(strategy="mvs", target_points=1000)
+    assert LEAST_MATCHED["scene"] < matched_depth(frames, on_the_plane()).share < 0.14
+    start = initialize(frames, config, subject="scene", recorded=recorded)
+    assert start.strategy is None
+    assert start.points.guessed is not None
+    guessed = start.points.guessed[: start.sources["depth"]]
+    assert 200 < guessed.sum() <= GUESSED_SHARE * 1000
+    near = start.points.points_world[: start.sources["depth"]]
+    assert np.median(np.abs(near[:, 2])) < 0.05
+
+
 def test_plain_photographs_start_from_sparse_points(caplog) -> None:
     recorded = PointCloud(on_the_plane().astype(np.float32), np.full((300, 3), 0.5, np.float32))
     config = InitConfig(strategy="mvs")
     with caplog.at_level(logging.WARNING):
-        start = initialize(photographs(blank=True), config, subject="scene", recorded=recorded)
+        start = initialize(photographs(plain=800), config, subject="scene", recorded=recorded)
     assert start.strategy == "default"
     assert start.sources["recorded"] == 300
     assert "little texture" in caplog.text
+    assert initialize(photographs(plain=800), config, subject="scene").strategy == "random"

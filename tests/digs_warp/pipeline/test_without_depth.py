@@ -82,10 +82,11 @@ def test_a_model_of_colmap_gives_the_points(from_colmap: Capture, tmp_path: Path
     assert loaded.start.because == "the sparse points of the recording, which has no depth"
 
 
-def test_images_that_hardly_match_start_from_random_points(
+def test_matching_needs_no_sparse_points(
     photographs: Capture, caplog: pytest.LogCaptureFixture
 ) -> None:
     result = dw.reconstruct(without_masks(photographs), **QUICK)
-    assert result.strategy == "random" and result.start is not None
-    assert set(result.start.sources) == {"random", "shell"}
-    assert "the photographs hardly match" in caplog.text
+    assert result.strategy == "mvs" and result.start is not None
+    assert set(result.start.sources) == {"depth", "shell"}
+    assert result.settings["train"]["density"]["strategy"] == "fixed"
+    assert "share only 0 points" in caplog.text
