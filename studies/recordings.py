@@ -19,7 +19,7 @@ from digs_warp.data.capture import Capture
 from digs_warp.data.layers import Layer
 from digs_warp.data.posed_frames import PosedFrames
 from digs_warp.data.viewpoints import evenly
-from digs_warp.init.config import STRATEGIES, InitConfig, chosen_strategy
+from digs_warp.init.config import InitConfig, chosen_strategy
 from digs_warp.pipeline.reconstruct import ReconstructConfig, reconstruct
 from digs_warp.pipeline.reconstruction import Reconstruction
 from digs_warp.poses.from_images.config import SfmConfig
@@ -139,9 +139,7 @@ def reconstructed(
     config = ReconstructConfig(
         sfm=SfmConfig(poses=poses),
         init=InitConfig(strategy=strategy),
-        train=TrainConfig(
-            stop=Stop(iterations=iterations), density=Density(strategy=STRATEGIES[strategy].density)
-        ),
+        train=TrainConfig(stop=Stop(iterations=iterations), density=Density(strategy="fixed")),
     )
     watch = Stopwatch()
     with watch:

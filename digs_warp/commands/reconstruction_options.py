@@ -87,13 +87,13 @@ class ReconstructionOptions(Settings):
             seed: decides everything random.
             capture: the recording, by which 'auto' decides; None: a simulated one, which has depth.
         """
-        from digs_warp.pipeline.reconstruct import ReconstructConfig
+        from digs_warp.pipeline.config import ReconstructConfig, subject_of
 
-        has_depth = capture is None or capture.has_depth
-        start = chosen_strategy(self.init.strategy, has_depth)
+        start = chosen_strategy(self.init.strategy, capture is None or capture.has_depth)
         strategy = self.train.density.strategy
+        is_scene = capture and subject_of(capture, self.subject, self.segment) == "scene"
         if strategy == "auto":
-            strategy = STRATEGIES[start].density
+            strategy = "fixed" if start == "mvs" and is_scene else STRATEGIES[start].density
         density = _plain(self.train.density, Density, strategy=strategy)
         return ReconstructConfig(
             sfm=replace(self.sfm, sfm_seed=seed),

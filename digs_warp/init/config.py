@@ -57,7 +57,7 @@ STRATEGIES: Mapping[StrategyName, Strategy] = {
     "highdepth": Strategy(),
     "fusion": Strategy(needs_sfm=True),
     "hull": Strategy(),
-    "mvs": Strategy(),
+    "mvs": Strategy(density="adaptive"),  # the gaps of an object; those of a scene are guessed
 }
 
 

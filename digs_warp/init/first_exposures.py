@@ -74,14 +74,15 @@ class FirstExposures:
 def first_exposures(
     points: PointCloud, frames: Sequence[Frame], seen: SeenColors | None = None
 ) -> FirstExposures | None:
-    """Return the exposures of the frames; None without points, or depth, which tells who sees what.
+    """Return the exposures of the frames; None without points, or depth that tells who sees what.
 
     Args:
         points: the first ones.
         frames: to train on.
         seen: some of the points in some of the frames; None: they are looked up.
     """
-    if not len(points) or not all(frame.has(Layer.DEPTH) for frame in frames):
+    told = points.agreement is not None or all(frame.has(Layer.DEPTH) for frame in frames)
+    if not len(points) or not told:
         return None
     if seen is None or seen.colors.shape[1] < len(frames):
         seen = look_up(frames, points.points_world, POINTS, len(frames))
@@ -104,7 +105,7 @@ def without_exposure(
         return points
     sums, counts = np.zeros((len(points), 3)), np.zeros((len(points), 1))
     for number, frame in enumerate(frames):
-        colors = found.removed(colors_in(points.points_world, frame), number)
+        colors = found.removed(colors_in(points.points_world, frame, points.points_world), number)
         is_seen = np.isfinite(colors[:, :1])
         sums += np.where(is_seen, colors, 0.0)
         counts += is_seen

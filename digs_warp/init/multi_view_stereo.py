@@ -53,20 +53,10 @@ ASKED = 8
 MOST_POINTS, FEWEST_POINTS = 4000, 10
 
 
-class MatchedDepth(NamedTuple):
-    """Depth of photographs.
-
-    Attributes:
-        frames: those with depth, NaN where it is unknown.
-        share: the share of their pixels, inside of masks, that have depth.
-    """
-
-    frames: list[Frame]
-    share: float
-
-
-def matched_depth(frames: Sequence[Frame], points: np.ndarray, level: int = -1) -> MatchedDepth:
-    """Return photographs with the depth that matching them tells, in the unit of their poses.
+def matched_depth(
+    frames: Sequence[Frame], points: np.ndarray, level: int = -1
+) -> tuple[list[Frame], float]:
+    """Return those with the depth that matching tells, NaN: unknown; and of which share, inside of masks.
 
     Args:
         frames: with images of any sizes and right poses.
@@ -94,7 +84,7 @@ def matched_depth(frames: Sequence[Frame], points: np.ndarray, level: int = -1) 
         inside += depth.size if mask is None else int(mask.sum())
         known += int(np.isfinite(depth).sum())
         measured.append(frames[i].with_layer(Layer.DEPTH, depth))
-    return MatchedDepth(measured, known / max(inside, 1))
+    return measured, known / max(inside, 1)
 
 
 def _neighbors(seen: np.ndarray, centers: np.ndarray, points: np.ndarray, index: int) -> np.ndarray:

@@ -27,8 +27,7 @@ from digs_warp.words import counted
 
 logger = logging.getLogger(__name__)
 
-# Photographs whose matching tells the depth of fewer pixels [share] are started from something else: of an
-# object from its hull. In a scene, the pixels around those take their depth.
+# Photographs whose matching tells the depth of fewer pixels [share] are started from something else.
 LEAST_MATCHED: Mapping[Subject, float] = {"object": 0.15, "scene": 0.01}
 # Random points where neither photographs nor depth give a start; they also tell where cameras look.
 RANDOM_POINTS = 20_000
@@ -91,12 +90,12 @@ def _from_photographs(
         other = replace(other, target_points=count, voxel_size=None)
     known = known or _without_depth(frames, other, None, None).points
     level = MASK_THRESHOLD if subject == "object" else -1
-    matched = matched_depth(frames, known.points_world, level)
-    said = f"matching the photographs tells the depth of {matched.share:.0%} of their pixels"
-    if matched.share >= LEAST_MATCHED[subject]:
+    matched, share = matched_depth(frames, known.points_world, level)
+    said = f"matching the photographs tells the depth of {share:.0%} of their pixels"
+    if share >= LEAST_MATCHED[subject]:
         logger.info(said)
         # The views have been compared already, and the gaps would count as edges.
-        return _from_depth(matched.frames, replace(config, edge_filter=False), sfm, subject)
+        return _from_depth(matched, replace(config, edge_filter=False), sfm, subject)
     logger.warning(
         "%s, too little to start from: they show little texture, or their poses are wrong; starting from %s",
         *(said, _reason(otherwise, {}, has_depth=True)),

@@ -12,8 +12,9 @@ from digs_warp.data.layers import Layer
 from digs_warp.device.threads import default_threads
 from digs_warp.geometry.reproject import reproject
 
-# A color is the mean of this many pixels squared: about a Gaussian's.
-BLOCK = 3
+# A color is the mean of so many pixels squared, about a Gaussian's. Without depth, points hide those behind
+# them in so many squared.
+BLOCK, CELL = 3, 4
 # A photograph sees a point if its depth there agrees within this share of the distance.
 AGREEMENT = 0.015
 
@@ -53,14 +54,17 @@ def look_up(
     some = points_world[:: max(1, len(points_world) // points)].astype(np.float64)
     looked = frames[:: max(1, len(frames) // most)]
     with ThreadPoolExecutor(default_threads()) as pool:
-        seen = list(pool.map(partial(colors_in, some), looked))
+        seen = list(pool.map(partial(colors_in, some, surface=points_world), looked))
     colors = np.stack(seen, axis=1) if seen else np.zeros((len(some), 0, 3))
     centers = np.array([frame.camera.center_world for frame in looked]).reshape(-1, 3)
     return SeenColors(some, centers, colors)
 
 
-def colors_in(points_world: np.ndarray, frame: Frame) -> np.ndarray:
-    """Return the sRGB colors in which a frame sees points (n, 3), the same shape, NaN where it does not."""
+def colors_in(points_world: np.ndarray, frame: Frame, surface: np.ndarray) -> np.ndarray:
+    """Return the sRGB colors in which a frame sees points (n, 3), the same shape, NaN where it does not.
+
+    Without depth, the points of the ``surface`` (m, 3) hide what is behind them.
+    """
     import cv2
 
     image, camera = frame.load_image(), frame.camera
@@ -75,5 +79,13 @@ def colors_in(points_world: np.ndarray, frame: Frame) -> np.ndarray:
     seen = found.inside & (whole[at] > 0)
     if frame.has(Layer.DEPTH):
         seen &= np.abs(frame.load_depth()[at] - found.depth) <= AGREEMENT * found.depth
+    else:
+        nearest = np.full([size // CELL + 1 for size in image.shape[:2]], np.inf)
+        all_ = reproject(surface.astype(np.float64), camera.cam_from_world, camera.intrinsics)
+        shown = all_.rows[all_.inside] // CELL, all_.columns[all_.inside] // CELL
+        np.minimum.at(nearest, shown, all_.depth[all_.inside])
+        seen &= (
+            found.depth <= (1.0 + AGREEMENT) * nearest[found.rows // CELL, found.columns // CELL]
+        )
     sums = cv2.boxFilter(image, cv2.CV_32S, (BLOCK, BLOCK), normalize=False)
     return np.where(seen[:, None], sums[at] / (255.0 * BLOCK**2), np.nan)

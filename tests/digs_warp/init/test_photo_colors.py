@@ -144,6 +144,11 @@ def test_nothing_changes_where_the_exposure_is_constant_or_depth_is_missing(tmp_
     uneven, _ = adapting(tmp_path / "uneven", 1.0)
     blind = [frame.without_layer(Layer.DEPTH) for frame in uneven]
     assert first_exposures(points, blind) is None
+    # Points of matched photographs hide what is behind them, as depth tells.
+    covering = PointCloud(ball(4000).means, np.full((4000, 3), 0.3), agreement=np.ones(4000))
+    told, measured = (first_exposures(covering, each) for each in (blind, uneven))
+    assert told is not None and measured is not None and told.vary
+    np.testing.assert_allclose(told.log_factors, measured.log_factors, atol=0.03)
     none = replace(points, points_world=np.zeros((0, 3)), colors=np.zeros((0, 3)))
     assert first_exposures(none, uneven) is None
 
