@@ -125,13 +125,7 @@ def load_front_end(capture: Capture, folder: Path) -> FrontEnd:
 def _alone_if_still(
     capture: Capture, config: FrontEndConfig, folder: Path
 ) -> tuple[Capture, FrontEndConfig]:
-    """Return the object alone, with its masks, where the surroundings tell nothing of its poses.
-
-    Of a turntable they stand still, as the camera does; before a plain backdrop they show nothing.
-
-    Raises:
-        DigsError: a camera that stands still, and no masks; or poses are not to be found.
-    """
+    """Return the object alone, with its masks, where the surroundings stand still or show nothing."""
     given, moves = config.sfm.poses == "capture", recording.moved(capture.frames)
     subject = subject_of(capture, config.subject, config.segment)
     # A simulation has right poses, and a user who marks what moves with the camera knows what stands still.
@@ -198,8 +192,9 @@ def _poses_and_start(
     metric_scale = metric_scale_of(capture, config.sfm.poses == "sfm")
     if not metric_scale.known:
         logger.warning("%s: the scale is %s", capture, metric_scale)
+    quality = sparse.quality if sparse else None
     with log.stage("refine poses"):
-        frames, refinement = refined(frames, capture, config.sfm)
+        frames, refinement = refined(frames, capture, config.sfm, quality)
     if not frames.held_out and capture.split(config.test_every)[1]:
         logger.warning("%s: no held-out frame is left, so the result is not measured", capture)
     frames = frames.changed(lambda frame: replace(frame, alone=False))
@@ -216,7 +211,7 @@ def _poses_and_start(
         world_offset=capture.about.world_offset if sparse is None else None,
         findings=(*map(str, found), *findings),
         errors=tuple(each.kind for each in found if each.is_error),
-        sfm=sparse.quality if sparse else None,
+        sfm=quality,
         scale=model.estimate if model else None,
         refinement=refinement,
     )

@@ -153,19 +153,12 @@ def _seeds(poses: Poses, start: Start, config: ReconstructConfig) -> Gaussians:
 
 @dataclass(frozen=True, eq=False)
 class _LoadedViews:
-    """What is read of the frames.
+    """What is read of the frames."""
 
-    Attributes:
-        data: to train on; None without a training.
-        held_out: to measure.
-        color: what the photographs show of the color; None where the settings say its degree.
-        points: to start from, in the colors of photographs of one exposure if that is fitted.
-    """
-
-    data: TrainingData | None
+    data: TrainingData | None  # None without a training
     held_out: TestViews
-    color: ViewDependence | None
-    points: PointCloud
+    color: ViewDependence | None  # None where the settings say its degree
+    points: PointCloud  # in the colors of photographs of one exposure if that is fitted
 
 
 def _load_views(
@@ -178,10 +171,7 @@ def _load_views(
     resume: bool,
     resolved: Resolved,
 ) -> _LoadedViews:
-    """Read the views; what takes one core is done beside the reading for the training.
-
-    ``seeds`` are in any color; None: there is no training.
-    """
+    """Read the views, and beside that do what takes one core; without ``seeds`` there is no training."""
     frames = posed.training
     with ThreadPoolExecutor(2) as beside:
         opening = None

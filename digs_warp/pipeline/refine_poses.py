@@ -1,17 +1,19 @@
 """Refines poses where settings and recording call for it, and leaves out frames that have no right pose."""
 
 import logging
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
 from digs_warp.data.capture import Capture
-from digs_warp.data.frame import posed_at
+from digs_warp.data.frame import Frame, posed_at
 from digs_warp.data.layers import Layer
 from digs_warp.data.posed_frames import PosedFrames
+from digs_warp.poses import thresholds
 from digs_warp.poses.from_images.config import SfmConfig
+from digs_warp.poses.from_images.quality import SfmQuality
 from digs_warp.poses.outcome import PoseRefinement
 from digs_warp.train.evaluate import TestViews
 from digs_warp.words import counted, first_few
@@ -31,11 +33,12 @@ def only_registered(frames: PosedFrames, names: Collection[str]) -> PosedFrames:
 
 
 def refined(
-    frames: PosedFrames, capture: Capture, config: SfmConfig
+    frames: PosedFrames, capture: Capture, config: SfmConfig, matched: SfmQuality | None = None
 ) -> tuple[PosedFrames, PoseRefinement]:
     """Return the frames with refined poses, where they need it; held-out ones are refined with the others.
 
-    Frames that agree with no other are left out, with a warning.
+    Frames that agree with no other are left out, with a warning. Without depth, cameras move in the training
+    where features, ``matched`` under the given poses, miss them.
 
     Raises:
         DigsError: "on", and the frames have no depth, or do not hold together.
@@ -65,11 +68,30 @@ def refined(
         )
     # Estimated poses are never exact; those of a recording may be, and then moving only adds noise.
     wanted = config.refine_poses == "on" or estimated
-    refinement = replace(refinement, in_training=wanted or refinement.refined)
+    # A rolling shutter moves features, too, however right the poses are.
+    missed = "" if wanted or with_depth or config.readout else _missed(matched, every)
+    refinement = replace(
+        refinement,
+        because=refinement.because + missed,
+        in_training=wanted or refinement.refined or bool(missed),
+    )
     logger.info("poses: %s", refinement)
     training = tuple(frame for frame in posed if frame.name not in held_out)
     aside = tuple(frame for frame in posed if frame.name in held_out)
     return replace(frames, training=training, held_out=aside), refinement
+
+
+def _missed(matched: SfmQuality | None, frames: Sequence[Frame]) -> str:
+    """Return why cameras have to move: features lie too far from where the poses put them; or ""."""
+    if matched is None or matched.observations_per_image < thresholds.MIN_OBSERVATIONS:
+        return ""
+    k, error = frames[0].camera.intrinsics, matched.reprojection_error_px
+    if error <= max(thresholds.MAX_MISFIT_PX, thresholds.MAX_MISFIT * max(k.width, k.height)):
+        return ""
+    return (
+        f"; matched features miss the poses by {error:.2f} px, so cameras move in the training "
+        "(--refine-poses off holds them)"
+    )
 
 
 def with_trained_poses(

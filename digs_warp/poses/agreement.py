@@ -28,12 +28,7 @@ _F = TypeVar("_F")
 
 
 def motions_of(poses: np.ndarray, pairs: np.ndarray) -> np.ndarray:
-    """Return ``target_from_source`` of each pair, (k, 4, 4).
-
-    Args:
-        poses: ``world_from_cam``, (n, 4, 4).
-        pairs: numbers of source and target, (k, 2).
-    """
+    """Return ``target_from_source`` of pairs (source, target), (k, 2), of ``world_from_cam``, (n, 4, 4)."""
     return np.stack([invert_rigid(poses[j]) @ poses[i] for i, j in pairs])
 
 

@@ -94,6 +94,10 @@ MAX_CONTRADICTED_SHARE = 0.1
 # noise of depth; poses off by 0.1 degrees and 1 mm: as much or more, and no worse for it; a room: 0.146 in
 # 270 columns, 0.158 in 540 | 0.006
 MIN_ALIGNMENT_GAIN = 0.14
+# px and share of the longer side, mean distance of matched features from where given poses put them; above
+# both, cameras move in training without depth | right poses: 0.0005, in noise 0.41 px; off by 0.1 degrees,
+# or a HoloLens's: 0.0015 and more | 0.1 px, 0.0005
+MAX_MISFIT_PX, MAX_MISFIT = 0.5, 0.001
 # below one pixel, depth noise dominates: disagreement of a frame with its new pose over that with the old one
 # from which on it keeps the old one, where the drop is below the row above | by hand
 MIN_DISAGREEMENT_RATIO = 1.03

@@ -267,10 +267,7 @@ class FramePair:
         return sorted(followed, key=lambda motion: self._doubt(*small, motion))[:FOLLOWED]
 
     def _followed(self, start: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return a start, or what odometry makes of it where few features match, and where it is aligned.
-
-        Both may slide where little holds them.
-        """
+        """Return a start, or what odometry makes of it where few features match, and where it is aligned."""
         first, second = self.first.pyramid, self.second.pyramid
         if not self.is_certain:
             pictures = first[-1].picture, second[-1].picture

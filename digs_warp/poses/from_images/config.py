@@ -63,8 +63,8 @@ class SfmConfig(Settings):
     refine_poses: Literal["off", "auto", "on"] = "auto"
     """Whether the poses are refined: before anything is made from them, by aligning color and depth of
     overlapping frames, and in the training, where cameras move until their photographs fit; held-out ones
-    included. off: never; auto: if the frames agree much better aligned, and estimated poses always in the
-    training, but not the exact poses of a simulation; on: always."""
+    included. off: never; auto: if the frames agree much better aligned, in the training also estimated poses,
+    and without depth those that matched features miss, but not the exact ones of a simulation; on: always."""
 
     sfm_seed: Annotated[int, SEED, NO_FLAG] = 0
     """Seed of everything random: matching and mapping."""

@@ -141,10 +141,7 @@ def solve(sums: PairSums, pairs: np.ndarray, count: int) -> np.ndarray:
 def _damped(
     blocks: np.ndarray, rows: np.ndarray, columns: np.ndarray, count: int
 ) -> "np.ndarray | csc_array":
-    """Return the damped matrix (6 n, 6 n) of n = ``count`` motions, without its zeros where they are many.
-
-    It is the sum of blocks (k, 6, 6), each at the numbers of two motions, its row and its column.
-    """
+    """Return the damped sum of blocks (k, 6, 6), each at its row and column of ``count`` motions."""
     if 6 * count < SPARSE_FROM:
         whole = np.zeros((count, count, 6, 6))
         np.add.at(whole, (rows, columns), blocks)
@@ -256,7 +253,7 @@ def align_pair(
     levels = by_size([first, second])
     given = np.stack([np.eye(4), invert_rigid(second_from_first)])
     pictures = [[view.picture for view in level] for level in levels]
-    found = _coarse_to_fine(pictures, levels, given, threads=1)
+    found = _coarse_to_fine(pictures, levels, given, threads=1)  # one is faster for two
     return second_from_first if found is None else invert_rigid(found.poses[1]) @ found.poses[0]
 
 
@@ -266,10 +263,7 @@ def _coarse_to_fine(
     given: np.ndarray,
     threads: int = 0,
 ) -> Alignment | None:
-    """Align all frames from small to large; each level of views may be made when it is asked for.
-
-    One thread is faster for two frames.
-    """
+    """Align all frames from small to large; each level of views may be made when it is asked for."""
     pairs = overlapping_pairs(pictures[0], given)
     if not len(pairs):
         return None

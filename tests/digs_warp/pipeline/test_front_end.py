@@ -19,6 +19,7 @@ from digs_warp.init.config import InitConfig
 from digs_warp.masks.config import SegmentConfig
 from digs_warp.pipeline.config import FrontEndConfig, SubjectChoice, subject_of
 from digs_warp.pipeline.front_end import FrontEnd, front_end, load_front_end
+from digs_warp.pipeline.optimize import pose_training
 from digs_warp.poses.from_images.config import SfmConfig
 from digs_warp.poses.refine.photometric_alignment import in_place
 from digs_warp.record.run_log import RunLog, RunRecord
@@ -60,10 +61,7 @@ def test_estimated_cameras_are_metric_and_lie_in_the_recordings_world(
 
 @pytest.mark.parametrize("strategy", ["default", "fusion", "random"])
 def test_sparse_points_are_triangulated_from_given_poses(
-    capture: Capture,
-    found: tuple[FrontEnd, Path],
-    strategy: str,
-    tmp_path: Path,
+    capture: Capture, found: tuple[FrontEnd, Path], strategy: str, tmp_path: Path
 ) -> None:
     init = InitConfig(strategy=strategy, voxel_size=0.01)  # pyright: ignore[reportArgumentType]
     config = replace(FIND_POSES, sfm=replace(SFM, poses="capture"), init=init)
@@ -128,13 +126,8 @@ def test_other_masks_serve_the_training_and_not_the_measurement(
 
 
 def test_perturbed_poses_are_refined_and_written(capture: Capture, tmp_path: Path) -> None:
-    sfm = replace(SFM, poses="capture", refine_poses="on")
-    prepared = front_end(
-        perturbed_capture(capture),
-        replace(FIND_POSES, sfm=sfm),
-        tmp_path,
-        RunLog("test", FIND_POSES),
-    )
+    config = replace(FIND_POSES, sfm=replace(SFM, poses="capture", refine_poses="on"))
+    prepared = front_end(perturbed_capture(capture), config, tmp_path, RunLog("test", config))
     assert prepared.poses.refinement is not None and prepared.poses.refinement.refined
     true = {frame.name: frame.camera for frame in capture.frames}
     every = (*prepared.poses.posed.training, *prepared.poses.posed.held_out)
@@ -150,6 +143,22 @@ def test_perturbed_poses_are_refined_and_written(capture: Capture, tmp_path: Pat
     loaded = (*again.poses.posed.training, *again.poses.posed.held_out)
     for frame, kept in zip(every, loaded, strict=True):
         assert (frame.camera.world_from_cam == kept.camera.world_from_cam).all()
+
+
+@pytest.mark.parametrize(("off", "choice"), [(0.0, "auto"), (0.1, "auto"), (0.1, "off")])
+def test_without_depth_cameras_move_where_matched_features_miss_their_poses(
+    capture: Capture, found: tuple[FrontEnd, Path], tmp_path: Path, off: float, choice: str
+) -> None:
+    given = perturbed_capture(capture, off, 0.0).frames
+    photographs = replace(capture, frames=tuple(f.without_layer(Layer.DEPTH) for f in given))
+    sfm = replace(SFM, poses="capture", refine_poses=choice)  # pyright: ignore[reportArgumentType]
+    config = replace(FIND_POSES, sfm=sfm, init=InitConfig(strategy="default"))
+    shutil.copytree(found[1] / "sfm", tmp_path / "sfm")  # the same features and matches
+    poses = front_end(photographs, config, tmp_path, log := RunLog("test", config)).poses
+    assert poses.refinement is not None and not poses.refinement.refined
+    moves = off > 0 and choice == "auto"
+    assert pose_training(poses.refinement) == ("moved" if moves else "held")
+    assert ("(--refine-poses off holds" in log.results["poses"]["refinement"]["because"]) == moves
 
 
 QUARTER = FrontEndConfig(init=InitConfig(edge_filter=False), test_every=4)
@@ -181,9 +190,7 @@ def test_masks_decide(masked: Capture, unmasked: Capture) -> None:
     assert subject_of(unmasked, "auto", from_depth) == "object"
     assert subject_of(masked, "scene", SegmentConfig()) == "scene"
     assert subject_of(unmasked, "object", SegmentConfig()) == "object"
-    with pytest.raises(
-        DigsError, match="--subject scene: no masks are used; leave out --masks depth"
-    ):
+    with pytest.raises(DigsError, match="scene: no masks are used; leave out --masks depth"):
         subject_of(unmasked, "scene", from_depth)
 
 

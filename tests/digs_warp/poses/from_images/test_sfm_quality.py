@@ -17,11 +17,7 @@ from digs_warp.geometry.camera import Camera, Intrinsics
 from digs_warp.geometry.rigid import look_at
 from digs_warp.poses.from_images.colmap import ImageSet, extract_features
 from digs_warp.poses.from_images.config import SfmConfig
-from digs_warp.poses.from_images.image_pairs import (
-    loop_pairs,
-    sequential_pairs,
-    vlad,
-)
+from digs_warp.poses.from_images.image_pairs import loop_pairs, sequential_pairs, vlad
 from digs_warp.poses.from_images.quality import (
     SfmQuality,
     check_agreement,

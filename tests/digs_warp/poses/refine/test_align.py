@@ -285,10 +285,7 @@ def test_depth_that_is_wrong_in_regions_does_not_move_the_cameras() -> None:
 def test_where_nothing_has_texture_the_measured_depth_counts() -> None:
     rng = np.random.default_rng(0)
     plain = [
-        replace(
-            p,
-            brightness=(0.5 + 0.02 * rng.normal(size=p.brightness.shape)).astype(np.float32),
-        )
+        replace(p, brightness=(0.5 + 0.02 * rng.normal(size=p.brightness.shape)).astype(np.float32))
         for p in PICTURES
     ]
     given = perturbed(0.1, 0.001)
