@@ -219,11 +219,12 @@ def _usable_frames(recording: Recording) -> Sequence[RecordedFrame]:
     """Return the frames with poses, or all if none has one, in order of time."""
     if not recording.frames:
         raise CaptureError(f"recording '{recording.folder}': no frames found in it")
-    frames = sorted(recording.frames, key=lambda frame: frame.time)
-    once = {frame.image: frame for frame in frames[::-1]}
-    if repeated := len(frames) - len(once):
+    once: dict[Path, RecordedFrame] = {}
+    for frame in sorted(recording.frames, key=lambda frame: frame.time):
+        once.setdefault(frame.image, frame)
+    if repeated := len(recording.frames) - len(once):
         recording.notes["an image is named again, and counts once"] = repeated
-    frames = _without_placeholders(recording, [*once.values()][::-1])
+    frames = _without_placeholders(recording, [*once.values()])
     posed = [frame for frame in frames if frame.world_from_cam is not None]
     if posed and len(posed) < len(frames):
         logger.warning(
@@ -238,9 +239,8 @@ def _without_placeholders(
 ) -> list[RecordedFrame]:
     """Return the frames; poses that the file has as the identity, though most are not, become unknown."""
     posed = [frame for frame in frames if frame.world_from_cam is not None]
-    kinds = [
-        each.tolist() for each in (np.eye(4), OPENCV_FROM_OPENGL)
-    ]  # of OpenCV's and OpenGL's axes
+    # In OpenCV's and in OpenGL's axes.
+    kinds = [each.tolist() for each in (np.eye(4), OPENCV_FROM_OPENGL)]
     lost = [frame for frame in posed[1:] if np.asarray(frame.world_from_cam).tolist() in kinds]
     if not 0 < 2 * len(lost) < len(posed):
         return list(frames)

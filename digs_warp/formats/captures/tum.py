@@ -103,17 +103,13 @@ def _read_list(files: FileNames, name: str) -> tuple[np.ndarray, list[Path]]:
         raise CaptureError(
             f"recording '{files.folder}': no {name} in it; is this the right --from?"
         )
-    lines = read_text(path, "list of a recording").splitlines()
-    rows = [
-        line.split(maxsplit=1)
-        for line in lines
-        if line.strip() and not line.lstrip().startswith("#")
-    ]
+    lines = map(str.strip, read_text(path, "list of a recording").splitlines())
+    rows = [line.split(maxsplit=1) for line in lines if line and not line.startswith("#")]
     if not rows:
         raise CaptureError(f"'{path}': no lines, expected some of time and file name")
     with expecting(f"'{path}'", "lines of time and file name"):
         times = in_seconds([float(row[0]) for row in rows], files.notes)
-        return times, [files.require(row[1].strip(), f"'{path}'") for row in rows]
+        return times, [files.require(row[1], f"'{path}'") for row in rows]
 
 
 def _read_poses(path: Path, notes: Counter[str]) -> tuple[np.ndarray, list[np.ndarray | None]]:

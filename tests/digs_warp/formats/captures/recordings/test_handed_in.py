@@ -337,10 +337,13 @@ def test_an_image_that_is_named_twice_counts_once(
     name, double = DOUBLED[form]
     if form == "nerfstudio":
         index = json.loads((tmp_path / "r" / name).read_text())
-        save(tmp_path / "r", index | {"frames": index["frames"] + index["frames"][-1:]})
+        again = index["frames"][0] | {"time": 9.0}
+        save(tmp_path / "r", index | {"frames": [*index["frames"], again]})
     else:
         edited(tmp_path / "r" / name, double)
-    assert len(converted(form.removesuffix("-text"), tmp_path / "r", tmp_path / "c")) == 3
+    made = converted(form.removesuffix("-text"), tmp_path / "r", tmp_path / "c")
+    times = [frame.time for frame in made.frames]
+    assert len(times) == 3 and times == sorted(times)
     assert "an image is named again, and counts once" in caplog.text
 
 

@@ -266,22 +266,21 @@ def test_jpeg_keeps_shades_of_masks_and_no_numbers(
     index = nerfstudio(capture, folder)
     on = np.zeros((HEIGHT, WIDTH), bool)
     on[3:9, 4:15] = True
+
+    def load(out: Path) -> Capture:
+        return read_capture(folder) if direct else converted("nerfstudio", folder, out)
+
     for value in (128, 1, 20):
         for number, entry in enumerate(index["frames"]):
             entry["mask_path"] = f"masks/{number}.jpg"
             pixels = np.where(on, value, 0).astype(np.uint8)
             Image.fromarray(pixels).save(folder / entry["mask_path"], quality=75)
         save(folder, index)
-
-        def load() -> Capture:
-            out = tmp_path / str(value)  # noqa: B023
-            return read_capture(folder) if direct else converted("nerfstudio", folder, out)
-
         if value == 128:
-            np.testing.assert_array_equal(load().frames[0].load_mask() > 127, on)
+            np.testing.assert_array_equal(load(tmp_path / "c").frames[0].load_mask() > 127, on)
         else:
             with pytest.raises(CaptureError, match="JPEG does not keep numbers of objects; write"):
-                load().frames[0].load_mask()
+                load(tmp_path / str(value)).frames[0].load_mask()
 
 
 def write_channels(path: Path, **channels: np.ndarray) -> None:
