@@ -62,7 +62,7 @@ studies: setup ## Run the studies within their budgets and write docs/study; an 
 	$(BIN)/python -m studies page studies
 
 pages: setup demo ## Run all benchmarks and draw all pictures for the documentation; two hours on a quiet machine
-	$(BIN)/python -m studies page raster growth budget surface trained recordings photographs sim realism confidence device \
+	$(BIN)/python -m studies page raster growth budget surface trained recordings photographs sim realism device \
 		demo gallery sensor randomization what-is-read real-recordings
 
 # Threads of NumPy's matrix products, which wait by turning, would take the cores from the other process.

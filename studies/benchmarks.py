@@ -99,8 +99,6 @@ BENCHMARKS = (
     Benchmark("sim", ("simulator.bench_sim",), ("research/sensor-cost.md",)),
     # Where the simulated sensor errs, against real matching.
     Benchmark("realism", ("realism.bench_realism",), ("research/sensor-cost.md",)),
-    # The constants of the confidence in matches, and how often matches are right.
-    Benchmark("confidence", ("realism_confidence.bench_confidence",), ("research/sensor-cost.md",)),
     # Figures of real depth cameras beside those of the simulated ones.
     Benchmark("device", ("device.bench_device",), ("research/devices.md", "sensor.md")),
 )

@@ -3,15 +3,22 @@
 The yardstick is the `matcher` tier on the same two images. The default sensor is compared with it on one
 frame of every sample mesh (the built-in object where there is no sample data), at two image sizes. The
 matcher under other image noise is a separate row. The environments take turns, so that texture and light
-differ. Scenes that were kept aside when constants were chosen are a row of their own.
+differ. Scenes that were kept aside when constants were chosen are a row of their own. Of the matches that the
+sensor is so sure of, how many are right?
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
 
 from digs_warp.record.progress import progress
+from digs_warp.sim.sensor.error_attribution import WRONG
+from digs_warp.sim.sensor.filters import gray_of
+from digs_warp.sim.sensor.guided.confidence import confidence_of
+from digs_warp.sim.sensor.guided.search import search
+from digs_warp.sim.sensor.matcher import search_range
 from digs_warp.study.scenes import sample_data
 from studies.error_patches import auc_of_classifier, patch_features
 from studies.realism_scenes import Scene, places
@@ -26,6 +33,8 @@ from studies.realism_scores import (
 from studies.results import Result
 
 WIDTHS = (640, 1280)
+MATCHES = 30_000  # of each scene, drawn to see how many are right
+SURE = (0.0, 0.5, 0.6, 0.7, 0.8, 0.9, 0.95, 0.98, 1.0)  # ranges of confidence
 DRAWS = 8  # of the image noise, for what changes from frame to frame
 
 SENSOR, YARDSTICK, OTHER_NOISE = "guided", "matcher", "matcher, other noise"
@@ -42,6 +51,7 @@ def bench_realism(data: Path | None = None, widths: Sequence[int] = WIDTHS) -> l
     chosen = places(data or sample_data())
     results: list[Result] = []
     classifiers: dict[tuple[int, str], float] = {}
+    matches: dict[bool, list[np.ndarray]] = {True: [], False: []}
     with progress(len(widths) * len(chosen), "Comparing", "frame") as bar:
         for width in widths:
             scenes, patches = [], {name: [] for name in (SENSOR, OTHER_NOISE, YARDSTICK)}
@@ -50,6 +60,7 @@ def bench_realism(data: Path | None = None, widths: Sequence[int] = WIDTHS) -> l
                 scenes.append(scene)
                 sensed = _sensed(scene)
                 results += _scene_results(scene, sensed, width)
+                matches[place.tuned].append(_matches(scene))
                 for name, disparity in sensed.items():
                     patches[name].append(patch_features(disparity - scene.truth.disparity))
                 bar.update()
@@ -57,7 +68,7 @@ def bench_realism(data: Path | None = None, widths: Sequence[int] = WIDTHS) -> l
                 classifiers[width, name] = auc_of_classifier(patches[name], patches[YARDSTICK])
             if width == widths[0]:
                 results += _temporal_results(scenes)
-    return [*_summary(results, classifiers, widths), *results]
+    return [*_summary(results, classifiers, widths), *results, *_calibration(matches)]
 
 
 def _sensed(scene: Scene) -> dict[str, np.ndarray]:
@@ -143,3 +154,29 @@ def _temporal_results(scenes: Sequence[Scene]) -> Iterator[Result]:
             )
         means = {key: float(np.mean([row[key] for row in rows])) for key in rows[0]}
         yield Result({"sensor": tier}, means, "frames")
+
+
+def _matches(scene: Scene) -> np.ndarray:
+    """Return the confidence in some matches within the range of the camera, and whether they are right."""
+    rig, true = scene.truth.rig, scene.truth.disparity
+    left, right = map(gray_of, scene.images())
+    found = search(left, right, true, search_range(rig), rig.window, smoothness=rig.smoothness)
+    sure = confidence_of(left, found.disparity, found.cost, found.rival, rig.window)
+    is_far = found.disparity < rig.focal_baseline / rig.max_depth
+    known = np.flatnonzero((sure > 0) & ~is_far & np.isfinite(true))
+    at = np.random.default_rng(0).choice(known, MATCHES)
+    is_right = np.abs(found.disparity - true) <= WRONG
+    return np.stack([sure.reshape(-1)[at], is_right.reshape(-1)[at]])
+
+
+def _calibration(matches: Mapping[bool, Sequence[np.ndarray]]) -> Iterator[Result]:
+    """Yield the shares of matches with a confidence, and of those that are right."""
+    drawn = {("", ", kept aside")[not tuned]: each for tuned, each in matches.items() if each}
+    for low, high in pairwise(SURE):
+        values = {}
+        for where, each in drawn.items():
+            sure, is_right = np.concatenate(each, axis=1)
+            here = (sure >= low) & (sure < high)
+            values[f"matches{where}"] = float(here.mean())
+            values[f"right{where}"] = float(is_right[here].mean())
+        yield Result({"confidence": f"{low:g} to {high:g}"}, values, "confidence")

@@ -224,6 +224,9 @@ def test_realism_is_compared_on_the_built_in_object_where_there_is_no_data(tmp_p
     assert summary["matcher"]["rank correlation of failures"] == pytest.approx(1)
     assert summary["matcher"]["worst, object"] == 1
     assert summary["guided"]["rank correlation of failures"] > 0.9 < summary["guided"]["of RMS"]
+    sure = [r.values for r in found if r.table == "confidence"]
+    assert sum(row["matches, kept aside"] for row in sure) == pytest.approx(1)
+    assert sure[-1]["right, kept aside"] > 0.9
 
 
 def test_every_tier_of_the_sensor_is_told(tmp_path: Path) -> None:

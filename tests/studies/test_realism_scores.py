@@ -6,7 +6,6 @@ import pytest
 from reference.error_shapes import autocorrelation, small_error_rms
 from studies.boards_and_edges import edge, plane_error
 from studies.error_patches import auc_of_classifier, patch_features
-from studies.realism_confidence import fit, loss, probability
 from studies.realism_scores import (
     agreement,
     bad_share,
@@ -127,11 +126,3 @@ def test_an_edge_is_as_wide_as_its_ramp() -> None:
     assert edge(np.where(place < 0, 1.0, 1.3) + noise, place, 20).mixed < 0.005, (
         "noise is no mixture"
     )
-
-
-def test_constants_of_the_confidence_are_found_again_from_what_they_say() -> None:
-    rng, constants = np.random.default_rng(0), (0.5, 30.0, 0.4)
-    matches = np.stack([rng.gamma(2, 1, 100_000), rng.gamma(1, 2, 100_000), np.zeros(100_000)], 1)
-    matches[:, 2] = rng.random(100_000) < probability(constants, matches)
-    np.testing.assert_allclose(fit(matches), constants, rtol=0.15)
-    assert loss(fit(matches), matches) <= loss(constants, matches)

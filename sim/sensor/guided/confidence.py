@@ -8,7 +8,7 @@ from digs_warp.sim.sensor.guided.search import PATHS, search
 
 # Odds that a match is within a pixel of the truth: BASE + ODDS (rival - cost) / (cost + FLOOR)^2.5. Even
 # where nothing tells it from its rivals, it is right that often. Maximum likelihood, exponents rounded, on
-# every other sample mesh: `python -m studies confidence` fits them again.
+# every other sample mesh; `python -m studies realism` tells how often they are right.
 BASE = 0.64
 ODDS = 37.7
 FLOOR = 0.25
