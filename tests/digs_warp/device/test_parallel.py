@@ -14,7 +14,6 @@ import warp as wp
 from digs_warp.device.parallel import (
     ParallelLaunch,
     default_threads,
-    launch_parallel,
 )
 
 wp.set_module_options({"enable_backward": False})
@@ -53,7 +52,9 @@ def test_every_index_is_visited_exactly_once_per_run(threads: int) -> None:
 def sums(threads: int) -> np.ndarray:
     values = wp.array(np.random.default_rng(0).normal(size=300).astype(np.float32), device="cpu")
     found = wp.zeros(777, dtype=wp.float32, device="cpu")
-    launch_parallel(rough_sum, 777, [values, 0.5, found], threads=threads)
+    launch = ParallelLaunch(rough_sum, 777, [values, 9.0, found], threads=threads)
+    launch.set_param(1, 0.5)
+    launch.run()
     return found.numpy().copy()
 
 

@@ -11,7 +11,7 @@ from digs_warp.init.config import InitConfig
 from digs_warp.init.edges import edge_magnitude, smooth_depth
 from digs_warp.init.foreground import EVERYTHING, foreground_range, two_means
 from digs_warp.init.recipes import initialize
-from digs_warp.init.view_points import thinned, thinned_object_depth
+from digs_warp.init.view_points import shows_whole, thinned, thinned_object_depth
 from digs_warp.init.visibility import not_isolated
 from reference.ball_capture import RADIUS, ball_views, write_capture
 from reference.init_twin import laplacian_of_pairs, threshold_of
@@ -201,6 +201,15 @@ def test_what_another_object_hides_is_not_taken_for_empty() -> None:
     kept = thinned_object_depth(images.depth, half, hidden)
     np.testing.assert_array_equal(kept[inside], images.depth[inside])
     assert (kept > images.depth).sum() > 2000
+
+
+def test_an_object_that_the_border_or_another_one_cuts_is_not_shown_whole() -> None:
+    mask = np.zeros((40, 60), bool)
+    mask[10:30, 20:40] = True
+    assert shows_whole(mask) and not shows_whole(mask & False)
+    for axis, shift in ((0, -10), (0, 10), (1, -20), (1, 20)):
+        assert not shows_whole(np.roll(mask, shift, axis))
+    assert not shows_whole(mask, np.roll(mask, 20, 1)) and shows_whole(mask, np.roll(mask, 23, 1))
 
 
 @pytest.mark.parametrize("width", [640, 848, 1280, 1920])

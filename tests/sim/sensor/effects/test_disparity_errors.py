@@ -89,6 +89,7 @@ def test_lasting_speckle_stays_and_moves_with_the_surface() -> None:
     first, second = (error_of(make_frame(30.4, rig, number=number), "speckle") for number in (0, 1))
     np.testing.assert_array_equal(first, second)
     assert first.std() == pytest.approx(0.1, rel=0.1)
+    assert (error_of(make_frame(30.4, replace(rig, unit=1)), "speckle") != first).mean() > 0.9
     nearer = error_of(make_frame(40.4, rig), "speckle", strength=2.0)
     np.testing.assert_allclose(nearer[:, :-10], 2 * first[:, 10:], atol=1e-5)
 
