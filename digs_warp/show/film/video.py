@@ -100,9 +100,9 @@ def times_as_large(gaussians: Gaussians, camera: Camera) -> int:
     if not len(gaussians) or gaussians.screen_filter != NO_FILTER:
         return 1
     distances = np.linalg.norm(gaussians.means - camera.center_world, axis=1)
-    widths = camera.intrinsics.fx * np.exp(gaussians.log_scales.min(axis=1)) / distances
-    photographed = np.percentile(widths, THINNEST) / CLASSIC.dilation**0.5
-    return int(np.clip(np.round(1.0 / photographed), 1, MOST_TIMES))
+    widths = camera.intrinsics.fx * np.exp(gaussians.log_scales.min(axis=1), dtype=np.float64)
+    spanned = CLASSIC.dilation**0.5 * np.percentile(distances / widths, 100 - THINNEST)
+    return int(np.clip(np.round(spanned), 1, MOST_TIMES))
 
 
 SUFFIXES = (".mp4", ".gif")

@@ -21,7 +21,7 @@ from digs_warp.show.film.camera_path import (
     orbit,
     up_of,
 )
-from digs_warp.show.film.video import Clock, shoot, write_video
+from digs_warp.show.film.video import Clock, shoot, times_as_large, write_video
 from digs_warp.splat.footprint import near_plane
 from digs_warp.splat.render import render
 from reference.full_disk import largest_file
@@ -147,6 +147,9 @@ def test_what_is_finer_than_a_pixel_is_averaged() -> None:
         fine = render(g, drawn, near=near_plane(small, g.means.mean(axis=0))).image
         fine = fine.reshape(16, times, 24, times, 3).mean(axis=(1, 3))
         np.testing.assert_array_equal(frame, to_uint8(fine))
+    at_camera = ball().means - ball().means[0] + small.center_world
+    flat = replace(ball(), means=at_camera, log_scales=ball().log_scales * 0 - 200)
+    assert times_as_large(flat, small) == 4
 
 
 def test_the_clock_leaves_out_the_first_of_several_frames() -> None:
