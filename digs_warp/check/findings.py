@@ -208,7 +208,7 @@ CHECKS = (
     Check(
         kind="alignment",
         measure=alignment.depth_elsewhere,
-        limit=0.01,  # of the width; as recorded, a room measures 0.006, others 0.004 or less
+        limit=0.0125,  # of the width; as recorded, 29 simulated objects measure up to 0.0102, a room 0.006
         message=NOT_ALIGNED,
         remedy=REGISTER,
         is_error=True,

@@ -71,6 +71,20 @@ def test_shifted_and_scaled_depth_is_found(sample_data: Path, kind: str) -> None
         assert back.down == pytest.approx(good.down - down / scale, abs=0.012), change
 
 
+def test_things_that_stereo_widened_are_no_finding() -> None:
+    """Matching by windows widens what is near, by 8 of 180 px: depth at .95 times its size fits."""
+    rng, frames = np.random.default_rng(1), []
+    for row, column in rng.integers((40, 100), (110, 200), (16, 2)):
+        image, depth = np.full((270, 480, 3), 90, np.uint8), np.full((270, 480), 2.0, np.float32)
+        image[row : row + 120, column : column + 180] = 180
+        depth[row - 6 : row + 126, column - 6 : column + 186] = 1.0
+        frames.append(thumbnail_of(image, depth))
+    found = registration(frames)
+    assert found is not None and found.certainty > REGISTRATION_CERTAINTY
+    assert 0.045 < -np.log(found.scale) < REGISTRATION_SIZE
+    assert np.hypot(found.right, found.down) < limit_of("alignment")
+
+
 @pytest.mark.parametrize("kind", RECORDINGS[:2])
 def test_one_command_mends_it(sample_data: Path, tmp_path: Path, kind: str, capsys) -> None:
     capture = recorded(sample_data / "rgbd" / kind, kind)
