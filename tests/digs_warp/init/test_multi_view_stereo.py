@@ -179,9 +179,8 @@ def test_masks_are_respected_and_counted() -> None:
     frames = photographs()
     mask = np.zeros((300, 400), np.uint8)
     mask[100:200, 220:300] = 255
-    found, share = matched_depth(
-        [f.with_layer(Layer.MASK, mask) for f in frames], on_the_plane(), 20
-    )
+    masked = [f.with_layer(Layer.MASK, mask) for f in frames]
+    found, share = matched_depth(masked, on_the_plane(), 20)
     depth = found[3].load_depth()
     assert not np.isfinite(depth[mask == 0]).any()
     assert np.isfinite(depth[mask > 0]).mean() > 0.9

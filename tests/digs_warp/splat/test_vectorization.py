@@ -27,18 +27,12 @@ made.vector_module_options = lambda: options() | {{"cpu_compiler_flags": flags}}
 wp.load_module(made.{call}.module, device="cpu")
 """
 
-HOT_LOOP = "for i in range(BLOCK):"
-# Finds which blocks several splats touch.
-TOUCHED_LOOP = "for member in range(GROUP):"
-# Finds blocks that are not saturated.
-LIVE_LOOP = "for (int lane = 0;"
-OF_GROUP = "for i in range(_GROUP):"
+HOT_LOOP, OF_GROUP = "for i in range(BLOCK):", "for i in range(_GROUP):"
+# One finds which blocks several splats touch, the other those that are not saturated.
+FORWARD_LOOPS = (HOT_LOOP, "for member in range(GROUP):", "for (int lane = 0;")
 
 LOOPS = {
-    **{
-        f"rasterize.forward_kernel({depths})": (HOT_LOOP, TOUCHED_LOOP, LIVE_LOOP)
-        for depths in range(3)
-    },
+    **{f"rasterize.forward_kernel({depths})": FORWARD_LOOPS for depths in range(3)},
     **{f"rasterize_adjoint.backward_kernel({depth})": (HOT_LOOP,) for depth in (False, True)},
     "digs_warp.train.optimizer": ("for i in range(_BLOCK):",),
     "digs_warp.losses.target": ("for xc in range(_PIECE):",),

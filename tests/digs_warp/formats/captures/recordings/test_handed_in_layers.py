@@ -88,10 +88,9 @@ def test_arrays_of_depth_are_read(
                 if np.dtype(dtype).kind in "ui" else values.astype(dtype))  # fmt: skip
         entry["depth_file_path"] = f"{number}.npy"
     save(folder, index | ({} if given is None else {"depth_unit_scale_factor": given}))
-    tolerance = 4e-3
-    check_same(converted("nerfstudio", folder, tmp_path / "c"), capture, tolerance)
+    check_same(converted("nerfstudio", folder, tmp_path / "c"), capture, 4e-3)
     if given is None:
-        check_same(read_capture(folder), capture, tolerance)
+        check_same(read_capture(folder), capture, 4e-3)
 
 
 def test_depth_of_nerfcapture_is_read_and_unread_files_are_told(
