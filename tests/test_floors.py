@@ -55,7 +55,7 @@ LINE_BUDGETS = {
     "sim.fit": 1_609,
     "sim.record": 1_955,
     "sim.render": 4_260,
-    "sim.scene": 3_545,
+    "sim.scene": 3_546,
     "sim.sensor": 4_367,
     "sim.testing": 851,
     "splat": 4_142,

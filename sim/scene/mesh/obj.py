@@ -130,8 +130,9 @@ def mtl_material(files: FilesBeside, entry: Any, parts: Sequence[MeshPart]) -> M
     image = files.image(entry.get("map_kd"))
     texture = color_texture(image, name, parts)
     base_color, roughness = np.ones(3), PLAIN_ROUGHNESS
-    if texture is None and "kd" in entry:
-        base_color = linear_from_srgb(np.array(entry["kd"].split()[:3], np.float64).clip(0, 1))
+    kd = entry.get("kd", "").split()  # a single number is that of all channels
+    if texture is None and kd:
+        base_color = linear_from_srgb(np.array((kd + 2 * kd[:1])[:3], np.float64).clip(0, 1))
     elif texture is None and not parts[0].colored:
         base_color = np.array(PLAIN_COLOR)
     if "ns" in entry:

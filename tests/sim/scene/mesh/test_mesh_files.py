@@ -229,6 +229,13 @@ def write_obj(folder: Path, line: str) -> Path:
     return folder / "s.obj"
 
 
+@pytest.mark.parametrize("line", ["Kd 1", "Kd 1 0", "Kd"])
+def test_a_color_of_fewer_numbers_is_a_color(tmp_path: Path, line: str) -> None:
+    (material,) = load_scene(write_obj(tmp_path, line), unit="m").materials
+    assert np.shape(material.base_color) == (3,)
+    assert (material.base_color == 1).all() == (line == "Kd 1")
+
+
 @pytest.mark.parametrize(
     ("line", "file", "said"),
     [
