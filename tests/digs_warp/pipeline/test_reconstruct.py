@@ -47,7 +47,7 @@ def test_held_out_views_get_better(result: Path) -> None:
     lines = [json.loads(line) for line in (result / "training.jsonl").read_text().splitlines()]
     measured = {line["iteration"]: line for line in lines if "psnr_frame" in line}
     assert list(measured) == [0, 30, 60]
-    assert measured[60]["psnr_frame"] > measured[30]["psnr_frame"] > measured[0]["psnr_frame"] + 3
+    assert measured[60]["psnr_frame"] > measured[30]["psnr_frame"] > measured[0]["psnr_frame"] + 2
     assert measured[60]["psnr_frame"] > 19
     assert measured[60]["psnr_object"] < measured[60]["psnr_frame"]
     assert [line["iteration"] for line in lines] == list(range(0, 61, 10))
