@@ -199,7 +199,7 @@ def color_kernel(
 
 # A pixel is smooth if the mean of two neighbors, on opposite sides, differs from it by less [byte steps].
 # Four samples there and one elsewhere are within a tenth of the error of four everywhere.
-ROUGH = wp.constant(24)
+ROUGH = wp.constant(16)
 
 
 @wp.func
