@@ -24,6 +24,9 @@ from digs_warp.checks import DigsError
 from digs_warp.engines.engine import ONE_THREAD, CallFailed, Engine, FailureClass, Needs
 
 # argv: the search path of the parent, where this file is found; the descriptor for the answer.
+# Seconds that a process has to end by itself.
+GRACE = 5.0
+
 _START = """
 import json, sys
 sys.path += [each for each in json.loads(sys.argv[1]) if each not in sys.path]
@@ -96,9 +99,13 @@ class Child:
         return value
 
     def stop(self) -> None:
-        """End the process."""
+        """End the process; one that handles the signal and goes on is killed."""
         self._process.terminate()
-        self._process.wait()
+        try:
+            self._process.wait(GRACE)
+        except subprocess.TimeoutExpired:
+            self._process.kill()
+            self._process.wait()
 
 
 def answer(descriptor: int) -> None:

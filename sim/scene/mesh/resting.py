@@ -159,6 +159,12 @@ def stable_ups(hull: Hull) -> tuple[np.ndarray, np.ndarray]:
     corners, faces = np.unique(hull.corners.reshape(-1, 3), axis=0, return_inverse=True)
     solid = trimesh.Trimesh(corners, faces.reshape(-1, 3), process=False)
     solid.fix_normals()
+    outer = solid.convex_hull
+    away = np.sum((hull.center - outer.triangles_center) * outer.face_normals, axis=1)
+    if not np.all(
+        away < 0
+    ):  # of a sliver, by rounding: trimesh would look for a center inside for ever
+        return np.zeros((0, 3)), np.zeros(0)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", RuntimeWarning)  # slivers have no chance: NaN
         transforms, chances = trimesh.poses.compute_stable_poses(solid, center_mass=hull.center)

@@ -1,11 +1,12 @@
 """Processes on this machine: what is finished is taken and removed, and no more run than have memory."""
 
+import signal
 from pathlib import Path
 from typing import Any
 
 import pytest
 
-from digs_warp.engines import start
+from digs_warp.engines import processes, start
 from digs_warp.engines.config import EngineConfig
 from digs_warp.engines.run import run_tasks
 from digs_warp.engines.task import FINISHED, Results, Task, finished_file, perform
@@ -40,3 +41,11 @@ def test_no_more_calls_run_than_have_memory(
     monkeypatch.setattr(start, "_memory_gb", lambda: memory_gb)
     with start.started(EngineConfig(workers=4, case_memory=4.0), tmp_path) as engine:
         assert engine.slots == slots
+
+
+def test_a_process_that_handles_the_signal_and_goes_on_is_killed(monkeypatch) -> None:
+    monkeypatch.setattr(processes, "GRACE", 0.2)
+    child = processes.Child(1)
+    child.result(processes.packed(signal.signal, signal.SIGTERM, signal.SIG_IGN), 60.0)
+    child.stop()
+    assert not child.is_alive

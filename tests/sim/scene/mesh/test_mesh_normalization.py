@@ -1,5 +1,6 @@
 """Size, units, axes, normals and rest on the ground: what normalization must not change."""
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -235,6 +236,13 @@ def test_up_keeps_the_pose_of_the_file(tmp_path: Path, caplog: pytest.LogCapture
     assert "turned by 40.0 degrees, so that it does. --mesh-up z keeps it" in caplog.text
     placement = scene.objects[0].placement
     assert placement is not None and placement.turned == pytest.approx(40.0, abs=1e-3)
+
+
+def test_a_center_outside_of_a_sliver_has_no_pose_of_rest() -> None:
+    hull = hull_of(np.array(trimesh.creation.box().vertices))
+    assert hull is not None
+    ups, chances = stable_ups(replace(hull, center=np.array([0.0, 0.0, 2.0])))
+    assert ups.shape == (0, 3) and chances.shape == (0,)
 
 
 def test_the_poses_of_a_round_thing_are_found_on_fewer_faces() -> None:
