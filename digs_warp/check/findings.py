@@ -124,7 +124,7 @@ CHECKS = (
         limit=0.2,  # of the side
         message="The principal point is at {across:.0%} of the width and {down:.0%} of the height: "
         "this camera is that of images of about {size} pixels.",
-        remedy="Give the camera at the size of these images, fl_x, fl_y, cx and cy grow with them.",
+        remedy="Scale fl_x, fl_y, cx and cy to the size of these images.",
         is_error=True,
     ),
     *(

@@ -131,10 +131,10 @@ def alone(found: Links, below: float) -> list[int]:
         against = [j for j in around if found.contradict(i, j, below)]
         together = any(found.agree(a, b) for a in against for b in against if a < b)
         sides = ((i - 2, i - 1), (i + 1, i + 2))
-        meets = found.contradict(i - 1, i + 1, below)
-        meets &= not any(found.contradict(*pair, below) for pair in sides)
-        alike = meets or any(found.agree(i, j) for j in around)
-        if len(against) >= 2 and together and not alike:
+        parts_meet = found.contradict(i - 1, i + 1, below)
+        parts_meet &= not any(found.contradict(*pair, below) for pair in sides)
+        confirmed = any(found.agree(i, j) for j in around)
+        if len(against) >= 2 and together and not (parts_meet or confirmed):
             outliers.append(i)
     return outliers
 

@@ -103,7 +103,7 @@ ARRAYS = (".npy", ".npz")
 
 
 def _order(spec: Any, what: str) -> list[int] | None:
-    """Return the channels to take: of depth beside colors its own, else alpha last; None: all as they are."""
+    """Return which channels to take: only depth where colors are beside it, else alpha last; None: all."""
     names = [name.rpartition(".")[2].lower() for name in spec.channelnames]
     own = [i for i, name in enumerate(names) if name in ("z", "v", "depth")]
     if what == "depth" and own and len(names) > 1:

@@ -89,7 +89,7 @@ def launch_here(kernel: Any, dim: int, inputs: list[Any]) -> None:
 
 
 def _part(whole: Any, first: int, count: int) -> Any:
-    """Return a recorded launch of ``count`` of the indices; to record it anew takes several times as long."""
+    """Return a copy of a recorded launch for some of its indices; recording anew takes longer."""
     part = copy(whole)
     part.params = list(whole.params)
     part.set_dim(count)

@@ -23,10 +23,10 @@ from typing import Any
 from digs_warp.checks import DigsError
 from digs_warp.engines.engine import ONE_THREAD, CallFailed, Engine, FailureClass, Needs
 
-# argv: the search path of the parent, where this file is found; the descriptor for the answer.
 # Seconds that a process has to end by itself.
 GRACE = 5.0
 
+# argv: the search path of the parent, where this file is found; the descriptor for the answer.
 _START = """
 import json, sys
 sys.path += [each for each in json.loads(sys.argv[1]) if each not in sys.path]

@@ -81,11 +81,10 @@ def colors_in(points_world: np.ndarray, frame: Frame, surface: np.ndarray) -> np
         seen &= np.abs(frame.load_depth()[at] - found.depth) <= AGREEMENT * found.depth
     else:
         nearest = np.full([size // CELL + 1 for size in image.shape[:2]], np.inf)
-        all_ = reproject(surface.astype(np.float64), camera.cam_from_world, camera.intrinsics)
-        shown = all_.rows[all_.inside] // CELL, all_.columns[all_.inside] // CELL
-        np.minimum.at(nearest, shown, all_.depth[all_.inside])
-        seen &= (
-            found.depth <= (1.0 + AGREEMENT) * nearest[found.rows // CELL, found.columns // CELL]
-        )
+        front = reproject(surface.astype(np.float64), camera.cam_from_world, camera.intrinsics)
+        cells = front.rows[front.inside] // CELL, front.columns[front.inside] // CELL
+        np.minimum.at(nearest, cells, front.depth[front.inside])
+        farthest = (1.0 + AGREEMENT) * nearest[found.rows // CELL, found.columns // CELL]
+        seen &= found.depth <= farthest
     sums = cv2.boxFilter(image, cv2.CV_32S, (BLOCK, BLOCK), normalize=False)
     return np.where(seen[:, None], sums[at] / (255.0 * BLOCK**2), np.nan)

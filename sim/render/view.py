@@ -79,12 +79,10 @@ class Track:
     centers: wp.array2d[wp.vec3]  # [bands, moments]
     bands: wp.array[int]  # [height] band of each row
     moments: int
-    texels: (
-        float  # of the panorama's width that a pixel covers, for a camera in the panorama's place
-    )
-    middle_rotations: wp.array[
-        wp.mat33
-    ]  # [bands] mean over the moments; no rotation, but nearly one
+    # How many texels of the panorama a pixel is wide, for a camera in the panorama's place.
+    texels: float
+    # [bands] mean over the moments; no rotation, but nearly one
+    middle_rotations: wp.array[wp.mat33]
     middle_centers: wp.array[wp.vec3]  # [bands] mean over the moments
     swings: wp.array[float]  # [bands] largest turn away from the middle [rad]
     shifts: wp.array[float]  # [bands] largest distance from the middle [m]

@@ -159,7 +159,7 @@ class Recording:
         return replace(self, frames=frames)._with_masks_beside().with_unread(form)
 
     def with_unread(self, form: str) -> "Recording":
-        """Return the recording with a note of what its folder, of the format ``form``, holds beside."""
+        """Return the recording with a note of the files in its folder that its format does not read."""
         files = ((f.image, f.depth, f.mask, f.right) for f in self.frames)
         used = {path for each in files for path in each if path is not None}
         if unread := [*FORMS[form].unread(self.folder, used)]:

@@ -18,9 +18,9 @@ from digs_warp.formats.splats.rows import (
     XYZW_FROM_WXYZ,
     codes_from_logits,
     in_morton_order,
+    known_coefficients,
     logits_from_codes,
     notes_of,
-    of_known_degree,
     quats_from_three,
     smallest_three,
     unit_quats,
@@ -74,7 +74,7 @@ def read_compressed(path: Path, header: PlyHeader) -> Gaussians:
         log_scales=log_scales,
         quats=_quaternions(vertex["packed_rotation"]),
         opacity_logits=logits_from_codes(np.rint(255 * packed[:, 3])),
-        sh=of_known_degree(sh, f"PLY '{path}'"),
+        sh=sh[:, : known_coefficients(sh.shape[1], f"PLY '{path}'")],
     )
 
 

@@ -23,10 +23,10 @@ from digs_warp.formats.splats.rows import (
     SMALLEST_SCALE,
     WXYZ_FROM_XYZW,
     XYZW_FROM_WXYZ,
+    known_coefficients,
     near_origin,
     noted_filter,
     notes_of,
-    of_known_degree,
     sound,
 )
 from digs_warp.geometry.sh import C0
@@ -166,4 +166,4 @@ def _read_sh(table: np.ndarray, what: str) -> np.ndarray:
     for channel in range(3):
         names_of = rest_names[channel * rest : (channel + 1) * rest]
         sh[:, 1:, channel] = _columns(table, names_of, what)
-    return of_known_degree(sh, what)
+    return sh[:, : known_coefficients(sh.shape[1], what)]

@@ -121,11 +121,11 @@ def turned(gaussians: Gaussians, b_from_a: np.ndarray) -> Gaussians:
         )
 
 
-def of_known_degree(sh: np.ndarray, what: str) -> np.ndarray:
-    """Return coefficients, (n, K, 3), without bands above `MAX_DEGREE`, of which a warning is logged."""
-    if sh.shape[1] > coefficient_count(MAX_DEGREE):
+def known_coefficients(count: int, what: str) -> int:
+    """Return how many of ``count`` coefficients are read; above `MAX_DEGREE` none, with a warning."""
+    if count > (most := coefficient_count(MAX_DEGREE)):
         logger.warning("%s: colors above degree %d are left out", what, MAX_DEGREE)
-    return sh[:, : coefficient_count(MAX_DEGREE)]
+    return min(count, most)
 
 
 def near_origin(

@@ -23,9 +23,9 @@ from digs_warp.data.gaussians import ANTIALIASED, CLASSIC, FIELDS, Gaussians
 from digs_warp.formats.splats.rows import (
     WORLD_FROM_Y_UP,
     codes_from_logits,
+    known_coefficients,
     logits_from_codes,
     nearest_known,
-    of_known_degree,
     quats_from_three,
     smallest_three,
     sound,
@@ -96,8 +96,7 @@ def read_spz(path: Path) -> Gaussians:
     if header.flags & _EXTENSIONS:
         logger.warning("%s: extension records of other programs are skipped", what)
     count = header.count
-    most = coefficient_count(min(header.degree, MAX_DEGREE))
-    of_known_degree(np.empty((0, (header.degree + 1) ** 2, 3)), what)
+    most = known_coefficients((header.degree + 1) ** 2, what)
     read = Gaussians(
         means=np.empty((count, 3), np.float32),
         log_scales=np.empty((count, 3), np.float32),

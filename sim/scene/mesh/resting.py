@@ -161,9 +161,8 @@ def stable_ups(hull: Hull) -> tuple[np.ndarray, np.ndarray]:
     solid.fix_normals()
     outer = solid.convex_hull
     away = np.sum((hull.center - outer.triangles_center) * outer.face_normals, axis=1)
-    if not np.all(
-        away < 0
-    ):  # of a sliver, by rounding: trimesh would look for a center inside for ever
+    # Rounding may put the center of a sliver outside, and trimesh would look for one inside for ever.
+    if not np.all(away < 0):
         return np.zeros((0, 3)), np.zeros(0)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", RuntimeWarning)  # slivers have no chance: NaN
